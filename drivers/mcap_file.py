@@ -6,6 +6,7 @@ from pathlib import Path
 
 from cnnum.arrays import Shape
 from cnnum.drivers.driver import Counters, Counting
+from cnnum.drivers.options import require
 from cnnum.frame import Frame, Quality
 from cnnum.recordings.reader import Contents, look
 
@@ -18,9 +19,15 @@ class McapOptions:
     ----------
     path : Path
         A file that `cnnum record` wrote; it may be cut off or damaged.
+    budget : float
+        How many times as much time, unpacked bytes and frames as usual the file may take.
     """
 
     path: Path
+    budget: float = 1.0
+
+    def __post_init__(self) -> None:
+        require("budget", self.budget > 0.0, "a number above 0", self.budget)
 
     def open(self) -> "McapFile":
         """Look through the recording; a warning counts its unreadable parts.
@@ -30,7 +37,7 @@ class McapOptions:
         RecordingError, CodecError
             As `look`.
         """
-        contents = look(self.path)
+        contents = look(self.path, self.budget)
         contents.warn()
         return McapFile(contents)
 

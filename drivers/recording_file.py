@@ -57,7 +57,7 @@ def _is_own_archive(file: Path) -> bool:
         return False
 
 
-def load_recording(path: str | Path) -> Recording:
+def load_recording(path: str | Path, *, budget: float = 1.0) -> Recording:
     """Read a recording into memory.
 
     Parameters
@@ -65,6 +65,8 @@ def load_recording(path: str | Path) -> Recording:
     path : str or Path
         A file of `cnnum record` or `Recording.save` (.mcap, .npz, .csv), or a data file of your own
         with its layout. It may be the folder of a uSkin trial, too.
+    budget : float
+        How many times as much time, unpacked bytes and frames as usual an MCAP file may take.
 
     Returns
     -------
@@ -79,6 +81,8 @@ def load_recording(path: str | Path) -> Recording:
         If its layout is missing or wrong.
     """
     table = array_of(as_path(path, RecordingError))
+    if table["driver"] == "mcap":
+        table["budget"] = budget
     with open_driver(str(table.pop("driver")), table) as driver:
         frames = list(driver.frames())
         channels, unit, rate = driver.channels, driver.unit, driver.rate

@@ -11,7 +11,7 @@ from mcap.opcode import Opcode
 from mcap.records import Attachment, AttachmentIndex
 
 from cnnum.errors import CodecError
-from cnnum.recordings.mcap_records import PREFIX, Fields, built, read_prefix
+from cnnum.recordings.mcap_records import PREFIX, RECORD, Budget, Fields, built, read_prefix
 
 CALIBRATION, SCENE = "calibration.toml", "scene.toml"
 
@@ -57,7 +57,9 @@ class Held:
         )
 
 
-def attached(file: IO[bytes], place: int, size: int) -> Iterator[tuple[int, int, Held]]:
+def attached(
+    file: IO[bytes], place: int, size: int, budget: Budget | None = None
+) -> Iterator[tuple[int, int, Held]]:
     """Yield begin, end and content of the attachments whose checksum holds.
 
     Parameters
@@ -66,9 +68,13 @@ def attached(file: IO[bytes], place: int, size: int) -> Iterator[tuple[int, int,
     place, size : int
         Where the first record begins, and the end of the file, bytes. Records that are damaged end
         the search: attachments stand before the frames.
+    budget : Budget, optional
+        Of the work; a CodecError says that it is spent.
     """
     while found := read_prefix(file, place, size):
         opcode, end = found
+        if budget is not None:
+            budget.look(RECORD)
         if opcode in (Opcode.DATA_END, Opcode.FOOTER):
             return
         if opcode == Opcode.ATTACHMENT and end - place < LARGEST:

@@ -12,8 +12,11 @@ from cnnum.errors import CodecError
 from cnnum.frame import Frame, Quality, Truth
 from cnnum.recordings.chunks import ENCODING, SCHEMA
 from cnnum.recordings.layout import Layout
-from cnnum.recordings.mcap_records import PREFIX, Fields, records_in
+from cnnum.recordings.mcap_records import PREFIX, RECORD, Budget, Fields, records_in
 from cnnum.recordings.raw_chunks import is_raw
+
+INSIDE = RECORD // 4
+"""Bytes that are read and summed in the time that one record of an unpacked chunk takes."""
 
 NO_FRAMES = np.dtype([("sequence", np.int64)])
 """Of a chunk of raw bytes."""
@@ -43,20 +46,29 @@ class Decoder:
         """The layout that all frames share, None before the first chunk."""
         return self._topic.layout if self._topic else None
 
-    def messages(self, records: bytes) -> NDArray[np.void]:
+    def messages(self, records: bytes, budget: Budget | None = None) -> NDArray[np.void]:
         """Return the frames of a chunk as rows of `Layout.message`.
+
+        Parameters
+        ----------
+        records : bytes
+        budget : Budget, optional
+            Of the work.
 
         Raises
         ------
         CodecError
-            If they are none of a recording, or of another one than those before.
+            If they are none of a recording, or of another one than those before; or if the budget
+            is spent.
         """
         if is_raw(records):
             return np.empty(0, NO_FRAMES)
-        parts = list[bytes]()
+        parts, tried = list[bytes](), False
         for opcode, begin, end in records_in(records):
-            if opcode == Opcode.MESSAGE and not parts:
-                rest = self._all_of_it(records, begin)
+            if budget is not None:
+                budget.look(INSIDE)
+            if not tried and opcode == Opcode.MESSAGE and self._is_ours(records[begin:end]):
+                tried, rest = True, self._all_of_it(records, begin)
                 if rest is not None:
                     return rest
             data = records[begin + PREFIX.size : end] if opcode != Opcode.MESSAGE else b""

@@ -26,6 +26,61 @@ _LONGEST_NAME = 16
 _FOOTER = struct.Struct("<QQI")
 
 
+RECORD = 1024
+"""Bytes that are read and summed in the time that one small record takes."""
+
+
+class SpentError(CodecError):
+    """A file takes more than its budget."""
+
+
+class Budget:
+    """What reading a file may take: work in bytes that are looked at, bytes unpacked, and frames.
+
+    A recording takes little more than its own bytes. A file that was made to keep its reader busy
+    takes a thousand times as much, and is refused.
+
+    Parameters
+    ----------
+    size : int
+        Of the file, bytes.
+    factor : float
+        How many times as much as usual it may take.
+    """
+
+    __slots__ = ("_frames", "_unpacked", "_work")
+
+    def __init__(self, size: int, factor: float = 1.0) -> None:
+        self._work = factor * ((256 << 20) + 512.0 * size)
+        self._unpacked = factor * (4.0 * LARGEST + 64.0 * size)
+        self._frames = factor * (1e5 + size / 4.0)
+
+    def look(self, count: int) -> None:
+        """Take as many bytes as are looked at.
+
+        Raises
+        ------
+        SpentError
+            If there are no more; so do the other methods.
+        """
+        self._work -= count
+        if self._work < 0.0:
+            raise SpentError("reading it takes far longer than a recording of its size may take")
+
+    def unpack(self, count: int) -> None:
+        """Take as many bytes as are unpacked."""
+        self.look(count)
+        self._unpacked -= count
+        if self._unpacked < 0.0:
+            raise SpentError("it unpacks to far more bytes than a recording of its size may hold")
+
+    def take(self, frames: int) -> None:
+        """Take as many frames."""
+        self._frames -= frames
+        if self._frames < 0.0:
+            raise SpentError("it holds far more frames than a recording of its size may hold")
+
+
 @dataclass(frozen=True, slots=True)
 class WholeChunk:
     """A chunk whose checksum holds.
@@ -54,7 +109,9 @@ def built(builder: RecordBuilder) -> bytes:
     return data
 
 
-def read_chunk(file: IO[bytes], place: int, size: int) -> WholeChunk | None:
+def read_chunk(
+    file: IO[bytes], place: int, size: int, budget: Budget | None = None
+) -> WholeChunk | None:
     """Return the chunk that begins at `place`, None where no whole one does.
 
     Parameters
@@ -62,8 +119,12 @@ def read_chunk(file: IO[bytes], place: int, size: int) -> WholeChunk | None:
     file : binary file
     place, size : int
         Where to look, and the end of the file, bytes.
+    budget : Budget, optional
+        Of what is read and unpacked.
     """
     file.seek(place)
+    if budget is not None:
+        budget.look(RECORD)
     head = file.read(_CHUNK.size + _LONGEST_NAME + _SIZE.size)
     if len(head) < _CHUNK.size + _SIZE.size:
         return None
@@ -76,6 +137,10 @@ def read_chunk(file: IO[bytes], place: int, size: int) -> WholeChunk | None:
     end = place + PREFIX.size + length
     if end > size or max(packed, unpacked) > LARGEST or end != place + begin + packed:
         return None
+    if budget is not None:
+        budget.look(packed)
+        if name:
+            budget.unpack(unpacked)
     file.seek(place + begin)
     records = _unpacked(name, file.read(packed), unpacked)
     if records is None or zlib.crc32(records) != crc:

@@ -2,7 +2,8 @@
 
 import os
 import warnings
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any
@@ -15,7 +16,7 @@ from cnnum.frame import Frame, Quality
 from cnnum.recordings.attachments import Held, attached
 from cnnum.recordings.decode import Decoder, frames_of
 from cnnum.recordings.layout import Layout
-from cnnum.recordings.mcap_records import MAGIC, WholeChunk
+from cnnum.recordings.mcap_records import MAGIC, Budget, SpentError, WholeChunk
 from cnnum.recordings.raw_chunks import is_raw, raw_of
 from cnnum.recordings.scan import End, Hole, scan
 from cnnum.safety.reading import open_regular
@@ -42,6 +43,8 @@ class Contents:
         Whether a whole index stands at the end.
     held : tuple of Held
         Files that travel in it.
+    budget : float
+        How many times as much time, bytes and frames as usual reading it may take.
     """
 
     path: Path
@@ -55,6 +58,7 @@ class Contents:
     tail: int
     indexed: bool
     held: tuple[Held, ...] = ()
+    budget: float = 1.0
 
     @property
     def whole(self) -> bool:
@@ -75,10 +79,11 @@ class Contents:
         """
         decoder, last, torn = Decoder(), None, False
         with opened(self.path) as file:
-            for part in _scanned(file, self.size, self.path):
+            budget = Budget(self.size, self.budget)
+            for part in _scanned(file, self.size, self.path, budget):
                 torn = torn or isinstance(part, Hole)
                 if isinstance(part, WholeChunk):
-                    rows = _decoded(decoder, part, self.path)
+                    rows = _decoded(decoder, part, self.path, budget)
                     if torn and last is not None and len(rows):
                         rows = _flagged(rows, last)
                     if len(rows):
@@ -93,7 +98,8 @@ class Contents:
     def raw(self) -> Iterator[tuple[int, bytes]]:
         """Yield times, in ns by the host, and bytes as they came from the port; errors as above."""
         with opened(self.path) as file:
-            for part in _scanned(file, self.size, self.path):
+            budget = Budget(self.size, self.budget)
+            for part in _scanned(file, self.size, self.path, budget):
                 if isinstance(part, WholeChunk) and is_raw(part.records):
                     yield from raw_of(part.records)
 
@@ -129,27 +135,35 @@ def opened(path: Path) -> IO[bytes]:
         raise RecordingError(f"'{path}' cannot be read: {error.strerror or error}.") from None
 
 
-def look(path: Path) -> Contents:
+def look(path: Path, budget: float = 1.0) -> Contents:
     """Read a recording once, and return its readable part.
+
+    Parameters
+    ----------
+    path : Path
+    budget : float
+        How many times as much time, bytes and frames as usual reading it may take.
 
     Raises
     ------
     RecordingError
         If the file cannot be read.
     CodecError
-        If there is no whole chunk of frames in it.
+        If there is no whole chunk of frames in it, or the budget is spent.
     """
     decoder, tally = Decoder(), _Tally()
     with opened(path) as file:
         size = file.seek(0, os.SEEK_END)
-        for part in _scanned(file, size, path):
+        spent = Budget(size, budget)
+        for part in _scanned(file, size, path, spent):
             if isinstance(part, WholeChunk):
-                tally.add(_decoded(decoder, part, path)["sequence"])
+                tally.add(_decoded(decoder, part, path, spent)["sequence"])
             elif isinstance(part, Hole):
                 tally.skip(part, size)
             else:
                 tally.indexed = part.indexed
-        held = tuple(one for _, _, one in attached(file, len(MAGIC), size))
+        with _of(path):
+            held = tuple(one for _, _, one in attached(file, len(MAGIC), size, spent))
     if decoder.layout is None or not tally.frames:
         raise CodecError(
             f"'{path}' is no recording of cnnum: there is no whole chunk of frames in its "
@@ -160,6 +174,7 @@ def look(path: Path) -> Contents:
         size=size,
         layout=decoder.layout,
         held=held,
+        budget=budget,
         **tally.counts,
     )
 
@@ -196,18 +211,38 @@ class _Tally:
         self.tail = hole.end - hole.start if hole.end == size else 0
 
 
-def _scanned(file: IO[bytes], size: int, path: Path) -> Iterator[WholeChunk | Hole | End]:
+def _scanned(
+    file: IO[bytes], size: int, path: Path, budget: Budget
+) -> Iterator[WholeChunk | Hole | End]:
     try:
-        yield from scan(file, size)
+        with _of(path):
+            yield from scan(file, size, budget)
     except OSError as error:
         raise RecordingError(f"'{path}' cannot be read: {error.strerror or error}.") from None
 
 
-def _decoded(decoder: Decoder, chunk: WholeChunk, path: Path) -> NDArray[np.void]:
+@contextmanager
+def _of(path: Path) -> Generator[None, None, None]:
+    """Say of which file a budget is spent, and which option raises it."""
     try:
-        return decoder.messages(chunk.records)
-    except CodecError as error:
-        raise CodecError(f"'{path}' is no recording of cnnum: {error}") from None
+        yield
+    except SpentError as error:
+        raise CodecError(
+            f"'{path}' is refused: {error}. If you trust it, raise 'budget' above 1, as in "
+            "'--set array.budget=10' of 'cnnum replay' or '--budget 10' of 'cnnum recover'."
+        ) from None
+
+
+def _decoded(decoder: Decoder, chunk: WholeChunk, path: Path, budget: Budget) -> NDArray[np.void]:
+    with _of(path):
+        try:
+            rows = decoder.messages(chunk.records, budget)
+        except SpentError:
+            raise
+        except CodecError as error:
+            raise CodecError(f"'{path}' is no recording of cnnum: {error}") from None
+        budget.take(len(rows))
+    return rows
 
 
 def _flagged(rows: NDArray[np.void], last: int) -> NDArray[np.void]:

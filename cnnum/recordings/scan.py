@@ -1,5 +1,6 @@
 """Finding the whole chunks of a file, however damaged the rest of it is."""
 
+import math
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -9,6 +10,8 @@ from mcap.opcode import Opcode
 
 from cnnum.recordings.mcap_records import (
     MAGIC,
+    RECORD,
+    Budget,
     WholeChunk,
     index_end,
     read_chunk,
@@ -18,8 +21,8 @@ from cnnum.recordings.mcap_records import (
 
 _SMALL = frozenset(Opcode) - {Opcode.CHUNK}
 
-WINDOW = 1 << 20
-"""Bytes that are searched at a time."""
+WINDOW, FIRST_WINDOW = 1 << 20, 1 << 14
+"""Bytes that are searched at a time, and at first: the next chunk may be near."""
 
 _BEGIN = re.compile(rb"\x06(?=...[\x00-\x04]\x00\x00\x00\x00)", re.DOTALL)
 """A chunk that is not absurdly long: its opcode, and eight bytes of its length."""
@@ -40,7 +43,9 @@ class End:
     indexed: bool
 
 
-def scan(file: IO[bytes], size: int) -> Iterator[WholeChunk | Hole | End]:
+def scan(
+    file: IO[bytes], size: int, budget: Budget | None = None
+) -> Iterator[WholeChunk | Hole | End]:
     """Yield the whole chunks of a file and the holes between them in their order, then the end.
 
     Only a chunk has a checksum, so only a chunk is believed: where the bytes after one lead to no
@@ -51,14 +56,22 @@ def scan(file: IO[bytes], size: int) -> Iterator[WholeChunk | Hole | End]:
     file : binary file
     size : int
         Bytes of it that are looked at.
+    budget : Budget, optional
+        Of the work.
+
+    Raises
+    ------
+    SpentError
+        If the budget is spent.
     """
     place = 0
+    budget = budget or Budget(size, math.inf)
     while True:
-        stopped, indexed = _follow(file, place, size)
+        stopped, indexed = _follow(file, place, size, budget)
         if indexed:
             yield End(indexed=True)
             return
-        chunk = read_chunk(file, stopped, size) or _search(file, place, size)
+        chunk = read_chunk(file, stopped, size, budget) or _search(file, place, size, budget)
         if chunk is None:
             if stopped < size:
                 yield Hole(stopped, size)
@@ -71,7 +84,7 @@ def scan(file: IO[bytes], size: int) -> Iterator[WholeChunk | Hole | End]:
         place = chunk.end
 
 
-def _follow(file: IO[bytes], place: int, size: int) -> tuple[int, bool]:
+def _follow(file: IO[bytes], place: int, size: int, budget: Budget) -> tuple[int, bool]:
     """Return where the small records from `place` on end, and whether a whole index is there."""
     if place == 0:
         file.seek(0)
@@ -81,6 +94,7 @@ def _follow(file: IO[bytes], place: int, size: int) -> tuple[int, bool]:
     data_end = None
     while found := read_prefix(file, place, size):
         opcode, end = found
+        budget.look(RECORD)
         if opcode not in _SMALL:
             break
         if opcode == Opcode.MESSAGE_INDEX and index_end(file, place, size) is None:
@@ -93,14 +107,15 @@ def _follow(file: IO[bytes], place: int, size: int) -> tuple[int, bool]:
     return place, False
 
 
-def _search(file: IO[bytes], place: int, size: int) -> WholeChunk | None:
+def _search(file: IO[bytes], place: int, size: int, budget: Budget) -> WholeChunk | None:
     """Return the first whole chunk that begins at `place` or later."""
-    overlap = 8  # bytes that the pattern looks ahead
+    overlap, wanted = 8, FIRST_WINDOW  # bytes that the pattern looks ahead
     while place < size:
         file.seek(place)
-        window = file.read(min(WINDOW, size - place))
+        window, wanted = file.read(min(wanted, size - place)), WINDOW
+        budget.look(len(window))
         for match in _BEGIN.finditer(window):
-            chunk = read_chunk(file, place + match.start(), size)
+            chunk = read_chunk(file, place + match.start(), size, budget)
             if chunk is not None:
                 return chunk
         if place + len(window) >= size:

@@ -17,8 +17,14 @@ if TYPE_CHECKING:
 @click.argument("file", type=click.Path(path_type=Path))
 @click.argument("out", type=click.Path(path_type=Path), required=False)
 @click.option("--force", is_flag=True, help="Replace OUT if it is there.")
+@click.option(
+    "--budget",
+    type=click.FloatRange(min=0.0, min_open=True),
+    default=1.0,
+    help="Times as much time, bytes and frames as usual that FILE may take.",
+)
 @json_option
-def command(file: Path, out: Path | None, force: bool, as_json: bool) -> int:
+def command(file: Path, out: Path | None, force: bool, budget: float, as_json: bool) -> int:
     """Make a whole recording OUT of all chunks of FILE that are whole.
 
     FILE is a .mcap file of `cnnum record`, cut off or damaged in any place; it stays as it is.
@@ -33,7 +39,7 @@ def command(file: Path, out: Path | None, force: bool, as_json: bool) -> int:
     if target.exists() and file.exists() and target.samefile(file):
         raise RecordingError(f"'{file}' is not replaced: choose another name for OUT.")
     refuse_target(target, error=RecordingError, force=force)
-    contents = look(file)
+    contents = look(file, budget)
     export(contents, target, force=force)
     _report(Output(as_json), target, contents)
     return 0
