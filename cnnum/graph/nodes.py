@@ -94,15 +94,15 @@ class RunSpec:
     Attributes
     ----------
     duration : float, "settle" or None
-        In time constants.
+        In the unit of time in which the template's τ is.
     method : str
         Name of an integration method, or "auto".
     rtol, atol : float
         Wanted relative and absolute error of the state.
     dt : float or None
-        Fixed step in time constants.
+        Fixed step, in that unit.
     settle_limit : float
-        Time constants after which a run to equilibrium gives up and says so.
+        Time, in that unit, after which a run to equilibrium gives up and says so.
     force : bool
         Take a fixed step outside the stability bound; the result is marked.
     estimate : bool

@@ -29,7 +29,7 @@ class Applied:
         Estimated largest error of the states. It is 1e30 or more where nothing is known of it, as
         for steps whose error is not followed. `Result.error` is infinite then.
     time : Field
-        Time constants reached.
+        Time reached, in the unit of the template's τ.
     steps : Field
         Taken, rejected ones counted.
     """

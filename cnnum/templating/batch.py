@@ -36,7 +36,7 @@ class TemplateBatch(ByContent):
     z, tau : (...) or (..., layers) float, optional
         Of one layer (...).
     delay : (...) float, optional
-        Of the delayed couplings, in time constants.
+        Of the delayed couplings, in the unit of tau.
     delayed_A, delayed_B : like `A` and `B`, optional
     nonlinear : sequence of ((..., k, k) float or None), optional
         Weights of each nonlinear coupling, in their order.

@@ -175,7 +175,7 @@ class DelayedCoupling:
     Attributes
     ----------
     delay : float
-        In time constants.
+        In the unit of tau.
     A : (layers, layers, k, k) float
         Weighs y(t − delay); before the start, outputs were those of the initial state.
     B : (layers, inputs, k, k) float
@@ -195,7 +195,7 @@ class DelayedCoupling:
 
     def __post_init__(self) -> None:
         if not (is_real(self.delay) and self.delay > 0):
-            raise TemplateError(f"A delay must be above 0 time constants, got {self.delay}.")
+            raise TemplateError(f"A delay must be above 0, in the unit of tau, got {self.delay}.")
         for part in ("A", "B"):
             object.__setattr__(self, part, _delayed(part, getattr(self, part)))
 
@@ -222,7 +222,7 @@ class Gain:
     to, source : int
         The couplings A[to, source].
     table : Table
-        Of the time since the start, in time constants.
+        Of the time since the start, in the unit of tau.
     """
 
     to: int

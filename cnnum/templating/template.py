@@ -61,7 +61,8 @@ class Template:
     z : float or (layers,) float
         Bias.
     tau : float or (layers,) float
-        Time constant of a layer, in the unit of time of the template.
+        Time constant of a layer, in a unit of your own: durations, steps, delays and the tables of
+        gains are in that unit, too, so in time constants where tau is 1.
     boundary : float, "zero-flux" or "periodic"
         State of the virtual cells beyond the rim.
     input_boundary : float, "zero-flux" or "periodic", optional
@@ -69,11 +70,11 @@ class Template:
     initial : float or "input"
         Initial state where a run does not give one; "input" copies the input, layer by layer.
     duration : float or "settle"
-        Run time in time constants, or until nothing changes any more.
+        Run time in the unit of tau, or until nothing changes any more.
     output : str
         Output function: "standard", "linear", "tanh", "full-range", or "sign", with which the
-        array runs in discrete time (DT-CNN): x ← Σ A ∗ sgn(x) + Σ B ∗ u + z, one step a time
-        constant.
+        array runs in discrete time (DT-CNN): x ← Σ A ∗ sgn(x) + Σ B ∗ u + z, one step a unit of
+        time.
     nonlinear : sequence of NonlinearCoupling
     delayed : DelayedCoupling, optional
     gains : sequence of Gain
@@ -374,7 +375,7 @@ def _duration(template: str, value: Duration) -> Duration:
         return "settle"
     if not is_real(value) or value < 0.0:
         raise TemplateError(
-            f"Template '{template}': duration must be a number of time constants from 0 up, or "
+            f"Template '{template}': duration must be a number from 0 up, in the unit of tau, or "
             f"'settle', got {value!r}."
         )
     return float(value)

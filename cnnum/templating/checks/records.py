@@ -7,6 +7,7 @@ from typing import Any, Literal, Protocol
 import numpy as np
 
 from cnnum.arrays import Floats, Shape
+from cnnum.errors import TemplateError
 from cnnum.templating.template import Duration, Template
 
 DIGITAL_TOLERANCE = 0.01
@@ -59,16 +60,42 @@ class Case:
         assert self.state is not None
         return self.state
 
-    def time(self, template: Template) -> float:
-        """Return the run time in time constants, infinite where the run is to settle."""
+    def length(self, template: Template) -> float:
+        """Return the run time in the unit of τ, infinite where the run is to settle."""
         duration = template.duration if self.duration is None else self.duration
         return np.inf if duration == "settle" else float(duration)
+
+    def time(self, template: Template) -> float:
+        """Return the run time in time constants, infinite where the run is to settle.
+
+        Raises
+        ------
+        TemplateError
+            If its layers have time constants of their own.
+        """
+        return self.length(template) / time_constant(template)
 
     def start(self, template: Template) -> Floats | float:
         """Return the initial state of a run, of one layer."""
         if self.state is not None:
             return self.state
         return self.pictures if template.initial == "input" else template.initial
+
+
+def time_constant(template: Template) -> float:
+    """Return the time constant of all layers, in which closed forms count time.
+
+    Raises
+    ------
+    TemplateError
+        If layers have time constants of their own.
+    """
+    if np.ptp(template.tau) > 0.0:
+        raise TemplateError(
+            f"The closed form of template '{template.name}' is that of layers with one time "
+            f"constant, got tau={template.tau.tolist()}."
+        )
+    return float(template.tau[0])
 
 
 class Cases(Protocol):

@@ -10,7 +10,7 @@ from cnnum.arrays import Floats, Shape
 from cnnum.templating.checks.analytic.linear import ANALOG_REASON, ANALOG_TOLERANCE
 from cnnum.templating.checks.parameters import number
 from cnnum.templating.checks.pictures import with_even
-from cnnum.templating.checks.records import Case, ClosedForm
+from cnnum.templating.checks.records import Case, ClosedForm, time_constant
 from cnnum.templating.template import Template
 
 
@@ -72,7 +72,7 @@ def _move(state: Floats, rate: Floats, drift: Floats, time: Floats) -> Floats:
 def _case(template: Template, rng: np.random.Generator, shape: Shape) -> Case:
     """Draw states on all three pieces of f, and stop while some cells are still on their way."""
     states = with_even(rng.uniform(-1.6, 1.6, (4, *shape)), -1.5)
-    return Case(state=states, duration=number(template, "time"))
+    return Case(state=states, duration=number(template, "time") * time_constant(template))
 
 
 def _cells(template: Template, case: Case) -> Floats:

@@ -12,7 +12,7 @@ from cnnum.templating.checks.analytic.linear import ANALOG_REASON, ANALOG_TOLERA
 from cnnum.templating.checks.analytic.modes import Modes, modes
 from cnnum.templating.checks.parameters import has, number, text
 from cnnum.templating.checks.pictures import gray
-from cnnum.templating.checks.records import Case, ClosedForm
+from cnnum.templating.checks.records import Case, ClosedForm, time_constant
 from cnnum.templating.template import Template
 
 
@@ -55,7 +55,8 @@ def _case(template: Template, rng: np.random.Generator, shape: Shape) -> Case:
     pictures = gray(rng, shape, number(template, "amplitude", 0.5))
     time = number(template, "time", 0.0)
     bias = rng.permutation(pictures) if has(template, "bias") else None
-    return Case(input=pictures, bias=bias, duration=time if time > 0.0 else None)
+    duration = time * time_constant(template) if time > 0.0 else None
+    return Case(input=pictures, bias=bias, duration=duration)
 
 
 def _grown(rate: Floats, time: float) -> Floats:
@@ -81,7 +82,7 @@ def _late(template: Template, case: Case) -> Floats:
     """Follow x' = −x + w + K∗y(t − T) from x = 0, for two delays."""
     found, time = _modes(template, case.pictures), case.time(template)
     drive = symbol(template, "control", found)
-    s = time - number(template, "delay")
+    s = time - number(template, "delay") / time_constant(template)
     seen = -np.expm1(-s) - s * np.exp(-s)
     return found.apply(
         case.pictures, drive * (-np.expm1(-time) + symbol(template, "late", found) * seen)

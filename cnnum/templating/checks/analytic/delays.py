@@ -12,7 +12,7 @@ from cnnum.templating.checks.analytic.linear import ANALOG_REASON, ANALOG_TOLERA
 from cnnum.templating.checks.analytic.modes import modes
 from cnnum.templating.checks.parameters import number
 from cnnum.templating.checks.pictures import gray
-from cnnum.templating.checks.records import Case, ClosedForm
+from cnnum.templating.checks.records import Case, ClosedForm, time_constant
 from cnnum.templating.template import Template
 
 
@@ -50,7 +50,7 @@ def _delayed(template: Template, case: Case) -> Floats:
     edge, late_edge = number(template, "edge", 0.0), number(template, "delayed_edge", 0.0)
     rate = number(template, "centre", 0.0) - 1.0 + found.symbol(edge)
     late = number(template, "delayed_centre", 0.0) + found.symbol(late_edge)
-    delay = number(template, "delay")
+    delay = number(template, "delay") / time_constant(template)
     return found.apply(case.pictures, by_steps(rate, late, delay, case.time(template)))
 
 

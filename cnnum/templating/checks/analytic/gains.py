@@ -7,7 +7,7 @@ from cnnum.templating.checks.analytic.linear import ANALOG_REASON, ANALOG_TOLERA
 from cnnum.templating.checks.analytic.modes import modes
 from cnnum.templating.checks.parameters import number
 from cnnum.templating.checks.pictures import gray
-from cnnum.templating.checks.records import Case, ClosedForm
+from cnnum.templating.checks.records import Case, ClosedForm, time_constant
 from cnnum.templating.template import Template
 
 
@@ -18,7 +18,7 @@ def _case(template: Template, rng: np.random.Generator, shape: Shape) -> Case:
 def _faded(template: Template, case: Case) -> Floats:
     """Solve x' = −x + g(t)Kx with g falling from 1 to 0 in a straight line: ln x is −t + K∫g."""
     found = modes(template.boundary, (case.pictures.shape[-2], case.pictures.shape[-1]))
-    time, fade = case.time(template), number(template, "fade")
+    time, fade = case.time(template), number(template, "fade") / time_constant(template)
     seen = min(time, fade)
     coupled = found.symbol(number(template, "edge")) * (seen - 0.5 * seen**2 / fade)
     return found.apply(case.pictures, np.exp(coupled - time))

@@ -11,7 +11,7 @@ from cnnum.arrays import Floats, Shape
 from cnnum.templating.checks.analytic.modes import Modes, modes
 from cnnum.templating.checks.parameters import number
 from cnnum.templating.checks.pictures import gray
-from cnnum.templating.checks.records import Case, ClosedForm
+from cnnum.templating.checks.records import Case, ClosedForm, time_constant
 from cnnum.templating.template import Template
 
 ANALOG_TOLERANCE = 1e-3
@@ -27,7 +27,7 @@ def _diffusion_case(template: Template, rng: np.random.Generator, shape: Shape) 
 
 def _time(template: Template) -> float | None:
     time = number(template, "time", 0.0)
-    return time if time > 0.0 else None
+    return time * time_constant(template) if time > 0.0 else None
 
 
 def _diffusion_rates(template: Template, found: Modes) -> Floats:
@@ -51,7 +51,7 @@ def _coupled_case(template: Template, rng: np.random.Generator, shape: Shape) ->
     rates = _coupled_rates(template, modes(template.boundary, shape))
     # A sum of modes is bounded cell by cell by the norm of the propagator's rows.
     bound = np.exp(time * float(rates.max())) * np.sqrt(shape[0] * shape[1])
-    return Case(input=gray(rng, shape, 0.95 / bound), duration=time)
+    return Case(input=gray(rng, shape, 0.95 / bound), duration=time * time_constant(template))
 
 
 def _coupled(template: Template, case: Case) -> Floats:

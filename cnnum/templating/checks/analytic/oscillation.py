@@ -11,7 +11,7 @@ from cnnum.templating.checks.analytic.operators import neighbours
 from cnnum.templating.checks.analytic.refined import PRECISION, refined
 from cnnum.templating.checks.parameters import number
 from cnnum.templating.checks.pictures import with_even
-from cnnum.templating.checks.records import Case, ClosedForm
+from cnnum.templating.checks.records import Case, ClosedForm, time_constant
 from cnnum.templating.template import Template
 
 RTOL = 1e-6
@@ -79,7 +79,7 @@ def _phases(template: Template, rng: np.random.Generator, shape: Shape) -> Case:
     """Start every cell somewhere on the cycle, and stop after one period."""
     orbit = limit_cycle(number(template, "own"), number(template, "other"))
     state = np.moveaxis(orbit.at(with_even(rng.random((2, *shape)), 0.0)), 0, 1)
-    return Case(state=state, duration=orbit.period)
+    return Case(state=state, duration=orbit.period * time_constant(template))
 
 
 def _same(template: Template, case: Case) -> Floats:

@@ -34,7 +34,7 @@ def _case(template: Template, rng: np.random.Generator, shape: Shape) -> Case:
     return Case(
         input=pictures if template.inputs else None,
         state=0.5 * (state[:, 0] if one else state),
-        duration=number(template, "time"),
+        duration=number(template, "time") * float(template.tau.max()),
     )
 
 
@@ -87,7 +87,7 @@ def _layered(maps: Floats) -> Floats:
 
 
 def _expected(template: Template, case: Case) -> Floats:
-    start, time = _layered(case.states), case.time(template)
+    start, time = _layered(case.states), case.length(template)
     given = np.zeros_like(start[:, :0]) if case.input is None else _layered(case.input)
     equation = Equation(template, given)
     if jumps(template):

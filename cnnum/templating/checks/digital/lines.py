@@ -10,7 +10,7 @@ from cnnum.templating.checks.digital.neighbourhood import Bools
 from cnnum.templating.checks.digital.propagation import packed_runs
 from cnnum.templating.checks.parameters import choice, number
 from cnnum.templating.checks.pictures import as_picture, binary, binary_input
-from cnnum.templating.checks.records import Case, ClosedForm
+from cnnum.templating.checks.records import Case, ClosedForm, time_constant
 from cnnum.templating.template import Template
 
 _AXES = {"east": 1, "south": 0}
@@ -61,7 +61,7 @@ def _rows_sorted(template: Template, case: Case) -> Floats:
 
 
 def _sort_case(template: Template, rng: np.random.Generator, shape: Shape) -> Case:
-    return Case(input=binary(rng, shape), duration=2.0 * shape[1])
+    return Case(input=binary(rng, shape), duration=2.0 * shape[1] * time_constant(template))
 
 
 def _cumulated(template: Template, case: Case) -> Floats:
