@@ -2,6 +2,7 @@
 
 from __future__ import annotations  # signatures that `help` shows as they are written
 
+import math
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
@@ -21,12 +22,14 @@ from cnnum.frame import FORCE_AXES
 from cnnum.graph.nodes import RunSpec
 from cnnum.integrators.choice import check_spec
 from cnnum.integrators.schemes import FixedSteps
+from cnnum.integrators.solver import Solver, Stepping
 from cnnum.plan import Plan
 from cnnum.programs import Program
 from cnnum.programs.library import get_program
 from cnnum.runs.arguments import channels_and_lead, maps_by_role
 from cnnum.runs.chip import Chip, run_on_chip
-from cnnum.runs.delays import by_halving, delay_of, frames_of, halved
+from cnnum.runs.delays import by_differences, by_halving, delay_of, frames_of, halved
+from cnnum.runs.growth import compared, may_grow
 from cnnum.runs.linear_range import as_linear, stays_linear
 from cnnum.runs.many.batches import run_batch
 from cnnum.runs.planning import graph_of, plan_of
@@ -35,7 +38,7 @@ from cnnum.runs.result import Result
 from cnnum.runs.settling import at_rest, saturated
 from cnnum.runs.single import finished, outputs_of, with_fallback
 from cnnum.runs.stiff import implicit_spec, refuse_hopeless, stiffly
-from cnnum.runs.times import checked_times, run_at
+from cnnum.runs.times import checked_times, ended, looked_at, stacked
 from cnnum.templating.batch import TemplateBatch
 from cnnum.templating.library import as_template
 from cnnum.templating.template import Duration, Template
@@ -223,13 +226,13 @@ class Engine(OfThisProcess):
         mask : (..., rows, cols) bool, optional
             Fixed-state mask: the state keeps its value where it is true.
         duration : float or "settle", optional
-            In time constants; the template's own unless given.
+            In the unit of time in which the template's `tau` is; its own unless given.
         method : str
             "auto", "propagator", or one of `cnnum.integrators.stability.METHODS`.
         rtol, atol : float
             Wanted error of the state.
         dt : float, optional
-            Fixed step, in time constants; Euler's method unless `method` says otherwise.
+            Fixed step, in that unit; Euler's method unless `method` says otherwise.
         force : bool
             Take a fixed step outside the stability bound all the same. The result is marked: not
             settled, error infinite.
@@ -237,8 +240,10 @@ class Engine(OfThisProcess):
             Follow the error of fixed steps as that of others is: a step takes at least one more
             evaluation of the rates, and there are at most 100,000.
         at : sequence of float, optional
-            Times in time constants, each after the one before, instead of a duration. Each stretch
-            between them is a run by the same method and tolerances.
+            Times in that unit, each after the one before, instead of a duration: one run to the
+            last of them, looked at on its way. State and error are those of a run which ends there,
+            and the times change nothing else. The engine "reference", implicit steps and whole
+            numbers run anew to each time.
         chip : Chip, optional
             As on an analogue array of that accuracy: weights, maps, noise and mismatch.
 
@@ -269,10 +274,9 @@ class Engine(OfThisProcess):
             return run_batch(*how, template, arrays, options)
         template = as_template(template)
         if at is not None:
-            run = partial(self.run, template, method=method, rtol=rtol, atol=atol, dt=dt,
-                          force=force, estimate=estimate)  # fmt: skip
-            maps: dict[str, ArrayLike | None] = dict(zip(ROLES, arrays, strict=True))
-            return run_at(template, checked_times(at, duration), run, maps)
+            times = checked_times(at, duration)
+            spec = RunSpec(times[-1], method, rtol, atol, dt, force=force, estimate=estimate)
+            return self._at_times(template, arrays, times, spec)
         asked = (duration, method, rtol, atol, dt, force, estimate)
         form = form_of(template, arrays, asked)
         prepared = None if form is None else self._prepared.get(form)
@@ -289,6 +293,91 @@ class Engine(OfThisProcess):
             result = self._run(template, given, shape, spec, form if prepared is None else None)
         return self._at_rest(result, template, given, shape, spec) if settles else result
 
+    def _at_times(
+        self,
+        template: Template,
+        arrays: tuple[ArrayLike | None, ...],
+        times: tuple[float, ...],
+        spec: RunSpec,
+    ) -> Result:
+        """Return the results of a run at times on its way and at its end."""
+        maps: dict[str, Any] = dict(zip(ROLES, arrays, strict=True))
+        how: dict[str, Any] = {
+            "method": spec.method, "rtol": spec.rtol, "atol": spec.atol, "dt": spec.dt,
+            "force": spec.force, "estimate": spec.estimate}  # fmt: skip
+
+        def up_to(time: float) -> Result:
+            return self.run(template, **maps, duration=time, **how)
+
+        end = up_to(times[-1])
+        looks = None
+        if len(times) > 1 and not is_integer(self.precision):
+            given, shape = maps_by_role(template, maps)
+            looks = self._looks(template, given, shape, spec, times[:-1], end)
+        if looks is None:
+            return stacked([*map(up_to, times[:-1]), end], times)
+        return ended(looks, end)
+
+    def _looks(
+        self,
+        template: Template,
+        given: dict[str, NDArray[np.floating]],
+        shape: Shape,
+        spec: RunSpec,
+        times: tuple[float, ...],
+        end: Result,
+    ) -> Result | None:
+        """Return what a run passes through at times; None where each is a run of its own."""
+        names, lead = channels_and_lead(given)
+        exact = spec.dt is None and spec.method in ("auto", "propagator")
+        ran = as_linear(template) if exact and stays_linear(template, given) else template
+        plan = self._plan_for((ran.digest, shape, names, spec), ran, shape, names, spec)
+        (solver,) = plan.solvers.values()
+        steps = isinstance(solver.scheme, Stepping)
+        finely = self.name == "reference" and not (solver.asked or template.output.discrete)
+        if finely or (steps and end.method != solver.method):
+            return None
+        if by_halving(ran, dt=spec.dt, settle=False):
+            return self._halved_looks(ran, given, shape, spec, times, end)
+        looks = looked_at(plan, given, lead, times, self.precision)
+        if looks is None or not self._follows(solver, ran):
+            return looks
+
+        def again(finer: RunSpec, frames: NDArray[np.intp]) -> Result:
+            some = frames_of(given, lead, frames)
+            names, lead_of_some = channels_and_lead(some)
+            plan = self._plan_for((ran.digest, shape, names, finer), ran, shape, names, finer)
+            found = looked_at(plan, some, lead_of_some, times, self.precision)
+            assert found is not None
+            return found
+
+        return compared(looks, ran, given, spec, again)
+
+    def _halved_looks(
+        self,
+        template: Template,
+        given: dict[str, NDArray[np.floating]],
+        shape: Shape,
+        spec: RunSpec,
+        times: tuple[float, ...],
+        end: Result,
+    ) -> Result:
+        """Return the looks at a run with a delay: in the steps of its end, twice and four times."""
+        names, lead = channels_and_lead(given)
+        step = float(np.max(end.time)) / max(int(np.max(end.steps)), 1)
+        delay = delay_of(template)
+        parts = 4 * max(1, math.ceil(delay / step / 4.0 - 1e-9)) if step else 4
+        found: list[Result] = []
+        for coarser in (4, 2, 1):
+            dt = coarser * delay / parts
+            fixed = replace(spec, dt=dt, method=end.method)
+            key = (template.digest, shape, names, fixed)
+            plan = self._plan_for(key, template, shape, names, fixed)
+            one = looked_at(plan, given, lead, times, self.precision)
+            assert one is not None
+            found.append(one)
+        return by_differences(found, self.precision)
+
     def _at_rest(
         self,
         result: Result,
@@ -303,7 +392,8 @@ class Engine(OfThisProcess):
             return result  # whole numbers rest where a step moves none of them
 
         def again(given: dict[str, NDArray[np.floating]], duration: float) -> Result:
-            return self._run(template, given, shape, replace(spec, duration=duration), None)
+            longer = replace(spec, duration=duration)
+            return self._run(template, given, shape, longer, None, plainly=True)
 
         return at_rest(result, template, given, again, spec, self.precision)
 
@@ -314,8 +404,13 @@ class Engine(OfThisProcess):
         shape: Shape,
         spec: RunSpec,
         form: Form | None,
+        *,
+        plainly: bool = False,
     ) -> Result:
-        """Run maps by role; a run of a form that is given is kept ready, if there is anything."""
+        """Run maps by role; a run of a form that is given is kept ready, if there is anything.
+
+        Plain runs leave it to others to look how far their frames have grown.
+        """
         names, lead = channels_and_lead(given)
         check_spec(spec)
         exact = spec.dt is None and spec.method in ("auto", "propagator")
@@ -341,12 +436,24 @@ class Engine(OfThisProcess):
 
             about = (delay_of(ran), (spec.rtol, spec.atol), self.precision, solver.scheme.step)
             return halved(result, finer, *about)
+        if not plainly and self._follows(solver, ran):
+
+            def again(finer: RunSpec, frames: NDArray[np.intp]) -> Result:
+                some = frames_of(given, lead, frames)
+                return self._run(template, some, shape, finer, None, plainly=True)
+
+            result = compared(result, ran, given, spec, again)
         if form is not None:
             prepared = prepared_run(template, plan, given, exact=exact)
             if prepared is not None:
                 with self._turn:
                     self._prepared.keep(form, prepared)
         return result
+
+    def _follows(self, solver: Solver, template: Template) -> bool:
+        """Return whether the engine takes the solver's own steps, whose error may miss a growth."""
+        steps = solver.asked or self.name != "reference"
+        return steps and may_grow(template, solver) and not is_integer(self.precision)
 
     def _plan_for(
         self,

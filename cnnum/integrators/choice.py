@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import NoReturn
 
 from cnnum.errors import MethodError, name_error
@@ -17,6 +18,7 @@ from cnnum.integrators.schemes import (
     AdaptiveSteps,
     ChebyshevSteps,
     FixedSteps,
+    Piece,
 )
 from cnnum.integrators.solver import Scheme, Solver, Stepping
 from cnnum.integrators.spectrum import Spectrum, spectrum
@@ -33,7 +35,7 @@ from cnnum.integrators.tableau import (
 )
 from cnnum.safety.values import is_real
 from cnnum.templating.network import Network
-from cnnum.templating.reads import jumps
+from cnnum.templating.reads import jumps, turning_points
 from cnnum.templating.template import Template
 
 __all__ = (
@@ -48,11 +50,17 @@ __all__ = (
 )
 
 SHORTEST = 1e-30
-"""Durations below it, in time constants, are none: devices flush such numbers."""
+"""Durations below it are none: devices flush such numbers."""
 
 DELAY_STEP = 0.05
 """Longest step of a template with a delay, in time constants: Heun's error a step is then about
 (0.05)³/12 of the state's third derivative."""
+
+LEAST_STEPS = 4
+"""Of a run with a delay: fewer, and steps of half the length may be the same ones."""
+
+MOST_SPLIT = 64
+"""Parts into which a step with a delay is cut where points of gains in time lie close."""
 
 MOST_COUNTED = 2**31 - 1
 """Steps of a run: kernels count them in 32 bits."""
@@ -115,7 +123,7 @@ def check_spec(spec: RunSpec) -> None:
         or (isinstance(duration, str) and duration == "settle")
     ):
         raise MethodError(
-            "A duration must be a finite number of time constants from 0 up, or 'settle', got "
+            "A duration must be a finite number from 0 up, in the unit of tau, or 'settle', got "
             f"duration={duration!r}."
         )
     if not (_none_or_more(spec.rtol) and _none_or_more(spec.atol) and spec.atol > 0):
@@ -175,7 +183,8 @@ class _Choice:
         if preset is not None and self.spec.dt is None and preset > 0.5 * bound > 0.0:
             preset, reason = None, f"{reason}, in steps of half its stability bound"
         step, forced = self._bounded(method.name, bound, about, preset)
-        fixed = _fixed(template, method, step, self.duration, self.settle)
+        own = self.spec.dt is not None
+        fixed = _fixed(template, method, step, self.duration, self.settle, given=own)
         if forced:
             return fixed, f"{reason}, outside its stability bound", True
         if self.spec.estimate:
@@ -192,7 +201,8 @@ class _Choice:
         steps = followed(method)
         if not steps.truncation:
             self._refuse(f"'{steps.name}', whose stages do not show it,")
-        return AdaptiveSteps((steps,), fixed.step, self.settle, fixed.step)
+        stops = turning_points(self.template, self.duration)
+        return AdaptiveSteps((steps,), fixed.step, self.settle, fixed.step, stops=stops)
 
     def _refuse(self, steps: str) -> NoReturn:
         raise MethodError(
@@ -261,7 +271,9 @@ class _Choice:
         safe = share * bound if 0.0 < bound < math.inf else self.duration
         # at a rest the errors of the way have decayed
         bends = not (self.template.output.smooth or self.settle)
-        return AdaptiveSteps((method,), first, self.settle, min(safe, self.duration), bends)
+        stops = turning_points(self.template, self.duration)
+        longest = min(safe, self.duration)
+        return AdaptiveSteps((method,), first, self.settle, longest, bends, stops)
 
     def _has_stages(self, found: Spectrum) -> bool:
         steady = self.template.plain and not self.template.output.limited
@@ -336,22 +348,56 @@ def _preset(template: Template, spec: RunSpec) -> tuple[ButcherTableau | None, f
 
 
 def _fixed(
-    template: Template, method: ButcherTableau, step: float, duration: float, settle: bool
+    template: Template,
+    method: ButcherTableau,
+    step: float,
+    duration: float,
+    settle: bool,
+    *,
+    given: bool = False,
 ) -> FixedSteps:
-    """Return steps of that length at most; a delay is a whole number of them."""
+    """Return steps of that length at most; a delay is a whole number of them.
+
+    `given` is a length that was asked for.
+    """
     if template.delayed is not None:
         if not keeps_delays(method):
             raise MethodError(
                 f"'{method.name}' needs outputs between the steps, which a delay does not keep: "
                 "use 'euler' or 'heun'."
             )
+        # a delay is a whole number of steps, which cannot end at the points of a gain, too: they
+        # are short enough to see each stretch between two
+        marks = turning_points(template, duration)
+        if marks:
+            apart = min(b - a for a, b in pairwise((0.0, *marks, duration)))
+            step = min(step, max(0.5 * apart, step / MOST_SPLIT))
+        if duration and not given:  # of a delay beyond the end, too, steps are halved
+            step = min(step, duration / LEAST_STEPS)
         step = template.delayed.delay / math.ceil(template.delayed.delay / step - 1e-9)
         count = _count(duration, step)
         last = duration - (count - 1) * step
+    elif template.gains and turning_points(template, duration):
+        return _in_pieces(template, method, step, duration, settle)
     else:
         count = max(1, _count(duration, step)) if duration > 0 else 0
         step = last = duration / count if count else step
     return FixedSteps((method,), step, count, settle, last)
+
+
+def _in_pieces(
+    template: Template, method: ButcherTableau, step: float, duration: float, settle: bool
+) -> FixedSteps:
+    """Return steps of that length at most that end where a gain in time jumps or bends."""
+    pieces: list[Piece] = []
+    taken = 0
+    for start, end in pairwise((0.0, *turning_points(template, duration), duration)):
+        count = max(1, _count(end - start, step))
+        pieces.append(Piece(taken, start, (end - start) / count))
+        taken += count
+    _count(float(taken), 1.0)
+    longest = max(piece.step for piece in pieces)
+    return FixedSteps((method,), longest, taken, settle, pieces[-1].step, tuple(pieces))
 
 
 def _count(duration: float, step: float) -> int:
@@ -365,7 +411,7 @@ def _count(duration: float, step: float) -> int:
     steps = duration / step if step else math.inf
     if not steps < MOST_COUNTED:
         raise MethodError(
-            f"{duration:g} time constants in steps of {step:g} are more than {MOST_COUNTED:,} "
+            f"A duration of {duration:g} in steps of {step:g} takes more than {MOST_COUNTED:,} "
             "steps: take a shorter duration, or longer steps."
         )
     return max(0, math.ceil(steps - 1e-9))

@@ -5,11 +5,13 @@ rate dx/dt of an array that nothing moves from outside, as x'' = J x': the chang
 rate over a step is a sample, at no cost, of an error's change. Where the rates fall it is taken for
 1, as an error may lie in another direction. The logarithmic norm μ∞(J) bounds it from above:
 
-    E⁺ = E · min(max(‖k⁺‖ / ‖k‖, 1), e^{μh}) + added
+    E⁺ = E · g + added · max(g, 1)^{1/(p+2)},   g = min(max(‖k⁺‖ / ‖k‖, 1), e^{μh})
 
 (Hairer, Nørsett & Wanner, Solving ODEs I, section I.10: the bound alone is rigorous; for an array
 that decides it is astronomic). The share of a step is the leading part of its own truncation error.
-It comes from the stages: `ButcherTableau.truncation`, and `ExponentialMethod.followed`.
+It comes from the stages: `ButcherTableau.truncation`, and `ExponentialMethod.followed`. What is
+left out of e^z − R(z) of a growing mode is at most e^{z/(p+2)} − 1 of its leading part, p being
+the order: Σ_n z^n (p+1)!/(p+1+n)! ≤ e^{z/(p+2)}.
 """
 
 import numpy as np
@@ -19,14 +21,13 @@ from cnnum.templating.reads import widened
 from cnnum.templating.template import Template
 
 SAFETY = 2.5
-"""Of the sum over steps of one length: corners of f that lie badly between a step's stages hide up
-to four fifths of their error. An error may grow in a direction in which the state does not move.
-With 2, up to 3 of 60 random networks had a frame whose error was missed; with 2.5, at most 1 of
-100."""
+"""Of the sum over steps: an error may grow in a direction in which the state does not move. With
+1.5 one in 60 random networks had a frame whose error was missed. Where corners of f are crossed it
+is more, as `AdaptiveSteps.safety` has it."""
 
-FOLLOWING = 1.5
-"""Of the sum over steps that follow their error, which are short at corners. Of 640 frames of 120
-random networks the sum itself was at least 0.99 of the error in all. The rest is for others."""
+FLOOR = 0.01
+"""Share of `atol` that is stated at least of a run by steps. The share of a step is that of a
+linear array: where f is curved it may vanish by chance, far below the tolerance."""
 
 LOST = 1e30
 """An error that says that nothing is known of it: of fixed steps, or any more, as on a cycle that

@@ -157,6 +157,8 @@ class FollowedStep:
     name : str
     order : int
     a : tuple of rows
+    least_bent : float
+        Not known of these steps, whose length does not follow bends.
     truncation : tuple of rows
         The part of its error that it estimates.
     """
@@ -165,6 +167,7 @@ class FollowedStep:
     order: int
     a: tuple[Row, ...]
     truncation: tuple[Row, ...]
+    least_bent: float = 1.0
 
     @classmethod
     def of(cls, method: ExponentialMethod, a: list[Floats], part: Floats) -> "FollowedStep":

@@ -11,12 +11,15 @@ its first term on, so that no d outlives its stage. Exponential steps are sums o
 from dataclasses import dataclass
 
 from cnnum.integrators.chebyshev import MAX_STAGES, chebyshev_method
-from cnnum.integrators.estimate import FOLLOWING, SAFETY
+from cnnum.integrators.estimate import SAFETY
 from cnnum.integrators.exponential import ETD_RK2, EXPONENTIAL_EULER
 from cnnum.integrators.tableau import Explicit, LayerMethod, Pair, Row
 
 MAX_STEPS = 100_000
 """Steps after which an adaptive run gives up and says so."""
+
+NEARLY = 1.000001
+"""Part of a step that may reach a point of a gain in time at which it is to end."""
 
 CHEBYSHEV = "runge-kutta-chebyshev"
 """The method whose stages are as many as a step's length needs."""
@@ -49,6 +52,24 @@ class Control:
 
 
 @dataclass(frozen=True, slots=True)
+class Piece:
+    """Steps of one length from a time on.
+
+    Attributes
+    ----------
+    first : int
+        Number of its first step.
+    start : float
+        The time at which that begins.
+    step : float
+    """
+
+    first: int
+    start: float
+    step: float
+
+
+@dataclass(frozen=True, slots=True)
 class FixedSteps:
     """`count` steps of `step` with an explicit method.
 
@@ -62,6 +83,8 @@ class FixedSteps:
     settle: bool
     last: float
     """Length of the last step, so that the run ends on time."""
+    pieces: tuple["Piece", ...] = ()
+    """Stretches with steps of their own length, where gains in time jump or bend; else none."""
 
     @property
     def tableau(self) -> Explicit:
@@ -104,6 +127,8 @@ class AdaptiveSteps:
     bends: bool = False
     """Whether the truncation error is kept within the tolerances, too: where rates bend, the
     embedded method's estimate may vanish."""
+    stops: tuple[float, ...] = ()
+    """Times at which a step ends, whatever its error: there a gain in time jumps or bends."""
 
     @property
     def tableau(self) -> Pair:
@@ -122,8 +147,17 @@ class AdaptiveSteps:
 
     @property
     def safety(self) -> float:
-        """Factor of the sum of the steps' errors in the error that is stated."""
-        return FOLLOWING if any(self.tableau.error) else SAFETY
+        """Factor of the sum of the steps' errors in the error that is stated.
+
+        Where rates bend it makes up for the worst place of a bend among a step's stages.
+        """
+        least = min(each.least_bent for each in self.tableaux) if self.bends else 1.0
+        return max(SAFETY, 1.0 / least)
+
+    @property
+    def later(self) -> float:
+        """Power of a step's growth with which its own error grows."""
+        return 1.0 / (self.tableau.order + 2.0)
 
     def of(self, layer: int) -> Pair:
         """Return the tableau of a layer."""
@@ -160,7 +194,12 @@ class ChebyshevSteps:
     @property
     def safety(self) -> float:
         """Factor of the sum of the steps' errors in the error that is stated."""
-        return FOLLOWING
+        return SAFETY
+
+    @property
+    def later(self) -> float:
+        """Power of a step's growth with which its own error grows."""
+        return 0.25
 
 
 @dataclass(frozen=True, slots=True)

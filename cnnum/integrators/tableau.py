@@ -81,6 +81,11 @@ class Pair(Protocol):
         ...
 
     @property
+    def least_bent(self) -> float:
+        """The least part of a step's error that they show where the rate bends in it."""
+        ...
+
+    @property
     def stages(self) -> int:
         """Evaluations of dx/dt; the last is the first of the next step."""
         ...
@@ -242,6 +247,18 @@ class ButcherTableau:
     def estimate_jumped(self) -> float:
         """Error estimate of a step in which the rate jumps by one, over h, on average."""
         return self._mean_estimate((self.error,), _jumped)
+
+    @cached_property
+    def least_bent(self) -> float:
+        """The least part of a step's error that `truncation` shows where the rate bends in it."""
+        times = np.array([float(sum(row)) for row in self.a])
+        places = np.linspace(0.0, 1.0, 1002)[1:-1, np.newaxis]
+        rates = np.maximum(times - places, 0.0)
+        ends = np.array([float(weight) for weight in self.b])
+        error = np.abs(rates @ ends - 0.5 * (1.0 - places[:, 0]) ** 2)
+        rows = np.array([[float(e) for e in row] for row in self.truncation])
+        shown = np.abs(rates @ rows.T).sum(axis=1)
+        return float((shown / np.maximum(error, 1e-12)).min())
 
     @cached_property
     def truncation_bent(self) -> float:

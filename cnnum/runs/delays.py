@@ -8,7 +8,7 @@ is their difference, and r by how much that fell since the two runs before. This
 the tolerance asked of it.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -67,7 +67,7 @@ def by_halving(template: Template, *, dt: float | None, settle: bool) -> bool:
 
 
 def delay_of(template: Template) -> float:
-    """Return the delay of a template that has one, in time constants."""
+    """Return the delay of a template that has one."""
     assert template.delayed is not None
     return template.delayed.delay
 
@@ -130,6 +130,24 @@ def halved(
         if not len(waiting):
             break
     return found.result(f"{first.reason}; {REASON}")
+
+
+def by_differences(found: Sequence[Result], precision: str) -> Result:
+    """Return the last of runs at times, each in steps of half the length of the one before.
+
+    Its errors are known from the differences of all three.
+    """
+    coarse, middle, fine = found
+    axes = tuple(range(np.ndim(fine.time), fine.state.ndim))
+    before = np.abs(middle.state - coarse.state).max(axis=axes, initial=0.0)
+    off = np.abs(fine.state - middle.state).max(axis=axes, initial=0.0)
+    most = 2.0 ** TABLEAUX[fine.method].order
+    with np.errstate(divide="ignore", invalid="ignore"):
+        fell = np.where(off > 0.0, before / off, most)
+    share = 1.0 / (np.clip(fell, LEAST_FALL, most) - 1.0)
+    size = np.abs(fine.state).max(axis=axes, initial=0.0)
+    rounding = float(np.finfo(precision).eps) * np.sqrt(fine.steps) * size
+    return replace(fine, error=SAFETY * share * off + rounding)
 
 
 class _Frames:

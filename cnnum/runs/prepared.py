@@ -14,6 +14,7 @@ from cnnum.arrays import all_finite
 from cnnum.engines.backend import OneFrame
 from cnnum.errors import MethodError
 from cnnum.plan import Plan
+from cnnum.runs.growth import FAR, may_grow, scale
 from cnnum.runs.linear_range import may_stay_linear
 from cnnum.runs.raw_pictures import LEAST_SQUARES, ROLES, refuse_grey_levels
 from cnnum.runs.result import Result, result_of
@@ -91,13 +92,16 @@ class PreparedRun:
     plan : Plan
     one : OneFrame
         The plan's quick way of single frames.
+    roles : sequence of str
+        Of its channels.
     """
 
-    __slots__ = ("_frame", "_one", "_plan", "_solver", "_square", "_turn", "template")
+    __slots__ = ("_frame", "_one", "_plan", "_roles", "_solver", "_square", "_turn", "template")
 
-    def __init__(self, template: Template, plan: Plan, one: OneFrame) -> None:
+    def __init__(self, template: Template, plan: Plan, one: OneFrame, roles: Sequence[str]) -> None:
         self.template, self._plan, self._one = template, plan, one
         (self._solver,) = plan.solvers.values()
+        self._roles = tuple(roles) if may_grow(template, self._solver) else ()
         schedule = plan.schedule
         self._frame = np.empty((*schedule.shape, len(schedule.channels_read)))
         largest = float(np.finfo(plan.precision).max)
@@ -106,6 +110,8 @@ class PreparedRun:
 
     def run(self, arrays: Sequence[object]) -> Result | None:
         """Run arrays of the prepared form; None where a number is not finite in the precision.
+
+        None, too, where the state has grown so far that its error takes a closer look.
 
         Parameters
         ----------
@@ -134,11 +140,19 @@ class PreparedRun:
                         refuse_grey_levels(self.template, role, np.asarray(array, np.float64))
             outputs = self._one.run(self._frame, first=True)
             packed = self._one.packed
+            begun = self._begun() if self._roles else 0.0
         if not all_finite(packed):
             self._plan.refuse_infinite(outputs)
-        return with_fallback(
-            result_of(outputs, 1, self._solver.method, self._solver.reason), self._plan
-        )
+        found = result_of(outputs, 1, self._solver.method, self._solver.reason)
+        if self._roles and float(np.abs(found.state).max()) > FAR * begun:
+            return None
+        return with_fallback(found, self._plan)
+
+    def _begun(self) -> float:
+        """Return a bound on the size of all that the run began with."""
+        largest = np.abs(self._frame).max(axis=(0, 1))
+        sizes = {role: largest[at : at + 1] for at, role in enumerate(self._roles)}
+        return float(scale(self.template, sizes))
 
 
 class PreparedRuns(dict[Form, PreparedRun]):
@@ -171,4 +185,4 @@ def prepared_run(
     if solver.forced or not reads_all or (exact and may_stay_linear(template, given)):
         return None
     one = plan.executable.one(plan.executable.new_memory(1))
-    return None if one is None else PreparedRun(template, plan, one)
+    return None if one is None else PreparedRun(template, plan, one, tuple(given))

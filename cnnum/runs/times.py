@@ -1,29 +1,32 @@
-"""A transient at several times: runs from one time to the next."""
+"""A transient at several times: one run, looked at on its way."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from cnnum.arrays import finite
+from cnnum.arrays import finite, number_type
 from cnnum.errors import ArrayError, MethodError
+from cnnum.graph.nodes import Transient
+from cnnum.integrators.estimate import LOST
+from cnnum.integrators.exact_ends.choice_of_end import exact_end
+from cnnum.integrators.rosenbrock import ImplicitSteps
+from cnnum.integrators.solver import Exact, Solver
+from cnnum.plan import Plan
+from cnnum.runs.arguments import as_frame
 from cnnum.runs.result import Result
-from cnnum.templating.reads import autonomous
-from cnnum.templating.template import Duration, Template
+from cnnum.templating.network import Network
+from cnnum.templating.template import Duration
 
 MOST = 10_000
 """Times of one run."""
 
-DIGITS = 9
-"""Decimals of a stretch of time: stretches that differ by rounding run by the same plan."""
-
-Run = Callable[..., Result]
-"""`Engine.run` of a template, without its duration."""
+Maps = Mapping[str, NDArray[np.floating]]
 
 
 def checked_times(at: ArrayLike, duration: Duration | None = None) -> tuple[float, ...]:
-    """Return times in time constants, each after the one before.
+    """Return times in the unit of τ, each after the one before.
 
     Raises
     ------
@@ -39,47 +42,98 @@ def checked_times(at: ArrayLike, duration: Duration | None = None) -> tuple[floa
     rising = times.ndim == 1 and times.size and times[0] >= 0.0 and (np.diff(times) > 0.0).all()
     if not rising or times.size > MOST:
         raise MethodError(
-            f"'at' is a list of 1 to {MOST} times from 0 up, each after the one before, in time "
-            f"constants, got {np.array2string(times, threshold=8).rstrip('.')}."
+            f"'at' is a list of 1 to {MOST} times from 0 up, each after the one before, in the "
+            f"unit of tau, got {np.array2string(times, threshold=8).rstrip('.')}."
         )
     return tuple(float(time) for time in times)
 
 
-def restartable(template: Template) -> bool:
-    """Return whether an array goes on from its state alone, wherever its time stands."""
-    return autonomous(template)
+def looked_at(
+    plan: Plan, given: Maps, lead: tuple[int, ...], times: Sequence[float], precision: str
+) -> Result | None:
+    """Return what a plan's run passes through at times before its end; None where it cannot say.
 
-
-def run_at(
-    template: Template, times: Sequence[float], run: Run, maps: dict[str, ArrayLike | None]
-) -> Result:
-    """Return the results at all times, along a new first axis.
-
-    An array that its state alone determines runs from each time to the next; its errors are summed.
-    One with delays or gains in time runs from the start to each time.
+    Steps are those of the run itself: each time takes the part of a step up to it, so that state
+    and error are those of a run which ends there. The compiled loops of the engine "numba" look,
+    on the host, whichever engine takes the run.
 
     Parameters
     ----------
-    template : Template
+    plan : Plan
+        Of one transient.
+    given : mapping of str to (..., maps, rows, cols) float
+    lead : tuple of int
+        Leading axes of the batch.
     times : sequence of float
-    run : callable
-        Takes the maps and a duration.
-    maps : dict of str to array
-        Input, previous, state, bias and mask.
+        Rising, none after the end of the run.
+    precision : str
+        Of the engine.
     """
-    if not restartable(template):
-        return stacked([run(**maps, duration=time) for time in times], times)
-    found: list[Result] = []
-    now, before, error = dict(maps), 0.0, np.zeros(())
-    for time in times:
-        result = run(**now, duration=round(time - before, DIGITS))
-        error = error + result.error
-        found.append(replace(result, error=np.asarray(error)))
-        before = time
-        now = {**now, "state": result.state}
-        if not template.inputs:
-            now["input"] = None  # it was the initial state
-    return stacked(found, times)
+    (solver,) = plan.solvers.values()
+    if isinstance(solver.scheme, ImplicitSteps):
+        return None
+    from cnnum.engines.numba import NumbaBackend  # with its compiler, which takes its time
+
+    executable = NumbaBackend(None, precision).build(plan.schedule, plan.solvers)
+    frames, _ = plan.read(as_frame(dict(given), lead, np.dtype(number_type(precision))))
+    found = executable.look(frames, times, _ends_at(plan, solver, times))
+    (transient,) = {n.operation for n in plan.schedule.transients}
+    assert isinstance(transient, Transient)
+    template = transient.template
+    state = np.asarray(found["seen"], dtype=np.float64)
+    marks, shape = found["marks"], (len(times), *lead)
+    if not np.isfinite(state).all():
+        raise ArrayError(
+            f"The state of template '{template.name}' is not finite at one of the times: it grows "
+            "beyond the numbers of the precision."
+        )
+    if template.layers == 1:
+        state = state[:, :, 0]
+    state = state.reshape(*shape, *state.shape[2:])
+    error = marks[..., 2].reshape(shape)
+    return Result(
+        output=template.output.numpy(state),
+        state=state,
+        time=np.broadcast_to(np.reshape(times, (-1, *(1,) * len(lead))), shape).copy(),
+        steps=marks[..., 0].reshape(shape).astype(np.int64),
+        settled=marks[..., 1].reshape(shape) != 0.0,
+        error=np.where(error < LOST, error, np.inf),
+        method=solver.method,
+        reason=solver.reason,
+        times=tuple(times),
+    )
+
+
+def _ends_at(plan: Plan, solver: Solver, times: Sequence[float]) -> list[Exact]:
+    """Return the schemes of a transient up to times, where ends are known without a step."""
+    if not isinstance(solver.scheme, Exact):
+        return []
+    (node,) = plan.schedule.transients
+    operation = node.operation
+    assert isinstance(operation, Transient)
+    network = Network(operation.template, plan.schedule.shape)
+    ends = [exact_end(operation, network, time)[0] for time in times]
+    return [end for end in ends if end is not None]
+
+
+def ended(looks: Result, end: Result) -> Result:
+    """Return the result at times on the way of a run and at its end, which comes last."""
+
+    def both(name: str) -> np.ndarray:
+        return np.concatenate([getattr(looks, name), np.asarray(getattr(end, name))[np.newaxis]])
+
+    time = float(np.max(end.time))
+    parts: dict[str, Any] = {
+        name: both(name) for name in ("output", "state", "steps", "settled", "error")
+    }
+    last = np.full((1, *np.shape(end.time)), time)
+    return Result(
+        **parts,
+        time=np.concatenate([looks.time, last]),
+        method=end.method,
+        reason=end.reason,
+        times=(*looks.times, time),
+    )
 
 
 def stacked(results: Sequence[Result], times: Sequence[float]) -> Result:
@@ -95,7 +149,7 @@ def stacked(results: Sequence[Result], times: Sequence[float]) -> Result:
         output=over("output"),
         state=over("state"),
         time=np.broadcast_to(reached, over("time").shape).copy(),
-        steps=np.cumsum(over("steps"), axis=0),
+        steps=over("steps"),
         settled=over("settled"),
         error=over("error"),
         method=", ".join(methods),

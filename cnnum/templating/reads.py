@@ -70,6 +70,17 @@ def autonomous(template: Template) -> bool:
     return template.delayed is None and not template.gains
 
 
+def turning_points(template: Template, duration: float) -> tuple[float, ...]:
+    """Return the times within a duration at which a gain jumps or bends: no step may cross one."""
+    places = {place for gain in template.gains for place, _ in gain.table.points}
+    return tuple(sorted(place for place in places if 0.0 < place < duration))
+
+
+def gains_jump(template: Template) -> bool:
+    """Return whether a gain in time is one of steps: at a point it has two values."""
+    return any(gain.table.interpolation == "constant" for gain in template.gains)
+
+
 def widened(template: Template) -> Floats:
     """Return by how much |dx/dt|·τ of each layer may change more than by A, (layers,)."""
     total = np.zeros(template.layers)

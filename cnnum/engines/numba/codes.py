@@ -36,8 +36,8 @@ NOTHING = -1
 EARLIER = PAST
 """Of Chebyshev's stages, which know no delay: the state two stages ago."""
 
-MOVE, SLOPE, JUDGE, CHANGE, ACCEPT, STEP = range(6)
-"""Phases of a step."""
+MOVE, SLOPE, JUDGE, CHANGE, ACCEPT, STEP = (np.int64(phase) for phase in range(6))
+"""Phases of a step; not literals, as functions are compiled for each of those."""
 
 WEIGHTS, TIMES, ERRORS, CARRIED, STAGES = range(5)
 """Rows of a tableau: b, c, b − b̂, and the part of the last stage's move carried to the end. From
@@ -46,6 +46,12 @@ STAGES on they are the rows of a; then the truncation error's."""
 NONE, AT_REST = np.int64(0), np.int64(-1)
 """No stage or step in particular, and the number of no step: outputs a delay ago are those of now.
 Not literals, as functions are compiled for each of those."""
+
+ROUNDING, ALMOST = 1e-12, 1.0 - 1e-12
+"""Parts of a step within which a moment is one of its ends."""
+
+NEARLY = 1.000001
+"""Part of a step that may reach a point of a gain in time at which it is to end."""
 
 LARGEST_EXPONENT, SMALLEST_RATE, LOST = 80.0, 1e-30, 1e30
 """Limits within which a growth is a number of single precision."""

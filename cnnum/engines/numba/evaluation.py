@@ -25,6 +25,7 @@ from cnnum.graph.nodes import (
     Reduce,
     Transient,
 )
+from cnnum.integrators.solver import Exact
 
 ORDERED: Mapping[str, Callable[[Reals], Floats]] = {"sum": sums}
 """Read-outs whose rounding depends on the order of the cells: NumPy may order a batch otherwise
@@ -44,6 +45,12 @@ class Evaluation:
     dtype : dtype
     runners : mapping of int to TransientRunner
         By the index of their node.
+    moments : sequence of float
+        Times at which the transient of a run is looked at on its way.
+    ends : sequence of Exact
+        Its schemes up to these times, where an end is known without steps.
+    seen : dict of str to array
+        The findings there, as `TransientRunner.run` has them.
     running : (batch, 1, 1) bool
         Frames whose results count: inside a loop, those that have not stopped.
     unfinished : (batch,) bool
@@ -53,6 +60,9 @@ class Evaluation:
     batch: int
     dtype: Real
     runners: Mapping[int, TransientRunner]
+    moments: Sequence[float] = ()
+    ends: Sequence[Exact] = ()
+    seen: Answers = field(default_factory=dict[str, Reals])
     running: NDArray[np.bool_] = field(init=False)
     unfinished: NDArray[np.bool_] = field(init=False)
 
@@ -103,7 +113,12 @@ class Evaluation:
         self.unfinished |= unfinished & self.running[:, 0, 0]
 
     def _transient(self, node: Node, arguments: Sequence[Reals]) -> Answers:
-        answer = self.runners[node.index].run(arguments, self.batch)
+        runner = self.runners[node.index]
+        if self.ends:
+            self.seen.update(runner.ends(arguments, self.batch, self.ends))
+        moments = () if self.ends else self.moments
+        answer = runner.run(arguments, self.batch, moments)
+        self.seen.update({name: answer.pop(name) for name in ("seen", "marks") if name in answer})
         self._count(answer["unfinished"] != 0.0)
         return answer
 

@@ -6,13 +6,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from cnnum.engines.failures import refuse_unfinished
-from cnnum.engines.host import HostExecutable
+from cnnum.engines.host import HostExecutable, HostMemory
 from cnnum.engines.numba.evaluation import Evaluation
 from cnnum.engines.numba.records import Real, Reals
 from cnnum.engines.numba.transients import TransientRunner
 from cnnum.graph.nodes import Transient
 from cnnum.graph.schedule import Schedule
-from cnnum.integrators.solver import Solvers
+from cnnum.integrators.solver import Exact, Solvers
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -49,6 +49,37 @@ class NumbaExecutable(HostExecutable):
         with np.errstate(all="ignore"):
             evaluation.run(self.schedule.nodes, values, self.dead)
         refuse_unfinished(evaluation.unfinished)
+
+    def look(
+        self,
+        frames: Reals,
+        moments: Sequence[float],
+        ends: Sequence[Exact] = (),
+    ) -> dict[str, Reals]:
+        """Return the findings at times of a run, whose only transient this is.
+
+        Parameters
+        ----------
+        frames : (batch, rows, cols, channels) float
+        moments : sequence of float
+            Rising, none after the end.
+        ends : sequence of Exact
+            The schemes of runs to these times, where an end is known without steps.
+
+        Returns
+        -------
+        dict
+            "seen" (times, batch, layers, rows, cols), and "marks" (times, batch, 3): steps,
+            settled, error.
+        """
+        memory = self.new_memory(len(frames))
+        assert isinstance(memory, HostMemory)
+        values = self._given(frames, memory, first=True)
+        evaluation = Evaluation(len(frames), self.dtype, self.runners, moments, ends)
+        with np.errstate(all="ignore"):
+            evaluation.run(self.schedule.nodes, values, self.dead)
+        refuse_unfinished(evaluation.unfinished)
+        return evaluation.seen
 
 
 def _dead_after(schedule: Schedule) -> dict[int, list[int]]:

@@ -64,7 +64,10 @@ def run_frames(
         figures = batch.figures[frame]
         gains = np.ones(settings.layers**2 + 1, batch.state.dtype)
         work = _prepare(plan, batch, frame, gains)
-        now = Frame(work, gains, np.zeros((len(plan.bands), 4), work.dtype))
+        found = np.zeros((len(plan.bands), 4), work.dtype)
+        kept = np.zeros((2, work.shape[1] if batch.moments.size else 0), work.dtype)
+        looks = (batch.moments, batch.seen[:, frame], batch.marks[:, frame])
+        now = Frame(work, gains, found, kept, looks[0], looks[1], looks[2])
         if settings.scheme == codes.FIXED:
             fixed(plan, now, spread, figures)
         elif settings.scheme in (codes.ADAPTIVE, codes.CHEBYSHEV):

@@ -3,11 +3,12 @@
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cnnum.engines.numba import codes
 from cnnum.engines.numba.records import Real
 from cnnum.integrators.chebyshev import MAX_STAGES, chebyshev_method
-from cnnum.integrators.estimate import LOST, ROUNDINGS, error_growth
+from cnnum.integrators.estimate import FLOOR, LOST, ROUNDINGS, error_growth
 from cnnum.integrators.schemes import (
     MAX_STEPS,
     AdaptiveSteps,
@@ -28,6 +29,7 @@ def method_settings(template: Template, solver: Solver, dtype: Real) -> dict[str
         "atol": solver.atol,
         "slowest": template.tau.max(),
         "growth": error_growth(template),
+        "floor": FLOOR * solver.atol,
         "rounding": ROUNDINGS * float(np.finfo(dtype).eps),
     }
     scheme = solver.scheme
@@ -67,7 +69,18 @@ def _controlled(scheme: AdaptiveSteps | ChebyshevSteps) -> dict[str, Any]:
         "caution": scheme.control.caution,
         "least": scheme.control.least,
         "safety": scheme.safety,
+        "later": scheme.later,
     }
+
+
+def pieces_of(solver: Solver) -> NDArray[np.float64]:
+    """Return the stretches of a run's time: first step, start, and length of fixed steps."""
+    scheme = solver.scheme
+    if isinstance(scheme, FixedSteps) and scheme.pieces:
+        return np.array([[piece.first, piece.start, piece.step] for piece in scheme.pieces])
+    step = scheme.step if isinstance(scheme, FixedSteps) else 0.0
+    stops = scheme.stops if isinstance(scheme, AdaptiveSteps) else ()
+    return np.array([[0.0, start, step] for start in (0.0, *stops)])
 
 
 def _chebyshev(scheme: ChebyshevSteps) -> dict[str, Any]:

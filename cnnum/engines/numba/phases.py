@@ -7,7 +7,7 @@ import numpy as np
 
 from cnnum.engines.numba import codes
 from cnnum.engines.numba.cells import add, bend, copy, couple, respond, show
-from cnnum.engines.numba.compiling import compiled_parallel, inlined, merged
+from cnnum.engines.numba.compiling import compiled, compiled_parallel, inlined
 from cnnum.engines.numba.records import Frame, Plan, Reals
 
 
@@ -165,7 +165,7 @@ def _spread_bands(phase: Any, plan: Plan, now: Frame, stage: Any, step: Any) -> 
         _work_on(phase, plan, now, stage, step, np.int64(band))
 
 
-@merged
+@compiled
 def all_bands(phase: Any, plan: Plan, now: Frame, stage: Any, step: Any, spread: bool) -> None:
     """Do one phase of a step on all bands."""
     if spread:

@@ -6,11 +6,11 @@ from numpy.typing import NDArray
 from cnnum.engines.numba import codes
 from cnnum.engines.numba.coefficients import chebyshev_rows, tableaux
 from cnnum.engines.numba.layout import Layout
-from cnnum.engines.numba.methods import method_settings
+from cnnum.engines.numba.methods import method_settings, pieces_of
 from cnnum.engines.numba.records import SETTINGS, Plan, Real
 from cnnum.engines.numba.stencil import couplings_of, gains_of, packed
 from cnnum.integrators.solver import Solver
-from cnnum.templating.reads import reads_states
+from cnnum.templating.reads import gains_jump, reads_states
 from cnnum.templating.template import Template
 
 RESPONSES = {
@@ -35,6 +35,8 @@ def plan_of(template: Template, layout: Layout, solver: Solver, dtype: Real) -> 
         "response": RESPONSES.get(template.output.name, codes.EXPRESSION),
         "limited": template.output.limited,
         "reads_states": reads_states(template),
+        "jumping": gains_jump(template),
+        "whole": template.output.discrete,
     }
     return Plan(
         settings=packed(SETTINGS, [cells | method_settings(template, solver, dtype)]),
@@ -44,6 +46,7 @@ def plan_of(template: Template, layout: Layout, solver: Solver, dtype: Real) -> 
         tables=tables,
         points=points,
         gains=gains,
+        pieces=pieces_of(solver),
         rim=layout.rim(template.boundary),
         bands=layout.bands(template.layers),
         chebyshev=chebyshev_rows(solver, dtype),

@@ -46,10 +46,17 @@ SETTINGS = np.dtype(
         ("count", "i8"),
         ("lag", "i8"),
         ("error", "f8"),
-        # of the error of adaptive steps: how fast it may grow, the safety factor, the roundings
+        # of the error of adaptive steps: how fast it may grow, the safety factor, the least that
+        # is stated, the roundings
         ("growth", "f8"),
         ("safety", "f8"),
+        ("floor", "f8"),
+        # the power of the growth of a step's own error
+        ("later", "f8"),
         ("rounding", "f8"),
+        # whether a gain in time jumps, and whether time is discrete
+        ("jumping", "i8"),
+        ("whole", "i8"),
         # when the state is at rest; `slowest` is the largest τ
         ("settle", "i8"),
         ("rtol", "f8"),
@@ -102,6 +109,9 @@ class Plan(NamedTuple):
     points : (2, points) float
         Arguments and values of the function tables.
     gains : (gains,) GAIN
+    pieces : (pieces, 3) float64
+        Stretches of time within which no gain jumps or bends: the number of the first step, the
+        start, and the length of fixed steps.
     rim : (2, rim cells) int
         Where a rim's cells lie in a map, and which cell each copies; none of a constant rim.
     bands : (bands, 3) int
@@ -121,6 +131,7 @@ class Plan(NamedTuple):
     tables: Any
     points: Reals
     gains: Any
+    pieces: NDArray[np.float64]
     rim: Ints
     bands: Ints
     chebyshev: Reals
@@ -141,6 +152,12 @@ class Batch(NamedTuple):
         `previous` has no frame where it is not given.
     figures : (batch, 5) float64
         Time, steps, settled, error, unfinished.
+    moments : (times,) float64
+        Times at which frames are looked at on their way.
+    seen : (times, batch, layers·size) float
+        The states there.
+    marks : (times, batch, 3) float64
+        Steps, settled and error there.
     """
 
     state: Reals
@@ -150,6 +167,9 @@ class Batch(NamedTuple):
     inputs: Reals
     previous: Reals
     figures: NDArray[np.float64]
+    moments: NDArray[np.float64]
+    seen: Reals
+    marks: NDArray[np.float64]
 
 
 class Frame(NamedTuple):
@@ -164,8 +184,16 @@ class Frame(NamedTuple):
     found : (bands, 4) float
         Of every band: error in units of the tolerance, a step's share in the error of the state.
         Then change in units of the tolerance, largest rate.
+    kept : (2, n) float
+        State and rates that a look between the ends of steps has to leave as they were.
+    moments, seen, marks : arrays
+        Of the frame, as in a batch.
     """
 
     work: Reals
     gains: Reals
     found: Reals
+    kept: Reals
+    moments: NDArray[np.float64]
+    seen: Reals
+    marks: NDArray[np.float64]

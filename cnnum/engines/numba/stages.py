@@ -19,11 +19,13 @@ def _fill_rims(plan: Plan, maps: Reals) -> None:
 
 
 @inlined
-def _set_gains(plan: Plan, gains: Reals, time: Any) -> None:
+def _set_gains(plan: Plan, gains: Reals, time: Any, middle: Any) -> None:
+    """Set the gains at a time; those that jump are the ones of the middle of its step."""
     for g in range(plan.gains.size):
         gains[plan.gains[g].place] = 1
     for g in range(plan.gains.size):
-        value = look_up(plan, plan.gains[g].table, gains.dtype.type(time))
+        at = time if plan.tables[plan.gains[g].table].linear else middle
+        value = look_up(plan, plan.gains[g].table, gains.dtype.type(at))
         gains[plan.gains[g].place] += value - 1
 
 
@@ -52,7 +54,8 @@ def evaluate(
 ) -> None:
     """Find the slopes at a stage of the step that begins at `time`."""
     slopes = min(stage, plan.settings[0].stages - 1)
-    _set_gains(plan, now.gains, time + plan.tableau[0, codes.TIMES, slopes] * step)
+    at = time + plan.tableau[0, codes.TIMES, slopes] * step
+    _set_gains(plan, now.gains, at, time + 0.5 * step)
     all_bands(codes.MOVE, plan, now, stage, step, spread)
     _fill_rims(plan, now.work[codes.OUTPUT])
     if plan.settings[0].reads_states:

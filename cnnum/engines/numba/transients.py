@@ -57,21 +57,67 @@ class TransientRunner:
             end = ExactEnd.of(operation.template, shape, scheme, dtype)
         return cls(operation, layout, plan, end, dtype)
 
-    def run(self, arguments: Sequence[Reals], batch: int) -> dict[str, Reals]:
+    def run(
+        self, arguments: Sequence[Reals], batch: int, moments: Sequence[float] = ()
+    ) -> dict[str, Reals]:
         """Return states and outputs (batch, layers, rows, cols), and figures (batch,), by name.
 
         Parameters
         ----------
         arguments : sequence of (batch or 1, rows or 1, cols or 1) float
         batch : int
+        moments : sequence of float
+            Times at which a run by steps is looked at on its way: "seen" are the states there
+            (times, batch, layers, rows, cols), "marks" steps, settled and error (times, batch, 3).
         """
-        frames = self._frames(self.operation.by_role(arguments), batch)
+        frames = self._frames(self.operation.by_role(arguments), batch, moments)
         if self.end is not None:
             self._launch(partial(self._reach, self.end, frames), batch)
         self._launch(partial(run_frames, self.plan, frames), batch)
         figures = dict(zip((*FIGURES, "unfinished"), frames.figures.T, strict=True))
         state, output = self.layout.inner(frames.state), self.layout.inner(frames.output)
-        return {"state": state, "output": output, **figures}
+        found = {"state": state, "output": output, **figures}
+        if len(moments):
+            cells = frames.seen.reshape(-1, frames.seen.shape[-1])
+            seen = self.layout.inner(cells).reshape(len(moments), *state.shape)
+            found |= {"seen": seen, "marks": frames.marks}
+        return found
+
+    def ends(
+        self, arguments: Sequence[Reals], batch: int, schemes: Sequence[Exact]
+    ) -> dict[str, Reals]:
+        """Return the ends that are known without a step at several times, as a look has them.
+
+        Parameters
+        ----------
+        arguments : sequence of (batch or 1, rows or 1, cols or 1) float
+        batch : int
+        schemes : sequence of Exact
+            One a time.
+        """
+        template, shape = self.operation.template, self.layout.shape
+        frames = self._frames(self.operation.by_role(arguments), batch, ())
+        drive_frames(self.plan, frames, 0, batch)
+        start, drive, pace = map(self.layout.inner, (frames.state, frames.drive, frames.pace))
+        states = np.tile(frames.state, (len(schemes), 1))
+        seen = self.layout.inner(states).reshape(len(schemes), *start.shape)
+        marks = np.zeros((len(schemes), batch, 3))
+        with np.errstate(all="ignore"):
+            for at, scheme in enumerate(schemes):
+                state = start.copy()
+                end = ExactEnd.of(template, shape, scheme, self.dtype)
+                marks[at, :, 2] = end.reach(state, drive, pace == 0.0)
+                seen[at] = state
+        self.layout.inner(states)[...] = seen.reshape(-1, *start.shape[1:])
+        drives = np.tile(frames.drive, (len(schemes), 1))
+        paces = np.tile(frames.pace, (len(schemes), 1)) if len(frames.pace) > 1 else frames.pace
+        figures = np.zeros((len(states), len(FIGURES) + 1))
+        now = frames._replace(
+            state=states, output=np.empty_like(states), drive=drives, pace=paces, figures=figures
+        )
+        run_frames(self.plan, now, 0, len(states), False)
+        marks[:, :, 1] = figures[:, 2].reshape(len(schemes), batch)
+        return {"seen": seen, "marks": marks}
 
     def _reach(self, end: ExactEnd, frames: Batch, start: int, stop: int, spread: bool) -> None:
         """Set states to their known end; whether all is at rest is left to say."""
@@ -108,7 +154,9 @@ class TransientRunner:
         rows, cols = self.layout.shape
         return max(1, batch * rows * cols // CELLS_A_THREAD)
 
-    def _frames(self, given: dict[str, tuple[Reals, ...]], batch: int) -> Batch:
+    def _frames(
+        self, given: dict[str, tuple[Reals, ...]], batch: int, moments: Sequence[float]
+    ) -> Batch:
         template = self.operation.template
         state = self._start(given, batch)
         previous = given["previous"] if template.delayed is not None else ()
@@ -120,6 +168,9 @@ class TransientRunner:
             inputs=self._rimmed(given["input"], template.input_boundary, batch),
             previous=self._rimmed(previous, template.input_boundary, batch if previous else 0),
             figures=np.zeros((batch, len(FIGURES) + 1)),
+            moments=np.array(moments, dtype=np.float64),
+            seen=np.zeros((len(moments), *state.shape), state.dtype),
+            marks=np.zeros((len(moments), batch, 3)),
         )
 
     def _start(self, given: dict[str, tuple[Reals, ...]], batch: int) -> Reals:

@@ -16,9 +16,10 @@ from cnnum.engines.failures import refuse_unfinished
 from cnnum.engines.reference.equation import StateEquation
 from cnnum.engines.reference.march import limited, weighted
 from cnnum.integrators.chebyshev import MAX_STAGES, chebyshev_method, stages_for
-from cnnum.integrators.estimate import LOST, ROUNDINGS, SMALLEST_RATE, error_growth
-from cnnum.integrators.schemes import MAX_STEPS, AdaptiveSteps, ChebyshevSteps
+from cnnum.integrators.estimate import FLOOR, LOST, ROUNDINGS, SMALLEST_RATE, error_growth
+from cnnum.integrators.schemes import MAX_STEPS, NEARLY, AdaptiveSteps, ChebyshevSteps
 from cnnum.integrators.solver import Solver
+from cnnum.templating.reads import gains_jump
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -28,6 +29,8 @@ class Trial:
     Attributes
     ----------
     state, rate : (layers, rows, cols) float
+    first : (layers, rows, cols) float
+        The rate at its start, after a jump of a gain in time.
     off : (layers, rows, cols) float
         The method's own estimate, which sets the length of steps.
     added : (layers, rows, cols) float
@@ -36,6 +39,7 @@ class Trial:
 
     state: Floats
     rate: Floats
+    first: Floats
     off: Floats
     added: Floats
 
@@ -50,19 +54,24 @@ class _Pair:
 
     def trial(self, x: Floats, rate: Floats, time: float, h: float) -> Trial:
         layers = [self.scheme.of(layer) for layer in range(len(x))]
+        middle = time + 0.5 * h
+        if gains_jump(
+            self.equation.template
+        ):  # the rate at the start is that after a jump of a gain
+            rate = self.equation.rate(self.drive, x, None, time, middle)
         stages, moved = [rate], x
         for number in range(1, layers[0].stages):
             ahead = weighted([one.a[number] for one in layers], stages, x)
             moved = limited(self.equation, x + h * ahead)
             at = time + float(sum(layers[0].a[number])) * h
-            stages.append(self.equation.rate(self.drive, moved, None, at))
+            stages.append(self.equation.rate(self.drive, moved, None, at, middle))
         parts = zip(*(one.truncation for one in layers), strict=True)
         added = [np.abs(h * weighted(rows, stages, x)) for rows in parts]
         off = np.abs(h * weighted([one.error for one in layers], stages, x))
         left_out = np.sum(added, axis=0)
         if self.scheme.bends:
             off = np.maximum(off, left_out)
-        return Trial(moved, stages[-1], off, left_out)
+        return Trial(moved, stages[-1], rate, off, left_out)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -81,7 +90,7 @@ class _Chebyshev:
             before, now = now, x + back1 * (now - x) + back2 * (before - x) + h * ahead
         last = self.equation.rate(self.drive, now, None, time + h)
         off = np.abs(0.8 * (x - now) + 0.4 * h * (rate + last))
-        return Trial(now, last, off, off)
+        return Trial(now, last, rate, off, off)
 
 
 _TRIALS: dict[type, Callable[..., _Pair | _Chebyshev]] = {
@@ -105,28 +114,34 @@ def march_adaptive(
     slowest, growth = float(equation.template.tau.max()), error_growth(equation.template)
     x, time, error, h, end = equation.start(), 0.0, 0.0, scheme.first_step, solver.duration
     rate, taken = equation.rate(steps.drive, x, None, time), 0
+    stops = list(scheme.stops) if isinstance(scheme, AdaptiveSteps) else []
     while time < end * (1.0 - 1e-6):
         refuse_unfinished(np.array([taken == MAX_STEPS]))
         h, taken = min(h, control.longest, end - time), taken + 1
+        usual = h
+        # no sliver of a step is left before a point of a gain in time
+        ends = bool(stops) and time + NEARLY * h >= stops[0]
+        h = stops[0] - time if ends else h
         trial = steps.trial(x, rate, time, h)
         size = np.maximum(np.abs(x), np.abs(trial.state))
         worst = float((trial.off / (solver.atol + solver.rtol * size)).max())
         if worst <= 1.0:
-            error = _grown(error, growth * h, rate, trial)
-            x, rate, time = trial.state, trial.rate, time + h
+            error = _grown(error, growth * h, trial, scheme.later)
+            x, rate, time = trial.state, trial.rate, stops.pop(0) if ends else time + h
+            h = max(h, usual) if ends else h
             change = np.abs(slowest * rate) / (solver.atol + solver.rtol * np.abs(x))
             if scheme.settle and float(change.max()) <= 1.0:
                 break
         longer = control.caution * max(worst, 1e-10) ** (-1.0 / control.order)
         h *= min(max(longer, control.least), 5.0)
-    return x, time, taken, scheme.safety * error
+    return x, time, taken, scheme.safety * error + (FLOOR * solver.atol if taken else 0.0)
 
 
-def _grown(error: float, exponent: float, before: Floats, trial: Trial) -> float:
+def _grown(error: float, exponent: float, trial: Trial, later: float) -> float:
     """Return the error of a run after a step, as `cnnum.integrators.estimate` has it."""
-    faster = float(np.abs(trial.rate).max()) / max(float(np.abs(before).max()), SMALLEST_RATE)
+    faster = float(np.abs(trial.rate).max()) / max(float(np.abs(trial.first).max()), SMALLEST_RATE)
     rounding = ROUNDINGS * float(np.finfo(np.float64).eps)
     added = float((trial.added + rounding * np.abs(trial.state)).max())
     # e^80 is more than `LOST`
     grown = min(max(faster, 1.0), math.exp(min(exponent, 80.0)))
-    return min(error * grown + added, LOST)
+    return min(error * grown + added * math.pow(max(grown, 1.0), later), LOST)

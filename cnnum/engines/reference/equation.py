@@ -115,13 +115,24 @@ class StateEquation:
         """Return y = f(x)."""
         return self.template.output.numpy(x)
 
-    def rate(self, drive: Floats, x: Floats, past: Floats | None, time: float) -> Floats:
-        """Return dx/dt of the states `x`; `past` are the outputs a delay ago."""
+    def rate(
+        self,
+        drive: Floats,
+        x: Floats,
+        past: Floats | None,
+        time: float,
+        middle: float | None = None,
+    ) -> Floats:
+        """Return dx/dt of the states `x`; `past` are the outputs a delay ago.
+
+        Gains in time that jump are those of the `middle` of a step, whose ends may be at a jump.
+        """
         template = self.template
         y = self.outputs(x)
         rate = drive - x + self._feedback(y)
         for gain, through in zip(template.gains, self._gained, strict=True):
-            factor = float(gain.table(np.asarray(time))) - 1.0
+            jumps = gain.table.interpolation == "constant" and middle is not None
+            factor = float(gain.table(np.asarray(middle if jumps else time))) - 1.0
             rate = rate + factor * through(y)
         for coupling, shifted in zip(template.nonlinear, self._neighbours, strict=True):
             if not coupling.static:

@@ -22,8 +22,13 @@ def march(equation: StateEquation, solver: Solver, scheme: FixedSteps) -> tuple[
     time, still = 0.0, 0
     layers = [scheme.of(layer) for layer in range(len(x))]
     carried = np.array([one.carried for one in layers])[:, np.newaxis, np.newaxis]
+    pieces = {piece.first: piece for piece in scheme.pieces}
+    step = scheme.step
     for number in range(scheme.count):
-        step = scheme.last if number == scheme.count - 1 else scheme.step
+        if number in pieces:
+            step, time = pieces[number].step, pieces[number].start
+        elif not pieces:
+            step = scheme.last if number == scheme.count - 1 else scheme.step
         drive = fixed + equation.delayed_drive(before=number < late)
         stages: list[Floats] = []
         moved = x
@@ -31,7 +36,8 @@ def march(equation: StateEquation, solver: Solver, scheme: FixedSteps) -> tuple[
             c = float(sum(rows[0]))
             past = _seen(history, number - late, c * step / scheme.step) if delayed else None
             moved = limited(equation, x + step * weighted(rows, stages, x))
-            stages.append(equation.rate(drive, moved, past, time + c * step))
+            at = time + c * step
+            stages.append(equation.rate(drive, moved, past, at, time + 0.5 * step))
         change = np.abs(slowest * stages[0]) / (solver.atol + solver.rtol * np.abs(x))
         ahead = step * weighted([one.b for one in layers], stages, x)
         x = limited(equation, x + carried * (moved - x) + ahead)

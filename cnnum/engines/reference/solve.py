@@ -9,6 +9,7 @@ is.
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -25,7 +26,7 @@ from cnnum.integrators.rosenbrock import ImplicitSteps
 from cnnum.integrators.schemes import FixedSteps
 from cnnum.integrators.solver import Exact, Solver, Stepping
 from cnnum.templating.network import Network
-from cnnum.templating.reads import jumps
+from cnnum.templating.reads import jumps, turning_points
 from cnnum.templating.template import Template
 
 PRECISION = 1e-10
@@ -160,10 +161,39 @@ def _stretch(
     precision: float,
 ) -> tuple[Floats, int, OdeSolution | None]:
     """Return the state after a stretch of time, the steps, and the dense output for delays."""
+    marks = (time, *(t for t in turning_points(equation.template, time + length) if t > time))
+    parts: list[OdeSolution] = []
+    taken = 0
+    for start, end in pairwise((*marks, time + length)):
+        given = (equation, drive, x, start, end - start, past, precision)
+        x, steps, part = _smooth_stretch(*given)
+        taken += steps
+        parts += [] if part is None else [part]
+    return x, taken, _joined(parts) if parts else None
+
+
+def _joined(parts: list[OdeSolution]) -> OdeSolution:
+    """Return the dense output of stretches that follow each other."""
+    times = [parts[0].ts, *(part.ts[1:] for part in parts[1:])]
+    pieces = [piece for part in parts for piece in part.interpolants]
+    return OdeSolution(np.concatenate(times), pieces)
+
+
+def _smooth_stretch(
+    equation: StateEquation,
+    drive: Floats,
+    x: Floats,
+    time: float,
+    length: float,
+    past: Past | None,
+    precision: float,
+) -> tuple[Floats, int, OdeSolution | None]:
+    """Return the same of a stretch within which no gain in time jumps or bends."""
+    middle = time + 0.5 * length
 
     def right(t: float, flat: Floats) -> Floats:
         seen = None if past is None else past(t)
-        return equation.rate(drive, flat.reshape(x.shape), seen, t).ravel()
+        return equation.rate(drive, flat.reshape(x.shape), seen, t, middle).ravel()
 
     # solve_ivp would keep the state of every step, which fills the memory where cells are many
     steps = _method(equation, length)

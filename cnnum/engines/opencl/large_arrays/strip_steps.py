@@ -11,9 +11,9 @@ from cnnum.engines.opencl.transients.builder import TransientBuilder
 from cnnum.engines.opencl.transients.fixed_steps import fixed_figures
 from cnnum.engines.opencl.transients.names import CHANGE
 from cnnum.engines.opencl.transients.step_control import Controlled, Figures
-from cnnum.integrators.schemes import FixedSteps, Stage, Stages, Sum, stages_of
+from cnnum.integrators.schemes import AdaptiveSteps, FixedSteps, Stage, Stages, Sum, stages_of
 from cnnum.templating.function_tables import Table
-from cnnum.templating.reads import delays_outputs
+from cnnum.templating.reads import delays_outputs, gains_jump
 
 BARE = ("standard", "linear", "full-range")
 """Outputs that cost less to make than to keep."""
@@ -26,9 +26,16 @@ def strips_fit(text: TransientBuilder, scheme: FixedSteps | Controlled) -> bool:
     known = template.output.name in SHOWN and all(
         isinstance(coupling.function, Table) for coupling in template.nonlinear
     )
-    sums = True
+    sums = not gains_jump(template)
+    if isinstance(scheme, AdaptiveSteps):
+        sums = sums and not scheme.stops
     if isinstance(scheme, FixedSteps):
-        sums = scheme.count > 0 and stages_of(scheme, 0, 1.0) is not None
+        sums = (
+            sums
+            and not scheme.pieces
+            and scheme.count > 0
+            and stages_of(scheme, 0, 1.0) is not None
+        )
     return known and sums and lanes_fit(text)
 
 

@@ -22,7 +22,8 @@ RING = "strip_ring"
 
 def gain_lines(text: TransientBuilder, since: str) -> list[str]:
     """Return the text that finds the varying factors, at a time since the start."""
-    return text.tables.printer.lines(gains(text, ir.Constant(since)))
+    at = ir.Constant(since)  # no gain jumps
+    return text.tables.printer.lines(gains(text, at, at))
 
 
 def uneven(scheme: FixedSteps) -> bool:

@@ -20,7 +20,7 @@ ARRAYS = {"x": XP, "y": Y, "u": U}
 Reads = Callable[[Quantity, int, int, int], ir.Expression]
 """A quantity of a layer, or input, in a cell some rows and columns away."""
 
-V, OWN, SINCE = ir.names("v own since")
+V, OWN, SINCE, AMID = ir.names("v own since amid")
 
 
 def table(
@@ -97,11 +97,20 @@ def gain_name(number: int) -> ir.Name:
     return ir.Name(f"gain{number}")
 
 
-def gains(text: TransientBuilder, since: ir.Expression) -> list[ir.Statement]:
-    """Return the statements that find the gains that vary in time, at a time since the start."""
-    found = text.template.gains
-    lines: list[ir.Statement] = [ir.fixed(SINCE, since)] if found else []
+def gains(
+    text: TransientBuilder, since: ir.Expression, middle: ir.Expression
+) -> list[ir.Statement]:
+    """Return the statements that find the gains that vary in time, at a time since the start.
+
+    Gains that jump are those of the middle of the step: at its ends they may have two values.
+    """
     number = None if text.operands.own is None else text.number
-    return lines + [
-        ir.fixed(gain_name(k), table(gain.table, SINCE, number)) for k, gain in enumerate(found)
-    ]
+    lines: list[ir.Statement] = []
+    for name, at, jumps in ((SINCE, since, False), (AMID, middle, True)):
+        found = [
+            ir.fixed(gain_name(k), table(gain.table, name, number))
+            for k, gain in enumerate(text.template.gains)
+            if (gain.table.interpolation == "constant") == jumps
+        ]
+        lines += [ir.fixed(name, at), *found] if found else []
+    return lines

@@ -15,7 +15,7 @@ from cnnum.engines.opencl.transients.builder import TransientBuilder
 from cnnum.engines.opencl.transients.names import RATE, TIME, XS, H, X, rates_of
 from cnnum.engines.opencl.transients.runge_kutta_steps import combination, declare_stages, stages
 from cnnum.engines.opencl.transients.state_equation import Instant, outputs, rates
-from cnnum.engines.opencl.transients.step_control import Attempt, advance, judged
+from cnnum.engines.opencl.transients.step_control import AMID_STEP, Attempt, advance, judged
 from cnnum.integrators.schemes import AdaptiveSteps
 
 LEFT_OUT = ir.Name("left_out")
@@ -28,7 +28,7 @@ LATER_RATES, STAGE = ir.names("later stage")
 def sweeps(text: TransientBuilder, scheme: AdaptiveSteps) -> Attempt:
     """Return a step's statements as sweeps over all cells, a stage after the other."""
     declare_stages(text, 1, scheme.tableau.stages)
-    each = stages(text, scheme, 1, lambda c: Instant(TIME + ir.Number(c) * H))
+    each = stages(text, scheme, 1, lambda c: Instant(TIME + ir.Number(c) * H, AMID_STEP))
     return _judged(text, scheme, each)
 
 
@@ -77,7 +77,7 @@ def _round(text: TransientBuilder, scheme: AdaptiveSteps) -> None:
     def keep(at: ir.Expression, _: int) -> list[ir.Statement]:
         return [ir.Assign(LATER_RATES[ir.after((STAGE - 1) * text.states, at)], RATE)]
 
-    rates(text, XS, keep, Instant(time))
+    rates(text, XS, keep, Instant(time, AMID_STEP))
 
 
 def _judged(text: TransientBuilder, scheme: AdaptiveSteps, each: Sequence[ir.Statement]) -> Attempt:

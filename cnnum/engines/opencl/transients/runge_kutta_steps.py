@@ -1,7 +1,7 @@
 """Explicit Runge–Kutta methods with steps of a fixed length, as sweeps over all cells."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -164,8 +164,26 @@ def _instant(text: TransientBuilder, scheme: FixedSteps, c: float) -> Instant:
         return first if c == 0.0 else first + PART * (_ring_at(text, NEXT_AT, at) - first)
 
     step = ir.Number(scheme.step) if _own_delay(text) is None else SPAN
-    time = step * ir.real(ir.ROUND) + ir.Number(c) * H if text.template.gains else ir.ZERO
-    return Instant(time, past)
+    if not text.template.gains:
+        return Instant(past=past)
+    began: ir.Expression = step * ir.real(ir.ROUND)
+    if scheme.pieces:
+        began = _by_piece(
+            scheme,
+            [
+                ir.Number(piece.start) + ir.Number(piece.step) * ir.real(ir.ROUND - piece.first)
+                for piece in scheme.pieces
+            ],
+        )
+    return Instant(began + ir.Number(c) * H, began + ir.Number(0.5) * H, past)
+
+
+def _by_piece(scheme: FixedSteps, values: Sequence[ir.Expression]) -> ir.Expression:
+    """Return the value of the stretch that step `n` lies in."""
+    value = values[-1]
+    for piece, before in zip(reversed(scheme.pieces[1:]), reversed(values[:-1]), strict=True):
+        value = ir.Choice(ir.ROUND < ir.Integer(piece.first), before, value)
+    return value
 
 
 def _own_delay(text: TransientBuilder) -> ir.Name | None:
@@ -176,6 +194,8 @@ def _own_delay(text: TransientBuilder) -> ir.Name | None:
 
 def _length(text: TransientBuilder, scheme: FixedSteps) -> ir.Expression:
     """Return the length of step `n`: 0 where a frame is at its end."""
+    if scheme.pieces:
+        return _by_piece(scheme, [ir.Number(piece.step) for piece in scheme.pieces])
     if _own_delay(text) is None:
         return _last(scheme, scheme.step, scheme.last)
     left = ir.Number(text.solver.duration) - SPAN * ir.real(ir.ROUND)

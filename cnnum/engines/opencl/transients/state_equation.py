@@ -36,11 +36,14 @@ class Instant:
     ----------
     time : Expression
         Time since the start.
+    middle : Expression
+        That of the middle of the step.
     past : Past or None
         None where the template has no delayed A.
     """
 
     time: ir.Expression = ir.ZERO
+    middle: ir.Expression = ir.ZERO
     past: Past | None = None
 
 
@@ -83,7 +86,7 @@ def rates(text: TransientBuilder, state: ir.Name, then: Then, instant: Instant) 
         past = enumerate(map(instant.past, text.places))
         text.over_grid([ir.Assign(YD[text.padded_at(m)], output) for m, output in past])
         text.copy_rims(YD)
-    text.body += gains(text, instant.time)
+    text.body += gains(text, instant.time, instant.middle)
     text.over_grid(_rate_lines(text, state, then))
 
 
@@ -97,7 +100,7 @@ def rates_once(text: TransientBuilder, then: Then, instant: Instant) -> None:
         outputs(text, text.each(X))
         rates(text, X, then, instant)
     else:
-        text.body += gains(text, instant.time)
+        text.body += gains(text, instant.time, instant.middle)
         text.over_cells(_rate_lines(text, X, then))
 
 

@@ -21,8 +21,9 @@ from cnnum.engines.opencl.transients.names import (
     zeros,
 )
 from cnnum.engines.opencl.transients.state_equation import RESTS, Instant, into, rates_once, watched
-from cnnum.integrators.estimate import LOST, ROUNDINGS, SMALLEST_RATE, error_growth
-from cnnum.integrators.schemes import MAX_STEPS, AdaptiveSteps, ChebyshevSteps
+from cnnum.integrators.estimate import FLOOR, LOST, ROUNDINGS, SMALLEST_RATE, error_growth
+from cnnum.integrators.schemes import MAX_STEPS, NEARLY, AdaptiveSteps, ChebyshevSteps
+from cnnum.templating.reads import gains_jump
 
 LARGEST_EXPONENT = 80.0
 """e to this is a number of single precision."""
@@ -38,6 +39,12 @@ ACCEPTED = ACCEPT.differs(ir.ZERO)
 
 ERROR, BEHIND, AHEAD, REACHED = ir.names("error behind ahead reached")
 SPEED_BEFORE, FASTER, GROWN = ir.names("speed_before faster grown")
+
+GOAL, ENDS = ir.names("goal ends")
+"""The next time at which a step ends whatever its error, and whether this one does."""
+
+AMID_STEP = TIME + ir.Number(0.5) * H
+"""The middle of a step."""
 
 Figures = dict[str, ir.Expression]
 """Of a run: time, steps, settled, error."""
@@ -85,18 +92,25 @@ def controlled(
     pair, longest = isinstance(scheme, AdaptiveSteps), ir.Number(scheme.control.longest)
     duration = ir.Number(text.solver.duration)
     many = "" if pair else ", stages follow the steps"
-    length = ir.call("fmin", ir.call("fmin", H, longest), duration - TIME)
+    stops = scheme.stops if isinstance(scheme, AdaptiveSteps) else ()
+    goal = duration if not stops else GOAL
+    length = ir.call("fmin", ir.call("fmin", H, longest), goal - TIME)
+    if stops:  # no sliver of a step is left before the point of a gain in time
+        usual = ir.call("fmin", H, longest)
+        length = ir.pick(goal - TIME <= ir.Number(NEARLY) * usual, goal - TIME, usual)
     fastest = ir.Accumulate(SPEED_BEFORE, "greater", ir.size(K0[ir.CELL]))
     step = (
         ir.Declare("real", zeros(WORST, ADDED, SPEED, CHANGE)),
+        *([ir.fixed(GOAL, _next_stop(stops, duration))] if stops else []),
         ir.Assign(H, length),
+        *(_begun_anew(text, fastest) if gains_jump(text.template) else []),
         *attempt.stages,
         *attempt.judge,
         ir.fixed(ACCEPT, ir.pick(WORST <= ir.ONE, RUNNING, ir.ZERO)),
         *attempt.advance,
-        *(_carried_on() if pair else [ir.add(TIME, ACCEPT * H)]),
+        *(_carried_on(stops) if pair else [ir.add(TIME, ACCEPT * H)]),
         ir.add(STEPS, RUNNING),
-        *_followed(text),
+        *_followed(text, scheme),
         *_next(scheme, duration),
     )
     first = (H, ir.Number(scheme.first_step))
@@ -112,27 +126,53 @@ def controlled(
         ir.Assign(UNFINISHED, ir.call("fmax", UNFINISHED, RUNNING)),
         *attempt.end,
     ]
-    figures: Figures = {"time": TIME, "steps": STEPS, "error": ir.Number(scheme.safety) * ERROR}
+    least = ir.pick(ir.ZERO < STEPS, ir.Number(FLOOR * text.solver.atol), ir.ZERO)
+    error = ir.Number(scheme.safety) * ERROR + least
+    figures: Figures = {"time": TIME, "steps": STEPS, "error": error}
     return figures | ({"settled": SETTLED} if scheme.settle else {})
 
 
-def _carried_on() -> list[ir.Statement]:
+def _next_stop(stops: Sequence[float], duration: ir.Expression) -> ir.Expression:
+    """Return the first time after now at which a step ends whatever its error."""
+    goal = duration
+    for stop in reversed(stops):
+        goal = ir.pick(TIME < ir.Number(stop), ir.Number(stop), goal)
+    return goal
+
+
+def _begun_anew(text: TransientBuilder, fastest: ir.Statement) -> list[ir.Statement]:
+    """Return statements that find the rates at a step's start, which are those after a jump."""
+    rates = text.aside(lambda: rates_once(text, into(K0), Instant(TIME, AMID_STEP)))
+    none, found = ir.Assign(SPEED_BEFORE, ir.ZERO), ir.sweep(ir.CELL, text.states, [fastest])
+    return [ir.Block(tuple(rates)), none, found]
+
+
+def _carried_on(stops: Sequence[float]) -> list[ir.Statement]:
     ahead = ((AHEAD, ACCEPT * H - BEHIND), (REACHED, TIME + AHEAD))
-    return [
+    lines: list[ir.Statement] = [
         ir.Note("// the part of the time that rounding leaves out comes with the next step"),
         ir.Declare("real", ahead, fixed=True),
         ir.Assign(BEHIND, (REACHED - TIME) - AHEAD),
-        ir.Assign(TIME, REACHED),
+    ]
+    if not stops:
+        return [*lines, ir.Assign(TIME, REACHED)]
+    ends = ir.pick(GOAL - TIME <= H, ACCEPT, ir.ZERO)
+    return [
+        *lines,
+        ir.fixed(ENDS, ends),
+        ir.Assign(TIME, ir.pick(ENDS.differs(ir.ZERO), GOAL, REACHED)),
+        ir.Assign(BEHIND, ir.pick(ENDS.differs(ir.ZERO), ir.ZERO, BEHIND)),
     ]
 
 
-def _followed(text: TransientBuilder) -> list[ir.Statement]:
+def _followed(text: TransientBuilder, scheme: Controlled) -> list[ir.Statement]:
     """Return statements that follow the error: it grows as the rates do, within its bound."""
     before = ir.call("fmax", SPEED_BEFORE, ir.Number(SMALLEST_RATE))
-    own = text.operands.own
-    fastest = own.growth if own else ir.Number(error_growth(text.template))
+    numbers = text.operands.own
+    fastest = numbers.growth if numbers else ir.Number(error_growth(text.template))
     growth = ir.call("fmin", fastest * H, ir.Number(LARGEST_EXPONENT))
-    sum = ir.call("fmin", ERROR * GROWN + ADDED, ir.Number(LOST))
+    own = ADDED * ir.call("pow", ir.call("fmax", GROWN, ir.ONE), ir.Number(scheme.later))
+    sum = ir.call("fmin", ERROR * GROWN + own, ir.Number(LOST))
     return [
         ir.Note("// an error grows as the rates do, within the bound of the feedback"),
         ir.fixed(FASTER, ir.call("fmax", SPEED / before, ir.ONE)),

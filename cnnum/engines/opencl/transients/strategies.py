@@ -148,5 +148,6 @@ def settled_now(text: TransientBuilder, strategy: Strategy) -> None:
     text.body.append(ir.declare(CHANGE, ir.ZERO))
     if not strategy.pads:
         declare_outputs(text)
-    instant = Instant(ir.Number(text.solver.duration), lambda at: text.output(X[at]))
+    end = ir.Number(text.solver.duration)
+    instant = Instant(end, end, lambda at: text.output(X[at]))
     rates_once(text, lambda at, _: [watched(text, X[at])], instant)

@@ -1,0 +1,136 @@
+"""Runs that begin near 0 and grow far: a finer run says how far the first one is off.
+
+An error that is followed grows as the rates do. Where all of an array is small at first, its rates
+may show the growth late: the part of the state that grows fastest is hidden behind others. And
+steps that are within the tolerance of a large state may be long for a small one, so that they
+grow it by too little. Then the first run is compared with one whose tolerances are a tenth, and
+relative to the start. The true error is below the distance of the two and the error of the second.
+"""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cnnum.arrays import Floats
+from cnnum.errors import MethodError
+from cnnum.graph.nodes import RunSpec
+from cnnum.integrators.estimate import error_growth
+from cnnum.integrators.schemes import AdaptiveSteps, ChebyshevSteps
+from cnnum.integrators.solver import Solver
+from cnnum.runs.result import Result
+from cnnum.templating.pair_functions import PairFunction
+from cnnum.templating.template import Template
+
+FAR = 30.0
+"""States that grow by more than this are compared with a finer run: those of pictures do not."""
+
+FINER = 0.1
+"""Share of the tolerances in those of the finer run."""
+
+SAFETY = 1.5
+"""Of the distance of two runs."""
+
+SMALLEST = 1e-30
+"""Of a tolerance: devices flush numbers not much smaller."""
+
+Maps = Mapping[str, NDArray[np.floating]]
+Again = Callable[[RunSpec, NDArray[np.intp]], Result]
+"""Runs some of a batch's frames otherwise; results have one axis of frames, the last of `time`."""
+
+
+def may_grow(template: Template, solver: Solver) -> bool:
+    """Return whether a run is one whose followed error may miss a growth."""
+    followed = isinstance(solver.scheme, AdaptiveSteps | ChebyshevSteps)
+    return followed and not solver.settle and error_growth(template) > 0.0
+
+
+def scale(template: Template, sizes: Mapping[str, Floats]) -> Floats:
+    """Return a bound on the size of all that a run begins with: start, drive and rims.
+
+    Parameters
+    ----------
+    template : Template
+    sizes : mapping of str to (..., maps) float
+        The largest number in each map of the run, by role.
+    """
+    output, A = template.output, np.abs(template.A).sum(axis=(2, 3))
+    total: Floats = np.asarray(np.abs(template.z), dtype=np.float64)
+    rim = template.boundary.constant or 0.0
+    still = abs(float(output.numpy(np.asarray(0.0)))) + abs(float(output.numpy(np.asarray(rim))))
+    total = total + A.sum(axis=1) * still
+    for coupling in template.nonlinear:
+        none = np.zeros(1)
+        value = abs(float(coupling.value(none, none)[0]))
+        if not isinstance(coupling.function, PairFunction):
+            value += coupling.function.steepest * abs(rim)
+        total[coupling.to] += value * float(np.abs(coupling.weights).sum())
+    if "input" in sizes and template.inputs:
+        edge = abs(template.input_boundary.constant or 0.0)
+        seen = np.maximum(sizes["input"], edge)
+        total = total + seen @ np.abs(template.B).sum(axis=(2, 3)).T
+    if "bias" in sizes:
+        total = total + sizes["bias"]
+    if "state" in sizes:
+        total = total + sizes["state"]
+    elif template.initial == "input":
+        total = total + sizes["input"]
+    else:
+        total = total + abs(float(template.initial))
+    return np.asarray(total.max(axis=-1), dtype=np.float64)
+
+
+def compared(
+    result: Result, template: Template, given: Maps, spec: RunSpec, again: Again
+) -> Result:
+    """Return a result whose errors hold where frames have grown far, too.
+
+    Parameters
+    ----------
+    result : Result
+        Of a batch, perhaps at several times.
+    template : Template
+    given : mapping of str to (..., maps, rows, cols) float
+        The maps of its frames.
+    spec : RunSpec
+        How it was run.
+    again : callable
+    """
+    lead = np.shape(result.time)
+    inner = tuple(range(len(lead), result.state.ndim))
+    sizes = {role: np.abs(maps).max(axis=(-2, -1)) for role, maps in given.items()}
+    begun = np.broadcast_to(scale(template, sizes), lead)
+    ended = np.abs(result.state).max(axis=inner, initial=0.0)
+    grew = (ended > FAR * begun) & np.isfinite(result.error)
+    times = len(result.times) if result.times else 1
+    frames = np.flatnonzero(grew.reshape(times, -1).any(axis=0))
+    if not len(frames):
+        return result
+    smallest = float(begun.reshape(times, -1)[0, frames].min())
+    state = np.asarray(result.state, dtype=np.float64).reshape(times, -1, *_inner(result))
+    error = np.array(result.error, dtype=np.float64).reshape(times, -1)
+    try:
+        finer = again(_finer(spec, smallest), frames)
+    except MethodError:  # it would take too many steps
+        error[:, frames] = math.inf
+    else:
+        apart = finer.state.reshape(times, len(frames), *_inner(result)) - state[:, frames]
+        off = np.abs(apart).reshape(times, len(frames), -1).max(axis=2)
+        error[:, frames] = SAFETY * off + np.asarray(finer.error).reshape(times, -1)
+    return replace(result, error=error.reshape(lead))
+
+
+def _inner(result: Result) -> tuple[int, ...]:
+    return result.state.shape[np.ndim(result.time) :]
+
+
+def _finer(spec: RunSpec, begun: float) -> RunSpec:
+    """Return a finer run: its tolerances are powers of 10, so that few plans are made of them."""
+    atol = FINER * min(spec.atol, max(spec.rtol, spec.atol) * begun)
+    exponent = math.floor(math.log10(max(atol, SMALLEST)))
+    method = spec.method if spec.dt is None else "auto"
+    return replace(
+        spec, method=method, dt=None, estimate=False, rtol=FINER * spec.rtol, atol=10.0**exponent
+    )

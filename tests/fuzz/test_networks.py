@@ -1,0 +1,87 @@
+"""No stated error is below the true one: random networks against SciPy with its own equation.
+
+A short run takes some networks of one seed. A long one goes on through the seeds until its time is
+over, and prints its account. Other shards: `python tests/helpers/random_networks.py SEED COUNT`.
+"""
+
+import os
+import time
+import warnings
+
+import numpy as np
+import pytest
+from random_networks import Account, Network, Truth, network_of
+
+import cnnum
+
+FEW = 60
+"""Networks of a short run; their truth takes most of its seconds."""
+
+SECONDS = float(os.environ.get("CNNUM_FUZZ", "0"))
+
+ONE_IN = 1000
+"""Of the errors of a long run, at most one in so many may be below the true one."""
+
+
+def test_no_error_is_below_the_true_one():
+    engines = [cnnum.Engine("numba", precision=p) for p in ("float64", "float32")]
+    account, seed, end = Account(), 1, time.monotonic() + SECONDS / 4
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        while True:
+            for number in range(FEW):
+                account.take(engines[number % 2], seed, number)
+            seed += 1
+            if time.monotonic() >= end:
+                break
+    print(account)
+    assert account.networks > 0.8 * FEW
+    assert len(account.wrong) <= account.errors // ONE_IN, account.wrong[:10]
+    # an error of infinity is always right, and says nothing
+    assert account.infinite < 0.3 * account.errors
+    assert np.median(account.loose) < 60.0
+
+
+@pytest.mark.parametrize("factor", [0.0, 0.2])
+def test_a_smaller_error_would_be_found(factor):
+    """Engines that state nothing, or the same small number of every run, fail."""
+    engine, account = cnnum.Engine("numba", precision="float64"), Account()
+
+    class Understates:
+        name, precision = "numba", "float64"
+
+        def run(self, *arguments, **options):
+            found = engine.run(*arguments, **options)
+            object.__setattr__(found, "error", factor * 1e-6 * np.ones_like(found.error))
+            return found
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        for number in range(8):
+            account.take(Understates(), 1, number)
+    assert account.wrong
+
+
+def test_the_truth_of_a_cell_is_its_closed_form():
+    """One cell, x' = (−x + a x + z)/τ."""
+    a, z, tau, start, end = 1.7, 0.3, 0.5, 1e-4, 2.0
+    kernel, none = np.full((1, 1, 1, 1), a), np.zeros((1, 1, 1, 1))
+    net = Network(
+        A=kernel, B=none, z=np.array([z]), tau=np.array([tau]), boundary=0.0, rim=0.0,
+        output="linear", gains=(), late=None, bends=(), u=np.zeros((1, 1, 1)),
+        x=np.full((1, 1, 1, 1), start), bias=None, held=None, times=(end,),
+    )  # fmt: skip
+    rate = (a - 1.0) / tau
+    want = start * np.exp(rate * end) + z / tau * np.expm1(rate * end) / rate
+    assert Truth(net).ends(1e-12).item() == pytest.approx(want, rel=1e-9)
+
+
+def test_networks_are_of_every_kind():
+    nets = [network_of(1, number) for number in range(400)]
+    assert {net.output for net in nets} == {
+        "standard", "full-range", "linear", "tanh", "sign", "soft", "steep"}  # fmt: skip
+    assert all(any(getattr(net, part) for net in nets) for part in ("gains", "late", "bends"))
+    assert any(np.abs(net.x).max() < 1e-6 for net in nets)
+    assert any(net.held is not None for net in nets)
+    assert any(len(net.times) > 5 for net in nets)
+    assert {len(net.tau) for net in nets} == {1, 2, 3}

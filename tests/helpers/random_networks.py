@@ -1,0 +1,579 @@
+"""Random networks of every documented kind, and where they truly end by other means than cnnum's.
+
+    python tests/helpers/random_networks.py SEED COUNT [ENGINE ...]
+
+A network is drawn as plain numbers. `template_of` makes cnnum's template of them; `Truth` follows
+the same numbers with a right-hand side of its own and SciPy's Dormand-Prince 8(5,3). They share no
+code. Starts may be as small as 1e-8 and grow, cells saturate or not, gains vary in time, and
+outputs may be seen late. The command prints how many stated errors were below the true one. It also
+prints how far above they are: seeds give shards that add up.
+"""
+
+import json
+import sys
+import warnings
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from scipy.integrate import DOP853, OdeSolution
+
+import cnnum
+from cnnum.templating.couplings import DelayedCoupling, Gain, NonlinearCoupling
+from cnnum.templating.function_tables import Table
+from cnnum.templating.output_functions import OutputFunction
+
+FINE, COARSE = 1e-11, 1e-9
+"""Tolerances of two solutions: how far they are apart is what the truth itself may be off by."""
+
+OWN = OutputFunction(
+    "soft", lambda x: x / np.sqrt(1.0 + x * x), "x / sqrt(ONE + x * x)", smooth=True
+)
+STEEP = OutputFunction(
+    "steep", lambda x: np.clip(2.0 * x, -1.0, 1.0), "clamp(R(2) * x, -ONE, ONE)", slope=(0.0, 2.0)
+)
+
+RESPONSES: dict[str, Callable[[Any], Any]] = {
+    "standard": lambda x: 0.5 * (np.abs(x + 1.0) - np.abs(x - 1.0)),
+    "full-range": lambda x: np.minimum(1.0, np.maximum(-1.0, x)),
+    "linear": lambda x: x,
+    "tanh": np.tanh,
+    "sign": lambda x: np.where(x >= 0.0, 1.0, -1.0),
+    "soft": lambda x: x / np.sqrt(1.0 + x * x),
+    "steep": lambda x: np.minimum(1.0, np.maximum(-1.0, 2.0 * x)),
+}
+"""Output functions, written once more."""
+
+
+@dataclass(frozen=True)
+class Late:
+    """Couplings that see outputs and inputs a delay ago."""
+
+    delay: float
+    A: Any
+    B: Any
+
+
+@dataclass(frozen=True)
+class Bend:
+    """A nonlinear coupling: a table of straight lines of a neighbour's quantity."""
+
+    weights: Any
+    points: tuple[tuple[float, float], ...]
+    neighbour: str
+    centre: str | None
+    times: bool
+    reverse: bool
+    to: int
+    source: int
+
+
+@dataclass(frozen=True)
+class Network:
+    """A network as plain numbers, with a batch of frames, and how it is run.
+
+    Attributes
+    ----------
+    A : (layers, layers, k, k), B : (layers, 1, k, k), z, tau : (layers,)
+    boundary, rim : float, "zero-flux" or "periodic"
+        Of states, and of inputs.
+    gains : tuple of (to, source, kind, points)
+    u : (frames, rows, cols), x, bias : (frames, layers, rows, cols), held : (rows, cols) bool
+    times : tuple of float
+        Where the run is looked at; the last is its end.
+    """
+
+    A: Any
+    B: Any
+    z: Any
+    tau: Any
+    boundary: float | str
+    rim: float | str
+    output: str
+    gains: tuple[tuple[int, int, str, tuple[tuple[float, float], ...]], ...]
+    late: Late | None
+    bends: tuple[Bend, ...]
+    u: Any
+    x: Any
+    bias: Any
+    held: Any
+    times: tuple[float, ...]
+    how: dict[str, Any] = field(default_factory=dict)
+    kind: str = ""
+
+
+def draw(rng: np.random.Generator) -> Network:
+    """Return a random network."""
+    output = str(rng.choice([*RESPONSES], p=[0.3, 0.15, 0.1, 0.2, 0.05, 0.1, 0.1]))
+    layers = 1 if output == "sign" else int(rng.choice([1, 1, 1, 2, 3]))
+    k = int(rng.choice([1, 3, 3, 5]))
+    rows, cols = int(rng.integers(1, 7)), int(rng.integers(1, 7))
+    tau = np.ones(layers)
+    if output != "sign":
+        tau = 10.0 ** rng.uniform(-0.7, 0.7, layers)
+        if rng.random() < 0.3:
+            tau = tau * 10.0 ** rng.uniform(-7.0, 3.0)
+    unit = float(tau.max())
+    length = float(unit * 10.0 ** rng.uniform(-1.0, 1.3))
+    if output == "sign":
+        length = float(rng.integers(0, 12))
+    A = _feedback(rng, layers, k)
+    kind = str(rng.choice(["any", "small", "decides", "contracts"], p=[0.4, 0.3, 0.15, 0.15]))
+    if kind in ("small", "decides"):
+        centre = rng.uniform(1.0, 4.0)
+        for layer in range(layers):
+            A[layer, layer, k // 2, k // 2] = centre
+    strength = np.abs(A).sum(axis=(1, 2, 3)).max()
+    if kind == "contracts" and strength > 0:
+        A *= rng.uniform(0.05, 0.99) / strength
+    if output == "linear":
+        fastest = ((np.abs(A).sum(axis=(1, 2, 3)) - 1.0) / tau).max()
+        length = float(min(length, 20.0 / fastest)) if fastest > 0.0 else length
+    B = rng.normal(size=(layers, 1, k, k)) * (rng.random((k, k)) < 0.5) * rng.choice([0.0, 1.0])
+    frames = int(rng.choice([1, 1, 3]))
+    size = 10.0 ** rng.uniform(-8.0, -0.5) if kind == "small" else rng.choice([0.1, 0.9, 3.0])
+    driven = rng.choice([0.0, 1.0]) * (size if kind == "small" else 1.0)
+    x = rng.uniform(-1.0, 1.0, (frames, layers, rows, cols)) * size
+    if rng.random() < 0.15:  # all cells alike, at a saddle's rim or on it
+        x[:] = size * rng.choice([-1.0, 1.0, 0.3])
+    late = (
+        _late(rng, layers, unit, length) if output not in ("sign",) and rng.random() < 0.1 else None
+    )
+    gains = _gains(rng, layers, length) if output != "sign" and rng.random() < 0.2 else ()
+    bends = ()
+    if output not in ("sign",) and rng.random() < 0.12:
+        bends = (_bend(rng, layers, k),)
+    u = rng.uniform(-1.0, 1.0, (frames, rows, cols)) * rng.uniform(0.0, 2.0) * driven
+    bias = rng.normal(size=(frames, layers, rows, cols)) * driven if rng.random() < 0.3 else None
+    held = rng.random((rows, cols)) < 0.3 if rng.random() < 0.2 else None
+    count = int(rng.choice([0, 0, 0, 1, 3, 8]))
+    times = {*(float(t) for t in rng.uniform(0.0, length, count)), length}
+    if output == "sign":
+        times = {*(float(t) for t in rng.integers(0, int(length) + 1, count)), length}
+    return Network(
+        A=A, B=B, z=rng.normal(size=layers) * driven, tau=tau,
+        boundary=_edge(rng), rim=_edge(rng), output=output, gains=gains, late=late, bends=bends,
+        u=u, x=x, bias=bias, held=held, times=tuple(sorted(times)),
+        how=_how(rng, output, late), kind=kind,
+    )  # fmt: skip
+
+
+def _feedback(rng: np.random.Generator, layers: int, k: int) -> Any:
+    A = rng.normal(size=(layers, layers, k, k)) * (rng.random((k, k)) < rng.uniform(0.2, 1.0))
+    if rng.random() < 0.3:  # symmetric between the layers, too
+        A = A + A[..., ::-1, ::-1].swapaxes(0, 1)
+    total = max(1e-9, float(np.abs(A).sum(axis=(1, 2, 3)).max()))
+    return A * (10.0 ** rng.uniform(-1.0, 1.3) / total)
+
+
+def _edge(rng: np.random.Generator) -> float | str:
+    return (0.0, float(rng.uniform(-1.5, 1.5)), "zero-flux", "periodic")[int(rng.integers(4))]
+
+
+def _late(rng: np.random.Generator, layers: int, unit: float, length: float) -> Late:
+    A = rng.normal(size=(layers, layers, 3, 3)) * (rng.random((3, 3)) < 0.4)
+    A *= rng.uniform(0.1, 2.0) / max(1e-9, np.abs(A).sum(axis=(1, 2, 3)).max())
+    B = rng.normal(size=(layers, 1, 3, 3)) * rng.choice([0.0, 0.3])
+    return Late(float(max(unit * 10.0 ** rng.uniform(-1.0, 0.5), length / 20.0)), A, B)
+
+
+def _gains(rng: np.random.Generator, layers: int, length: float) -> Any:
+    found = []
+    for _ in range(int(rng.integers(1, 3))):
+        count = int(rng.integers(1, 6))
+        places = np.unique(np.sort(rng.uniform(-0.1, 1.2, count)) * length)
+        if rng.random() < 0.3 and len(places) > 1:  # a pulse that steps jump over
+            places[1] = places[0] + length * 10.0 ** rng.uniform(-4.0, -1.5)
+            places = np.unique(places)
+        levels = rng.uniform(-1.0, 2.0, len(places))
+        points = tuple(zip(places.tolist(), levels.tolist(), strict=True))
+        to, source = (int(n) for n in rng.integers(layers, size=2))
+        found.append((to, source, str(rng.choice(["constant", "linear"])), points))
+    return tuple(found)
+
+
+def _bend(rng: np.random.Generator, layers: int, k: int) -> Bend:
+    places = np.unique(rng.uniform(-2.0, 2.0, int(rng.integers(2, 6))))
+    points = tuple(zip(places.tolist(), rng.uniform(-1.0, 1.0, len(places)).tolist(), strict=True))
+    neighbour = str(rng.choice(["x", "y", "u"]))
+    centre = [None, "x", "y", "u"][int(rng.integers(4))]
+    to, source = (int(n) for n in rng.integers(layers, size=2))
+    weights = rng.normal(size=(k, k)) * (rng.random((k, k)) < 0.4) * 0.5
+    source = 0 if neighbour == "u" else source
+    return Bend(weights, points, neighbour, centre, bool(rng.random() < 0.2),
+                bool(rng.random() < 0.3), to, source)  # fmt: skip
+
+
+def _how(rng: np.random.Generator, output: str, late: Late | None) -> dict[str, Any]:
+    rtol = float(10.0 ** rng.uniform(-6.0, -2.0))
+    how = (
+        {} if rng.random() < 0.6 else {"rtol": rtol, "atol": rtol * 10.0 ** rng.uniform(-2.0, 0.0)}
+    )
+    if output != "sign" and late is None and rng.random() < 0.2:
+        how["method"] = str(rng.choice(["bogacki-shampine", "dormand-prince"]))
+    return how
+
+
+# cnnum's template and run
+
+OUTPUTS = {"soft": OWN, "steep": STEEP}
+
+
+def template_of(net: Network) -> cnnum.Template:
+    """Return cnnum's template of a network."""
+    gains = [Gain(to, source, Table(kind, points)) for to, source, kind, points in net.gains]
+    late = net.late and DelayedCoupling(net.late.delay, net.late.A, net.late.B)
+    bends = [
+        NonlinearCoupling(
+            b.weights,
+            Table("linear", b.points),
+            b.neighbour,
+            b.centre,
+            b.times,
+            b.reverse,
+            b.to,
+            b.source,
+        )
+        for b in net.bends
+    ]
+    return cnnum.Template(
+        "drawn", net.A, net.B, net.z.tolist(), tau=net.tau.tolist(), boundary=net.boundary,
+        input_boundary=net.rim, output=OUTPUTS.get(net.output, net.output), gains=gains,
+        delayed=late, nonlinear=bends, duration=net.times[-1],
+    )  # fmt: skip
+
+
+def run(engine: cnnum.Engine, net: Network, **options: Any) -> Any:
+    """Return cnnum's result of a network, (times, frames, layers, rows, cols)."""
+    maps = {"input": net.u, "state": net.x if len(net.tau) > 1 else net.x[:, 0]}
+    if net.bias is not None:
+        maps["bias"] = net.bias if len(net.tau) > 1 else net.bias[:, 0]
+    if net.held is not None:
+        maps["mask"] = net.held
+    at = {"at": net.times} if len(net.times) > 1 else {}
+    return engine.run(template_of(net), **maps, **at, **{**net.how, **options})
+
+
+# the truth, of a right-hand side and a solver of its own
+
+
+class Truth:
+    """Where all frames of a network are at its times: one system, of (frames, states)."""
+
+    def __init__(self, net: Network) -> None:
+        self.net = net
+        self.frames, *shape = net.x.shape
+        self.shape = tuple(shape)
+        self.n = self.shape[1] * self.shape[2]
+        self.f = RESPONSES[net.output]
+        self.limited = net.output == "full-range"
+        self.feedback, self.still = self._matrix(net.A)
+        self.late = None if net.late is None else self._matrix(net.late.A)
+        pace = np.broadcast_to(1.0 / net.tau[:, None, None], self.shape).copy()
+        if net.held is not None:
+            pace[:, net.held] = 0.0
+        self.pace = pace.ravel()
+        total = net.z[:, None, None] + self._driven(net.B)
+        if net.bias is not None:
+            total = total + net.bias
+        self.drive = total.reshape(self.frames, -1)
+        self.after = self.drive
+        if net.late is not None:
+            self.after = self.drive + self._driven(net.late.B).reshape(self.frames, -1)
+        self.moves = [self._moves(b) for b in net.bends]
+
+    def _cell(self, r: int, c: int, edge: float | str) -> int | None:
+        """Return the number of the cell that stands there; None beyond a fixed rim."""
+        rows, cols = self.shape[1:]
+        if edge == "periodic":
+            return (r % rows) * cols + c % cols
+        if 0 <= r < rows and 0 <= c < cols:
+            return r * cols + c
+        if edge != "zero-flux":
+            return None
+        mirrored = []
+        for at, n in ((r, rows), (c, cols)):
+            at %= 2 * n  # the picture and its mirror image, one after the other
+            mirrored.append(at if at < n else 2 * n - 1 - at)
+        return mirrored[0] * cols + mirrored[1]
+
+    def _near(self, di: int, dj: int, edge: float | str) -> Any:
+        """Return the cell that every cell sees there; the one after the last beyond a fixed rim."""
+        rows, cols = self.shape[1:]
+        cells = [self._cell(i + di, j + dj, edge) for i in range(rows) for j in range(cols)]
+        return np.array([self.n if at is None else at for at in cells])
+
+    def _matrix(self, kernels: Any) -> tuple[Any, Any]:
+        """Return the matrix of all couplings, and what fixed virtual cells add to them."""
+        edge, n, layers = self.net.boundary, self.n, kernels.shape[0]
+        beyond = 0.0 if isinstance(edge, str) else float(self.f(np.float64(edge)))
+        matrix, still = np.zeros((layers * n, layers * n)), np.zeros((layers, layers, n))
+        for (to, source, di, dj), weight in np.ndenumerate(kernels):
+            if weight:
+                r = kernels.shape[-1] // 2
+                for cell, at in enumerate(self._near(di - r, dj - r, edge)):
+                    if at == n:
+                        still[to, source, cell] += weight * beyond
+                    else:
+                        matrix[to * n + cell, source * n + at] += weight
+        return matrix, still
+
+    def _driven(self, kernels: Any) -> Any:
+        """Return the sum over inputs, (frames, layers, rows, cols)."""
+        edge, u = self.net.rim, self.net.u.reshape(self.frames, -1)
+        beyond = np.full((self.frames, 1), 0.0 if isinstance(edge, str) else edge)
+        seen = np.concatenate([u, beyond], axis=1)
+        total = np.zeros((self.frames, kernels.shape[0], self.n))
+        for (to, _, di, dj), weight in np.ndenumerate(kernels):
+            if weight:
+                r = kernels.shape[-1] // 2
+                total[:, to] += weight * seen[:, self._near(di - r, dj - r, edge)]
+        return total.reshape(self.frames, *self.shape)
+
+    def _moves(self, b: Bend) -> Any:
+        edge, r = self.net.rim if b.neighbour == "u" else self.net.boundary, b.weights.shape[0] // 2
+        beyond = 0.0 if isinstance(edge, str) else float(edge)
+        if b.neighbour == "y":
+            beyond = float(self.f(np.float64(beyond)))
+        near = [
+            (weight, self._near(di - r, dj - r, edge))
+            for (di, dj), weight in np.ndenumerate(b.weights)
+            if weight
+        ]
+        return beyond, near
+
+    def _bent(self, b: Bend, moves: Any, x: Any, y: Any) -> Any:
+        n, (beyond, near) = self.n, moves
+        maps = {"x": x, "y": y, "u": self.net.u.reshape(self.frames, -1)}
+        first = b.source * n
+        seen = maps[b.neighbour][:, first : first + n]
+        padded = np.concatenate([seen, np.full((self.frames, 1), beyond)], axis=1)
+        own = None if b.centre is None else maps[b.centre][:, :n]
+        places, levels = np.array(b.points).T
+        total = np.zeros((self.frames, n))
+        for weight, at in near:
+            v = padded[:, at]
+            if own is not None:
+                v = v - own if b.reverse else own - v
+            value = np.interp(v, places, levels)
+            total += weight * (value * v if b.times else value)
+        return total
+
+    def rate(self, x: Any, gains: dict[tuple[int, int], float], past: Any, drive: Any) -> Any:
+        """Return dx/dt of (frames, states)."""
+        if self.limited:
+            x = np.minimum(1.0, np.maximum(-1.0, x))
+        y, n = self.f(x), self.n
+        total = drive - x + y @ self.feedback.T + self.still.sum(axis=1).ravel()
+        for (to, source), gain in gains.items():
+            rows, cols = slice(to * n, to * n + n), slice(source * n, source * n + n)
+            part = y[:, cols] @ self.feedback[rows, cols].T + self.still[to, source]
+            total[:, rows] += (gain - 1.0) * part
+        if self.late is not None:
+            total += past @ self.late[0].T + self.late[1].sum(axis=1).ravel()
+        for b, moves in zip(self.net.bends, self.moves, strict=True):
+            total[:, b.to * n : b.to * n + n] += self._bent(b, moves, x, y)
+        total = total * self.pace
+        if self.limited:
+            outward = ((x >= 1.0) & (total > 0.0)) | ((x <= -1.0) & (total < 0.0))
+            total[outward] = 0.0
+        return total
+
+    def ends(self, tolerance: float) -> Any:
+        """Return the states at the network's times, (times, frames, layers, rows, cols)."""
+        net, x = self.net, self.net.x.reshape(self.frames, -1).copy()
+        if net.output == "sign":
+            return self._whole_steps(x)
+        if self.limited:
+            x = np.minimum(1.0, np.maximum(-1.0, x))
+        end = net.times[-1]
+        stops = {0.0, end, *net.times}
+        for _, _, _, points in net.gains:
+            stops |= {p for p, _ in points if 0.0 < p < end}
+        if net.late is not None:
+            count = int(end / net.late.delay) + 1
+            stops |= {n * net.late.delay for n in range(1, count) if n * net.late.delay < end}
+        marks, found, first = sorted(stops), {0.0: x}, self.f(x)
+        seen: list[float] = [0.0]
+        pieces: list[Any] = []
+        for lo, hi in pairwise(marks):
+            x = found[hi] = self._stretch(x, lo, hi, tolerance, seen, pieces, first)
+        return np.array([found[t] for t in net.times]).reshape(-1, self.frames, *self.shape)
+
+    def _stretch(
+        self, x: Any, lo: float, hi: float, tolerance: float, seen: list[float],
+        pieces: list[Any], first: Any,
+    ) -> Any:  # fmt: skip
+        net, middle = self.net, 0.5 * (lo + hi)
+        delay = None if net.late is None else net.late.delay
+        before = delay is not None and middle < delay
+        dense = OdeSolution(np.array(seen), pieces) if pieces else None
+
+        def right(t: float, flat: Any) -> Any:
+            gains: dict[tuple[int, int], float] = {}
+            for to, source, kind, points in net.gains:
+                at = middle if kind == "constant" else t
+                gains[to, source] = gains.get((to, source), 1.0) + _level(kind, points, at) - 1.0
+            past = first
+            if delay is not None and not before and dense is not None:
+                past = self.f(dense(min(max(t - delay, 0.0), seen[-1])).reshape(first.shape))
+            drive = self.after  # the inputs before the start are those after it
+            return self.rate(flat.reshape(first.shape), gains, past, drive).ravel()
+
+        smooth = net.output in ("linear", "tanh", "soft") and not net.bends
+        longest = np.inf if smooth else max(0.3 * float(net.tau.min()), (hi - lo) / 1000)
+        size = min(1.0, max(1e-6, float(np.abs(x).max())))
+        solver = DOP853(
+            right, lo, x.ravel(), hi, rtol=tolerance, atol=tolerance * size, max_step=longest
+        )
+        steps = 0
+        while solver.status == "running":
+            said, steps = solver.step(), steps + 1
+            if said or steps > 3_000:
+                raise ArithmeticError(said or "too many steps")
+            if delay is not None:
+                pieces.append(solver.dense_output())
+                seen.append(solver.t)
+        y = solver.y.reshape(first.shape)
+        return np.minimum(1.0, np.maximum(-1.0, y)) if self.limited else y
+
+    def _whole_steps(self, x: Any) -> Any:
+        found, steps = [], 0
+        for time in self.net.times:
+            while steps < round(time):
+                x, steps = x + self.rate(x, {}, None, self.drive), steps + 1
+            found.append(x)
+        return np.array(found).reshape(-1, self.frames, *self.shape)
+
+
+def _level(kind: str, points: tuple[tuple[float, float], ...], at: float) -> float:
+    places, levels = np.array(points).T
+    if kind == "linear":
+        return float(np.interp(at, places, levels))
+    return float(levels[min(int((places < at).sum()), len(levels) - 1)])
+
+
+# the judgement
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """A stated error, the true one, and how much of that is unknown; of a frame and a time."""
+
+    network: int
+    frame: int
+    time: float
+    stated: float
+    true: float
+    unknown: float
+    method: str
+    covered: bool
+
+
+def truth_of(net: Network) -> tuple[Any, Any]:
+    """Return the true states (times, frames, layers, rows, cols), and how well they are known."""
+    truth = Truth(net)
+    # a state that is limited stops at once: every stop takes many steps
+    loose = 10.0 if net.output in ("full-range", "steep") else 1.0
+    fine, coarse = truth.ends(loose * FINE), truth.ends(loose * COARSE)
+    unknown = np.abs(fine - coarse).max(axis=(2, 3, 4))
+    return fine, unknown
+
+
+def network_of(seed: int, number: int) -> Network:
+    """Return one of the networks of a seed."""
+    return draw(np.random.default_rng([seed, number]))
+
+
+def judged(engine: cnnum.Engine, net: Network, number: int, known: Any = None) -> Iterator[Verdict]:
+    """Yield the verdicts on all frames and times of a network."""
+    truth, unknown = truth_of(net) if known is None else known
+    result = run(engine, net)
+    state = np.asarray(result.state, dtype=np.float64).reshape(truth.shape)
+    error = np.asarray(result.error, dtype=np.float64).reshape(truth.shape[:2])
+    off = np.abs(state - truth).max(axis=(2, 3, 4))
+    for at, time in enumerate(net.times):
+        for frame in range(len(net.u)):
+            stated, true, rest = (
+                float(error[at, frame]),
+                float(off[at, frame]),
+                float(unknown[at, frame]),
+            )
+            yield Verdict(number, frame, time, stated, true, rest, result.method,
+                          bool(true <= stated + rest + 1e-300))  # fmt: skip
+
+
+@dataclass
+class Account:
+    """What came of a number of networks."""
+
+    networks: int = 0
+    refused: int = 0
+    unknown: int = 0
+    errors: int = 0
+    infinite: int = 0
+    wrong: list[str] = field(default_factory=list)
+    loose: list[float] = field(default_factory=list)
+
+    def take(self, engine: cnnum.Engine, seed: int, number: int) -> None:
+        """Judge one network of a seed."""
+        net = network_of(seed, number)
+        try:
+            known = truth_of(net)
+        except ArithmeticError:  # the other solver does not get through
+            self.unknown += 1
+            return
+        try:
+            verdicts = list(judged(engine, net, number, known))
+        except cnnum.CnnumError:
+            self.refused += 1
+            return
+        self.networks += 1
+        for one in verdicts:
+            self.errors += 1
+            self.infinite += not np.isfinite(one.stated)
+            if not one.covered:
+                at = f"{seed}:{number} frame {one.frame} at {one.time:.4g}, {net.output}"
+                said = f"{engine.name} {engine.precision}: {one.stated:.3g} for {one.true:.3g}"
+                self.wrong.append(f"{at}, {one.method}, {said}")
+            steps = "propagator" not in one.method and np.isfinite(one.stated)
+            if steps and one.true > 1e-8 and one.unknown < 0.1 * one.true:
+                self.loose.append(one.stated / one.true)
+
+    def __str__(self) -> str:
+        loose = np.array(self.loose or [np.nan])
+        return json.dumps(
+            {
+                "networks": self.networks,
+                "refused": self.refused,
+                "not followed": self.unknown,
+                "errors": self.errors,
+                "infinite": self.infinite,
+                "wrong": len(self.wrong),
+                "median": round(float(np.median(loose)), 2),
+                "nine tenths": round(float(np.quantile(loose, 0.9)), 1),
+            }
+        )
+
+
+def main(seed: int, count: int, names: list[str]) -> None:
+    """Judge a number of networks of a seed, and say what was wrong."""
+    warnings.simplefilter("ignore")
+    cases = [(name, "float64") for name in names or ["numba"]]
+    cases += [(name, "float32") for name in names or ["numba"] if name != "reference"]
+    engines = [cnnum.Engine(name, precision=precision) for name, precision in cases]
+    account = Account()
+    for number in range(count):
+        before = len(account.wrong)
+        account.take(engines[number % len(engines)], seed, number)
+        for line in account.wrong[before:]:
+            print(line, flush=True)
+        if number % 100 == 99:
+            print(account, flush=True)
+    print(account, flush=True)
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]), int(sys.argv[2]), sys.argv[3:])
