@@ -27,6 +27,7 @@ from cnnum.plan import Plan
 from cnnum.programs import Program
 from cnnum.programs.library import get_program
 from cnnum.runs.arguments import channels_and_lead, maps_by_role
+from cnnum.runs.certificate import Certificate
 from cnnum.runs.chip import Chip, run_on_chip
 from cnnum.runs.delays import by_differences, by_halving, delay_of, frames_of, halved
 from cnnum.runs.growth import compared, may_grow
@@ -286,12 +287,34 @@ class Engine(OfThisProcess):
             with suppress(MethodError):  # its steps are too many: below, others are looked for
                 result = prepared.run(arrays)
         if (ready := saturated(result, template, rtol, atol) if settles else result) is not None:
-            return ready
+            held = zip(ROLES, arrays, strict=True)
+            kept = {role: np.array(one)[np.newaxis] for role, one in held if one is not None}
+            return self._with_proof(ready, template, kept, asked)
         given, shape = maps_by_role(template, dict(zip(ROLES, arrays, strict=True)))
         spec = RunSpec(duration, method, rtol, atol, dt, force=force, estimate=estimate)
         if result is None:
             result = self._run(template, given, shape, spec, form if prepared is None else None)
-        return self._at_rest(result, template, given, shape, spec) if settles else result
+        if settles:
+            result = self._at_rest(result, template, given, shape, spec)
+        kept = {role: np.array(maps) for role, maps in given.items()}
+        return self._with_proof(result, template, kept, asked)
+
+    def _with_proof(
+        self,
+        result: Result,
+        template: Template,
+        given: dict[str, NDArray[np.floating]],
+        asked: tuple[Any, ...],
+    ) -> Result:
+        """Return a result that knows what its proof takes; maps are its own."""
+        if is_integer(self.precision):
+            return result
+        duration, _, rtol, atol = asked[:4]
+        duration = template.duration if duration is None else duration
+        end = None if duration == "settle" else float(duration)
+        about = (end, (rtol, atol), result.state, result.error)
+        object.__setattr__(result, "proof", Certificate(template, given, *about))
+        return result
 
     def _at_times(
         self,
@@ -389,13 +412,15 @@ class Engine(OfThisProcess):
         """Return the result of a run to equilibrium, which runs on where there is none yet."""
         exact = result.method == "propagator" and self.name != "reference"
         if exact or is_integer(self.precision):
-            return result  # whole numbers rest where a step moves none of them
+            # whole numbers rest where a step moves none of them
+            known = np.isfinite(result.error) | is_integer(self.precision)
+            return replace(result, settled=result.settled & known)
 
         def again(given: dict[str, NDArray[np.floating]], duration: float) -> Result:
             longer = replace(spec, duration=duration)
             return self._run(template, given, shape, longer, None, plainly=True)
 
-        return at_rest(result, template, given, again, spec, self.precision)
+        return at_rest(result, template, given, again, spec)
 
     def _run(
         self,

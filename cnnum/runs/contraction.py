@@ -1,110 +1,266 @@
-"""How far states at rest are from the equilibrium that their array truly comes to.
+"""Regions in which an array is shown to come to one equilibrium, and how far that is.
 
-A run is off by at most its error E. So the true state lies in the box of that half-width around its
-end. Let d bound f' in the box, and
+A true state lies within `reach` of a state x. Let d bound the slopes of the couplings in a box
+around x, and
 
-    C = diag(1 − max(a_ii, 0) d_i) − (|a_ij| d_j),  i ≠ j.
+    C = 1 − diag(the largest own slopes) − (sizes of the others).
 
-If C u = 1 has a positive solution, C is an M-matrix: the array contracts there in the norm max
-|v_i| / u_i. The source is Berman & Plemmons, Nonnegative Matrices in the Mathematical Sciences
-(1979), ch. 6. Both states then come to one equilibrium. It is at most max C⁻¹ |dx/dt| τ away,
-whatever the error of the way was.
+If C u > 0 for some u > 0, C is an M-matrix: differences of two states fall in the norm
+max |v_i| / u_i while both are in the box (Berman & Plemmons, Nonnegative Matrices in the
+Mathematical Sciences, 1979, ch. 6). If C r ≥ |τ dx/dt| at x, the rates point into the box of
+half-width r on all its faces, so that an equilibrium lies there (Brouwer). All states within
+`reach` come to it, if the box holds the ball around it that holds them: half-width r + k u, where
+k = max (reach + r)_i / u_i. Both hold with delays, too, in the largest norm over the past, and
+where a state is limited.
+
+Where weights of both signs balance, C is no M-matrix, though the array is stable. Then a quadratic
+form V = vᵀ P v falls: P is Lyapunov's solution of Jᵀ P + P J = −1, or τ where A is symmetric. How
+much J differs in the box from that at x is allowed for.
 """
 
-from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from scipy import sparse
+from scipy.linalg import LinAlgError, solve_continuous_lyapunov
+from scipy.sparse import linalg
 
 from cnnum.arrays import Floats
-from cnnum.runs.equilibrium import ROUNDINGS, RatedArray
-from cnnum.templating.template import Template
+from cnnum.runs.cells import EPSILON, Flags, Frame, output_slopes, own_output
 
-OUTPUTS = ("standard", "linear", "tanh", "full-range")
-"""Output functions whose slopes in a box are known."""
+MOST_DENSE = 300
+"""States up to which matrices are dense; a solution takes some milliseconds."""
 
-MOST_CELLS = 300
-"""States up to which the matrix of a frame is solved, in some milliseconds."""
+MOST_SPARSE = 20_000
+"""States up to which a sparse factorisation takes less than a second."""
 
-EPSILON = float(np.finfo(np.float64).eps)
+SWEEPS = 200
+"""Iterations for a solution where states are more: each is one look at all neighbours."""
+
+WIDENED = 8
+"""Times that a box is made wider until it holds its ball."""
 
 SPARE = 1e-6
 """Part of a bound that covers the roundings of its solution."""
 
-
-def may_contract(template: Template) -> bool:
-    """Return whether arrays of a template are looked at: couplings are linear, slopes known."""
-    return template.plain and template.output.name in OUTPUTS
+GAPS = (0.3, 0.03, 3e-3, 3e-4, 3e-5)
+"""Least eigenvalues of 1 − A that are tried for, the largest first."""
 
 
-def distances(
-    template: Template, given: Mapping[str, Floats], state: Floats, error: Floats
-) -> Floats:
-    """Return a bound on the distance from states to the equilibrium they truly come to, (batch,).
+@dataclass(frozen=True, slots=True, eq=False)
+class Region:
+    """A box around a state from which an array comes to one equilibrium.
+
+    Attributes
+    ----------
+    off : (n,) float
+        How far the equilibrium is from the state at most, cell by cell.
+    width : (n,) float
+        Half-width of the box, which no true state leaves.
+    """
+
+    off: Floats
+    width: Floats
+
+
+def region(frame: Frame, x: Floats, reach: Floats, *, close: bool = True) -> Region | None:
+    """Return the region that holds all states within reach of a state; None where none is shown.
 
     Parameters
     ----------
-    template : Template
-        See `may_contract`.
-    given : mapping of str to (batch or 1, maps, rows, cols) float
-        Input, bias and mask, as far as the run is given them.
-    state : (batch, layers, rows, cols) float
-    error : (batch,) float
-        Of the states, as those of a run.
-
-    Returns
-    -------
-    (batch,) float
-        Infinite where no contraction is shown.
+    frame : Frame
+    x : (n,) float
+    reach : (n,) float
+        May be infinite: the array then comes to one equilibrium from anywhere.
+    close : bool
+        Whether quadratic forms are tried, too; they take longer.
     """
-    array, batch = RatedArray(template, given, state), len(state)
-    reach = error.reshape(-1, 1, 1, 1)
-    held = ~array.moving | _pushed(array, reach)
-    sizes = np.abs(array.rates) * (1.0 + SPARE) + ROUNDINGS * EPSILON * array.sizes
-    rates = np.where(held, 0.0, sizes).reshape(batch, -1)
-    slopes = np.where(held, 0.0, _slopes(template, state, reach)).reshape(batch, -1)
-    found = np.where(slopes.any(axis=1), np.inf, rates.max(axis=1, initial=0.0))
-    rest = np.flatnonzero(slopes.any(axis=1))
-    if len(rest) and state[0].size <= MOST_CELLS:
-        weights = array.weights().toarray()
-        for frame in rest:
-            found[frame] = _distance(weights, slopes[frame], rates[frame], held[frame].ravel())
-    # the slopes hold in the box alone
-    return np.where(found <= np.maximum(error, 0.0), found, np.inf)
+    with np.errstate(all="ignore"):
+        found = _by_rows(frame, x, reach)
+        if found is None and close and bool(np.isfinite(reach).all()):
+            found = _by_energy(frame, x, reach) or _by_form(frame, x, reach)
+    return found
 
 
-def _pushed(array: RatedArray, reach: Floats) -> NDArray[np.bool_]:
-    """Return the cells of a limited state that its rates keep at a limit all over the box."""
-    if not array.template.output.limited:
-        return np.zeros(array.x.shape, dtype=np.bool_)
-    seen = np.abs(array.template.A).sum(axis=(1, 2, 3)).reshape(-1, 1, 1)
-    outwards = array.rates * np.sign(array.x)
-    with np.errstate(invalid="ignore"):  # an error may be infinite, and A be 0
-        pushed = (np.abs(array.x) >= 1.0) & (outwards > seen * reach)
-    return np.asarray(pushed, dtype=np.bool_)
+def _by_rows(frame: Frame, x: Floats, reach: Floats) -> Region | None:
+    """Return a region by the rows of an M-matrix."""
+    rate, rounded = frame.rates(x)
+    sizes = np.abs(rate) * (1.0 + 8.0 * EPSILON) + rounded
+    width = reach.copy()
+    for _ in range(WIDENED):
+        held = ~frame.moving | frame.pushed(x, width)
+        slopes = frame.slopes(x - width, x + width)
+        own = np.where(held, 0.0, slopes.own)
+        others = sparse.diags(np.where(held, 0.0, 1.0)) @ slopes.others
+        if not (bool((own < 1.0).all()) and bool(np.isfinite(others.data).all())):
+            return None
+        force = np.where(held, 0.0, sizes)
+        solved = _solved(own, others, force)
+        if solved is None:
+            return None
+        u, off = solved
+        wide = off + u * float(((reach + off) / u).max(initial=0.0))
+        wide = np.where(frame.moving, wide, 0.0)
+        if bool((wide <= width).all()):
+            return Region(off, width)
+        width = np.maximum(width, wide * (1.0 + SPARE))
+    return None
 
 
-def _slopes(template: Template, state: Floats, reach: Floats) -> Floats:
-    """Return bounds on f' in the box around states."""
-    name = template.output.name
-    if name == "standard":
-        return np.asarray(np.abs(state) <= 1.0 + reach, dtype=np.float64)
-    if name == "tanh":
-        with np.errstate(over="ignore"):
-            least = np.maximum(np.abs(state) - reach, 0.0)
-            return np.asarray(np.cosh(np.minimum(least, 300.0)) ** -2.0, dtype=np.float64)
-    return np.ones_like(state)
+def _solved(own: Floats, others: Any, force: Floats) -> tuple[Floats, Floats] | None:
+    """Return u > 0 with C u > 0, and r with C r ≥ force; None where there is no such u."""
+
+    def through(v: Floats) -> Floats:
+        return np.asarray((1.0 - own) * v - others @ v, dtype=np.float64)
+
+    u = r = None
+    if len(own) <= MOST_DENSE:
+        matrix = np.diag(1.0 - own) - others.toarray()
+        try:
+            both = np.linalg.solve(matrix, np.stack([np.ones_like(force), force], axis=1))
+        except np.linalg.LinAlgError:
+            return None
+        u, r = both[:, 0], both[:, 1]
+    else:
+        u, r = np.zeros_like(force), np.zeros_like(force)
+        for _ in range(SWEEPS):
+            u, r = (1.0 + others @ u) / (1.0 - own), (force + others @ r) / (1.0 - own)
+        if not bool((through(u) > 0.1).all()) and len(own) <= MOST_SPARSE:
+            matrix = (sparse.diags(1.0 - own) - others).tocsc()
+            try:
+                factors = linalg.splu(matrix)
+            except RuntimeError:
+                return None
+            u, r = factors.solve(np.ones_like(force)), factors.solve(force)
+    left = through(u)
+    spare = len(own) * 8.0 * EPSILON * u.max(initial=0.0)
+    if not (bool((u > 0.0).all()) and bool((left > SPARE * (1.0 - own) * u + spare).all())):
+        return None
+    r = np.maximum(r, 0.0) * (1.0 + SPARE)
+    short = bool((through(r) * (1.0 + EPSILON) < force).any())
+    least = u * float((force / left).max(initial=0.0)) * (1.0 + SPARE)
+    return u, least if short else np.minimum(r, least)
 
 
-def _distance(weights: Floats, slopes: Floats, rates: Floats, held: NDArray[np.bool_]) -> float:
-    """Return the largest of C⁻¹ · rates; infinite where C is no M-matrix."""
-    own = np.diag(weights)
-    matrix = -np.abs(weights) * slopes
-    matrix[held] = 0.0
-    np.fill_diagonal(matrix, 1.0 - np.where(held, 0.0, np.maximum(own, 0.0) * slopes))
-    sides = np.stack([np.ones_like(rates), rates], axis=1)
+def _kept_in(frame: Frame, x: Floats, width: Floats, held: Flags) -> bool:
+    """Return whether quadratic forms say something: no limited state meets its limit."""
+    if not frame.cells.template.output.limited:
+        return True
+    return bool((np.abs(x) + width < 1.0)[~held].all()) and not bool((held & (width > 0.0)).any())
+
+
+def _by_form(frame: Frame, x: Floats, reach: Floats) -> Region | None:
+    """Return a region by Lyapunov's form, of arrays with linear couplings and few cells."""
+    cells = frame.cells
+    if cells.pairs or cells.delays or own_output(cells.template) or cells.count > MOST_DENSE:
+        return None
+    at = np.flatnonzero(frame.moving)
+    if not len(at):
+        return None
+    tau = cells.tau[at]
+    matrix = cells.matrix.toarray()[np.ix_(at, at)] / tau[:, np.newaxis]
+    least, most = output_slopes(cells.template, x, x)
+    slope = 0.5 * (least + most)[at]
+    jacobian = matrix * slope - np.diag(1.0 / tau)
+    if not float(np.linalg.eigvals(jacobian).real.max()) < -GAPS[-1] / float(tau.max()):
+        return None
     try:
-        solved = np.linalg.solve(matrix, sides)
-    except np.linalg.LinAlgError:
-        return np.inf
-    return float(solved[:, 1].max()) if bool((solved[:, 0] > 0.0).all()) else np.inf
+        form = solve_continuous_lyapunov(jacobian.T, -np.eye(len(at)))
+        form = 0.5 * (form + form.T)
+        sizes = np.linalg.eigvalsh(form)
+        inverse = np.diag(np.linalg.inv(form)).copy()
+    except (LinAlgError, np.linalg.LinAlgError, ValueError):
+        return None
+    rounded = len(at) * 8.0 * EPSILON
+    if not sizes[0] > rounded * sizes[-1] or not bool((inverse > 0.0).all()):
+        return None
+    falls = -(jacobian.T @ form + form @ jacobian)
+    margin = float(np.linalg.eigvalsh(falls)[0]) - rounded * sizes[-1] * np.abs(jacobian).max()
+    rate, rounding = frame.rates(x)
+    force = (np.abs(rate) + rounding)[at] / tau
+    pull = float(np.linalg.norm(np.abs(form) @ force))
+    width = reach[at].copy()
+    for _ in range(WIDENED):
+        wide = np.zeros(cells.count)
+        wide[at] = width
+        if not _kept_in(frame, x, wide, ~frame.moving):
+            return None
+        low, high = output_slopes(cells.template, x - wide, x + wide)
+        away = np.maximum(np.abs(low[at] - slope), np.abs(high[at] - slope))
+        change = np.abs(form) @ (np.abs(matrix) * away)
+        steep = margin - float((change + change.T).sum(axis=1).max())
+        if not steep > 0.0:
+            return None
+        off = np.sqrt(sizes[-1] * inverse) * (2.0 * pull / steep) * (1.0 + SPARE)
+        start = reach[at] + off
+        around = np.sqrt(float(start @ np.abs(form) @ start) * inverse) * (1.0 + SPARE)
+        if bool((off + around <= width).all()):
+            whole = np.zeros(cells.count)
+            whole[at] = off
+            return Region(whole, wide)
+        width = np.maximum(width, (off + around) * (1.0 + SPARE))
+    return None
+
+
+def _by_energy(frame: Frame, x: Floats, reach: Floats) -> Region | None:
+    """Return a region where A is symmetric among the cells of a linear range, by its inertia."""
+    cells, template = frame.cells, frame.cells.template
+    if cells.pairs or cells.delays or template.output.name not in ("standard", "linear"):
+        return None
+    if own_output(template) or cells.count > MOST_SPARSE or (
+        cells.count <= MOST_DENSE and not template.output.linear):  # fmt: skip
+        return None
+    low, high = output_slopes(template, x - reach, x + reach)
+    if bool((low != high)[frame.moving].any()):
+        return None
+    at = np.flatnonzero(frame.moving & (high > 0.0))
+    rest = np.flatnonzero(frame.moving & (high == 0.0))
+    inner = cells.matrix[at][:, at].tocsc()
+    if len(at) and abs(inner - inner.T).max() > 0.0:
+        return None
+    gap = _gap(sparse.identity(len(at), format="csc") - inner) if len(at) else 1.0
+    if gap is None:
+        return None
+    rate, rounded = frame.rates(x)
+    force, tau = np.abs(rate) + rounded, cells.tau[at]
+    off, width = np.zeros(cells.count), np.zeros(cells.count)
+    # vᵀ τ v falls while |v| is above |force| / gap
+    pull = float(np.linalg.norm(force[at])) / gap
+    off[at] = pull * np.sqrt(tau.max(initial=1.0) / tau) * (1.0 + SPARE)
+    start = np.sqrt(float((tau * (reach[at] + off[at]) ** 2).sum()))
+    width[at] = off[at] + start / np.sqrt(tau) * (1.0 + SPARE)
+    seen = cells.sizes[rest][:, at]
+    off[rest] = (force[rest] + seen @ off[at]) * (1.0 + SPARE)
+    width[rest] = np.maximum(off[rest] + reach[rest], off[rest] + seen @ width[at]) * (1.0 + SPARE)
+    low, high = output_slopes(template, x - width, x + width)
+    same = bool((high[at] == low[at]).all()) and not bool(high[rest].any())
+    return Region(off, width) if same else None
+
+
+def _gap(matrix: Any) -> float | None:
+    """Return a bound below the eigenvalues of a symmetric matrix that is above 0, if one is shown.
+
+    Without exchanges of rows the signs of U are those of the eigenvalues (Sylvester).
+    """
+    one = sparse.identity(matrix.shape[0], format="csc")
+    for gap in GAPS:
+        if signs(matrix - gap * one) == 0:
+            return gap
+    return None
+
+
+def signs(matrix: Any) -> int | None:
+    """Return how many eigenvalues of a symmetric matrix are below 0; None on the edge of it."""
+    options = {"SymmetricMode": True}
+    factorise: Any = linalg.splu
+    try:
+        factors = factorise(
+            matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options
+        )
+    except RuntimeError:
+        return None
+    diagonal = factors.U.diagonal()
+    if not bool((factors.perm_r == factors.perm_c).all()) or not bool(np.isfinite(diagonal).all()):
+        return None
+    return int((diagonal < 0.0).sum())

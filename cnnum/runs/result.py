@@ -2,15 +2,77 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, field
+from typing import Any, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cnnum.arrays import Floats
 from cnnum.integrators.estimate import LOST
 from cnnum.sharing import html, tables
 from cnnum.values import ByContent
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Decision:
+    """What is proven of the state of every cell at the end of a run.
+
+    Of a run to equilibrium the end is the equilibrium that the array comes to. Nothing here is an
+    estimate: where no proof is found, bounds are infinite and cells are open.
+
+    Attributes
+    ----------
+    lower, upper : (..., rows, cols) or (..., layers, rows, cols) float
+        Bounds on the true state.
+    at_rest : (...) bool
+        Whether it is proven that the outputs stay as they are from the end on: exactly, where all
+        cells are saturated, else within the tolerance of the run.
+    """
+
+    lower: Floats
+    upper: Floats
+    at_rest: NDArray[np.bool_]
+
+    @property
+    def sign(self) -> NDArray[np.int8]:
+        """The sign of every cell's state, 1 or −1; 0 where it is open."""
+        above = (self.lower > 0.0).astype(np.int8)
+        return np.asarray(above - (self.upper < 0.0).astype(np.int8), dtype=np.int8)
+
+    @property
+    def saturated(self) -> NDArray[np.bool_]:
+        """Whether the state of every cell is proven to be at or beyond 1 or −1."""
+        return np.asarray((self.lower >= 1.0) | (self.upper <= -1.0))
+
+    @property
+    def open(self) -> NDArray[np.bool_]:
+        """Whether the sign of a cell is not proven."""
+        return np.asarray(self.sign == 0)
+
+    def __repr__(self) -> str:
+        sign = self.sign
+        return (
+            f"Decision({int((sign != 0).sum())} of {sign.size} cells proven, "
+            f"{int(self.saturated.sum())} saturated, at rest {bool(np.all(self.at_rest))})"
+        )
+
+
+class Proof(Protocol):
+    """What is proven of a run, worked out when it is asked for: see `Result`."""
+
+    @property
+    def certified(self) -> NDArray[np.str_]:
+        """How each frame's error is known."""
+
+    @property
+    def stability(self) -> NDArray[np.str_]:
+        """The stability of the equilibrium at each frame's state."""
+
+    @property
+    def decision(self) -> Decision:
+        """What is proven of every cell."""
+
 
 FEW = 6
 """Times that a picture shows."""
@@ -29,14 +91,17 @@ class Result(ByContent):
     steps : (...) int
         Steps taken, rejected ones counted; 0 where none were needed.
     settled : (...) bool
-        Whether |dx/dt|·τ is below the tolerance in every cell.
+        Whether |dx/dt|·τ is below the tolerance in every cell. Of a run to equilibrium: whether it
+        came to one that it keeps. It is false at an unstable one (`stability`).
     error : (...) float
-        Estimated error of the state: the sum of the steps' local errors and roundings, times a
-        safety factor. Of an exact answer, it is its roundings; with a delay, that of runs in steps
-        of half the length. Infinity means that nothing is known of it. So it is of steps of a fixed
-        length, or in discrete time, which are not followed unless `estimate=True`. So it is, too,
-        of runs with a delay up to a rest, and of steps that were forced. So it is where an estimate
-        grew beyond 1e30.
+        Error of the state at most. `certified` says how it is known. Of a run to equilibrium it is
+        the distance to the one that the array truly comes to, and infinite where it is not shown
+        that it comes to that one. Of others it is estimated: the sum of the steps' local errors and
+        roundings, times a safety factor. Of an exact answer, it is its roundings; with a delay,
+        that of runs in steps of half the length. Infinity means that nothing is known of it. So it
+        is of steps of a fixed length, or in discrete time, which are not followed unless
+        `estimate=True`. So it is, too, of runs with a delay up to a rest that is not the only one,
+        and of steps that were forced. So it is where an estimate grew beyond 1e30.
     method : str
     reason : str
         Why this method: why the array is exact, or about how many evaluations of the rates it
@@ -53,6 +118,50 @@ class Result(ByContent):
     method: str
     reason: str
     times: tuple[float, ...] = ()
+    proof: Proof | None = field(default=None, repr=False)
+
+    @property
+    def certified(self) -> NDArray[np.str_]:
+        """How `error` is known of each frame, (...): "proven", "estimated" or "unknown".
+
+        * "proven": the true array, in exact arithmetic and from this start, is within `error` of
+          `state` at the end; of a run to equilibrium, it comes to one that is. That is shown by an
+          enclosure of its way, which shares nothing with the run.
+        * "estimated": `error` is finite, and no proof was found. Of a run to equilibrium it is
+          proven that all states which the run may have come to, by its estimated error, lead to
+          one equilibrium, and how far that is.
+        * "unknown": `error` is infinite.
+
+        It is worked out when it is first asked for, in a tenth of a second a frame of small arrays
+        to a minute. Runs `at` times, of template batches and in whole numbers are not proven.
+        """
+        if self.proof is None:
+            return np.where(np.isfinite(self.error), "estimated", "unknown")
+        return self.proof.certified
+
+    @property
+    def stability(self) -> NDArray[np.str_]:
+        """Stability of the equilibrium at `state`, (...): "stable", "unstable" or "unknown".
+
+        An unstable equilibrium is a saddle or a source. An array that starts on it may stay there,
+        and leaves it if anything is off by the least. "unknown" also means that no equilibrium is
+        near.
+        """
+        if self.proof is None:
+            return np.full(np.shape(self.error), "unknown")
+        return self.proof.stability
+
+    @property
+    def decision(self) -> Decision:
+        """What is proven of every cell: bounds, its sign, whether it is saturated, and rest.
+
+        Worked out as `certified` is. Here a long way costs less than in `error`, as cells that are
+        saturated add nothing.
+        """
+        if self.proof is None:
+            wide = np.full(self.state.shape, np.inf)
+            return Decision(-wide, wide, np.zeros(np.shape(self.error), dtype=bool))
+        return self.proof.decision
 
     def __repr__(self) -> str:
         facts = ", ".join(f"{name} {value}" for name, value in self._facts())

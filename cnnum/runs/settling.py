@@ -7,28 +7,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cnnum.arrays import Floats
+from cnnum.errors import MethodError
 from cnnum.graph.nodes import RunSpec
-from cnnum.runs.contraction import distances, may_contract
-from cnnum.runs.equilibrium import NEAR, has_certificate, verdict
+from cnnum.runs.cells import Cells, Frame
+from cnnum.runs.equilibrium import NEAR, Verdict, verdict
 from cnnum.runs.result import Result
 from cnnum.templating.template import Template
 
 STRETCH = 32.0
-"""Time constants by which a run goes on between two looks at whether it rests."""
+"""Time constants by which a run is longer than the one before, in which it was not shown to rest;
+each is twice as much longer as the last."""
 
 Maps = NDArray[np.floating]
 Given = Mapping[str, Maps]
 Rerun = Callable[[dict[str, Maps], float], Result]
-"""Runs frames from a state for a time."""
+"""Runs frames from their start for a time."""
 
 
 def at_rest(
-    result: Result,
-    template: Template,
-    given: Given,
-    again: Rerun,
-    spec: RunSpec,
-    precision: str,
+    result: Result, template: Template, given: Given, again: Rerun, spec: RunSpec
 ) -> Result:
     """Return a result whose frames rest where they say so.
 
@@ -40,45 +37,44 @@ def at_rest(
     given : mapping of str to (..., maps, rows, cols) float
         The run's maps, by role.
     again : callable
-        Runs some frames for a time; it is given the state, too.
+        Runs some frames for a time.
     spec : RunSpec
         Its limit is the time constants after which a frame is said not to rest.
-    precision : str
-        Of the engine.
 
     Returns
     -------
     Result
-        Errors are those to the equilibrium. Frames that ran on have a later time, more steps and an
-        unknown error.
+        Errors are those to the equilibrium that is come to; infinite where it is not shown that
+        states as far off as the run may be come to it. Frames that were run for longer have a later
+        time and more steps.
     """
-    if not may_contract(template) or not result.settled.any():
+    if template.output.discrete or not result.settled.any():
         return result
-    found = _Frames(result, template, given)
-    if has_certificate(template):
-        _until_they_rest(found, template, again, spec, precision)
-    else:
-        size = np.abs(found.state).max(axis=(1, 2, 3), initial=0.0)
-        found.error += np.where(found.settled, spec.atol + spec.rtol * size, 0.0)
-    found.bring_errors_down(spec.rtol, spec.atol)
-    return found.result()
-
-
-def _until_they_rest(
-    found: "_Frames", template: Template, again: Rerun, spec: RunSpec, precision: str
-) -> None:
-    """Let frames run on until it is shown that they rest, or their time is up."""
-    waiting = np.flatnonzero(found.settled)
+    found = Frames(result, template, given)
+    cells = Cells(template, found.shape)
+    seen: dict[int, Verdict] = {}
+    waiting, stretch = np.flatnonzero(found.settled), STRETCH
     while len(waiting):
-        some = found.given_of(waiting)
-        state = found.state[waiting]
-        error = {"rtol": spec.rtol, "atol": spec.atol}
-        seen = verdict(template, some, state, **error, precision=precision)
-        found.state[waiting], found.settled[waiting] = seen.state, seen.rests
-        found.error[waiting] += np.where(seen.rests, seen.off, 0.0)
-        waiting = waiting[~seen.rests & (found.time[waiting] < spec.settle_limit)]
+        left: list[int] = []
+        for frame in waiting.tolist():
+            x = found.state[frame]
+            tolerance = spec.atol + spec.rtol * np.abs(x)
+            seen[frame] = _all_saturated(template, x, float(found.error[frame]), tolerance) or (
+                verdict(
+                    Frame(cells, found.given_of(frame)), x, float(found.error[frame]), tolerance
+                )
+            )
+            late = found.time[frame] + stretch > spec.settle_limit
+            if seen[frame].stability != "stable" and seen[frame].decided and not late:
+                left.append(frame)
+        waiting = np.array(left, dtype=np.intp)
         if len(waiting):
-            found.run_on(waiting, again)
+            waiting = found.run_for(waiting, stretch, again)
+            stretch *= 2.0
+    for frame, what in seen.items():
+        found.state[frame], found.error[frame] = what.state, what.error
+        found.settled[frame] = what.stability == "stable" or not what.decided
+    return found.result()
 
 
 def saturated(result: Result | None, template: Template, rtol: float, atol: float) -> Result | None:
@@ -95,81 +91,86 @@ def saturated(result: Result | None, template: Template, rtol: float, atol: floa
     """
     if result is None or not result.settled.all() or template.output.name != "standard":
         return None
+    if result.method == "propagator" and not np.isfinite(result.error).all():
+        return None  # a cell may have fallen to the other side
     sizes = np.abs(result.state)
     off = atol + rtol * float(sizes.max())
     if not template.plain or float(sizes.min()) < 1.0 + max(off, NEAR):
         return None
     # a way whose error leaves all cells saturated leads to the same equilibrium
     same = result.error < float(sizes.min()) - 1.0 - off
-    return replace(result, error=np.where(same, 0.0, result.error) + off)
+    return replace(result, error=np.where(same, off, np.inf))
 
 
-class _Frames:
+def _all_saturated(
+    template: Template, x: Floats, reach: float, tolerance: Floats
+) -> Verdict | None:
+    """Return what `saturated` says of a state, so that single runs and batches say the same."""
+    if template.output.name != "standard" or not template.plain:
+        return None
+    least, off = float(np.abs(x).min()), float(tolerance.max())
+    if least < 1.0 + max(off, NEAR):
+        return None
+    return Verdict("stable", x, off if reach < least - 1.0 - off else np.inf)
+
+
+class Frames:
     """The frames of a batch in one row."""
 
     def __init__(self, result: Result, template: Template, given: Given) -> None:
         self._result, self._template = result, template
         self._lead = result.settled.shape
         self._batch = int(np.prod(self._lead, dtype=np.int64))
-        rows_cols = result.state.shape[-2:]
-        self._shape = (self._batch, template.layers, *rows_cols)
-        self.state = np.array(result.state, dtype=np.float64).reshape(self._shape)
+        self.shape = (int(result.state.shape[-2]), int(result.state.shape[-1]))
+        self.state = np.array(result.state, dtype=np.float64).reshape(self._batch, -1)
         self.time = np.array(result.time, dtype=np.float64).reshape(self._batch)
         self.steps = np.array(result.steps).reshape(self._batch)
         self.error = np.array(result.error, dtype=np.float64).reshape(self._batch)
         self.settled = np.array(result.settled).reshape(self._batch)
-        self._given = {role: self._flat(maps) for role, maps in given.items() if role != "state"}
+        self._given = {role: self._flat(maps) for role, maps in given.items()}
 
-    def _flat(self, maps: Maps) -> Floats:
+    def _flat(self, maps: Maps) -> Maps:
         """Return maps as (batch or 1, maps, rows, cols)."""
         if maps.ndim == 3 or all(n == 1 for n in maps.shape[:-3]):
-            return np.asarray(maps, dtype=np.float64).reshape(1, *maps.shape[-3:])
+            return maps.reshape(1, *maps.shape[-3:])
         whole = np.broadcast_to(maps, (*self._lead, *maps.shape[-3:]))
-        return np.asarray(whole, dtype=np.float64).reshape(self._batch, *maps.shape[-3:])
+        return whole.reshape(self._batch, *maps.shape[-3:])
 
-    def given_of(self, frames: np.ndarray) -> dict[str, Floats]:
-        """Return the maps of some frames, without their state."""
+    def given_of(self, frame: int) -> dict[str, Floats]:
+        """Return the maps of a frame, (maps, rows, cols) by role."""
         return {
-            role: maps if len(maps) == 1 else maps[frames] for role, maps in self._given.items()
+            role: np.asarray(maps[0 if len(maps) == 1 else frame], dtype=np.float64)
+            for role, maps in self._given.items()
         }
 
-    def run_on(self, frames: np.ndarray, again: Rerun) -> None:
-        """Run some frames on from their states."""
-        more = again({**self.given_of(frames), "state": self.state[frames]}, STRETCH)
+    def run_for(self, frames: NDArray[np.intp], longer: float, again: Rerun) -> NDArray[np.intp]:
+        """Run some frames anew for a longer time; return those that are elsewhere then."""
+        some = {
+            role: np.broadcast_to(maps, (self._batch, *maps.shape[1:]))[frames]
+            for role, maps in self._given.items()
+        }
+        before = self.state[frames]
+        try:
+            more = again(some, float(self.time[frames].max()) + longer)
+        except MethodError:  # it would take too many steps: these frames do not rest
+            return np.zeros(0, dtype=np.intp)
         count = len(frames)
-        self.state[frames] = more.state.reshape(count, *self._shape[1:])
-        self.time[frames] += more.time.reshape(count)
+        self.state[frames] = more.state.reshape(count, -1)
+        self.time[frames] = more.time.reshape(count)
         self.steps[frames] += more.steps.reshape(count)
-        self.error[frames] = np.inf
-
-    def bring_errors_down(self, rtol: float, atol: float) -> None:
-        """Let errors be distances to the equilibrium where the array is shown to contract.
-
-        Frames whose cells are all saturated get the bound that `saturated` has for single ones.
-        """
-        sizes = np.abs(self.state).reshape(self._batch, -1)
-        off = atol + rtol * sizes.max(axis=1)
-        spare = sizes.min(axis=1) - 1.0
-        held = self.settled & (spare >= np.maximum(off, NEAR))
-        held &= self._template.output.name == "standard"
-        same = held & (self.error - off < spare - off)
-        self.error[same] = off[same]
-        at = np.flatnonzero(self.settled & ~held)
-        if len(at):
-            near = distances(self._template, self.given_of(at), self.state[at], self.error[at])
-            self.error[at] = np.minimum(self.error[at], near)
+        self.error[frames] = more.error.reshape(count)
+        moved: NDArray[np.bool_] = (self.state[frames] != before).any(axis=1)
+        return np.asarray(frames[moved], dtype=np.intp)
 
     def result(self) -> Result:
         """Return the result of all frames."""
-        old, lead = self._result, self._lead
+        old, lead, output = self._result, self._lead, self._template.output
         state = self.state.reshape(old.state.shape)
-        output = old.output
-        if has_certificate(self._template):
-            output = state.copy() if self._template.output.linear else np.clip(state, -1.0, 1.0)
+        moved = bool((state != old.state).any())
         return replace(
             old,
             state=state,
-            output=output,
+            output=np.asarray(output.numpy(state), dtype=np.float64) if moved else old.output,
             time=self.time.reshape(lead),
             steps=self.steps.reshape(lead),
             settled=self.settled.reshape(lead),

@@ -61,8 +61,13 @@ class ExactEnd:
         """
         scheme = self.scheme
         largest = np.maximum(_largest(state), _largest(drive))
-        end, rounded = _ENDS[type(scheme)](scheme, state, drive)
-        largest = largest if rounded is None else _largest(rounded)
+        if isinstance(scheme, Separate):
+            numbers = state.astype(np.float64), drive.astype(np.float64)
+            ends, rounded = evaluate(scheme, *numbers, self.rounding)
+            end: Reals = ends
+            largest = _largest(np.where(held, np.abs(state), rounded))
+        else:
+            end = _ENDS[type(scheme)](scheme, state, drive)
         if isinstance(scheme, Propagator) and scheme.constant.any():
             largest = np.maximum(largest, 1.0)  # the sum of a rim counts in units of 1
         state[...] = np.where(held, state, end)
@@ -73,28 +78,20 @@ def _largest(maps: Reals) -> Floats:
     return np.asarray(np.abs(maps).max(axis=(1, 2, 3)), dtype=np.float64)
 
 
-End = tuple[Reals, Reals | None]
-"""States at the end, and the numbers that are rounded in them if not start and drive alone."""
-
-
-def _decayed(scheme: Decay, start: Reals, drive: Reals) -> End:
+def _decayed(scheme: Decay, start: Reals, drive: Reals) -> Reals:
     kept = scheme.kept[:, np.newaxis, np.newaxis]
-    return np.where(kept == 0.0, drive, drive + kept * (start - drive)), None
+    return np.asarray(np.where(kept == 0.0, drive, drive + kept * (start - drive)))
 
 
-def _by_pieces(scheme: Separate, start: Reals, drive: Reals) -> End:
-    return evaluate(scheme, start.astype(np.float64), drive.astype(np.float64))
-
-
-def _propagated(scheme: Propagator, start: Reals, drive: Reals) -> End:
+def _propagated(scheme: Propagator, start: Reals, drive: Reals) -> Reals:
     batch = len(start)
     ends = np.tile(scheme.constant, (batch, 1))
     for matrix, maps in ((scheme.state, start), (scheme.drive, drive)):
         add_products(np.ascontiguousarray(maps).reshape(batch, -1), matrix.T, ends)
-    return ends.reshape(start.shape), None
+    return ends.reshape(start.shape)
 
 
-def _through_modes(scheme: Spectral, start: Reals, drive: Reals) -> End:
+def _through_modes(scheme: Spectral, start: Reals, drive: Reals) -> Reals:
     modes, back = np.zeros_like(start), np.ascontiguousarray(scheme.rows.T)
     into = np.ascontiguousarray(scheme.cols.T)
     for factors, maps in ((scheme.state, start), (scheme.drive, drive)):
@@ -104,22 +101,21 @@ def _through_modes(scheme: Spectral, start: Reals, drive: Reals) -> End:
                 for to in range(maps.shape[1]):
                     modes[:, to] += factors[to, source] * seen
     ends = [_both_sides(back, modes[:, to], scheme.cols) for to in range(modes.shape[1])]
-    return np.stack(ends, axis=1) + scheme.constant, None
+    return np.stack(ends, axis=1) + scheme.constant
 
 
-def _around_torus(scheme: Circulant, start: Reals, drive: Reals) -> End:
+def _around_torus(scheme: Circulant, start: Reals, drive: Reals) -> Reals:
     (batch, layers), cells = drive.shape[:2], drive.shape[2:]
     ends = np.zeros((layers, drive[:, 0].size), drive.dtype)
     by_layer = np.moveaxis(drive, 1, 0)
     for shift in np.ndindex(*cells):
         seen = np.roll(by_layer, shift, axis=(2, 3)).reshape(layers, -1)
         add_products(np.ascontiguousarray(scheme.drive[:, :, *shift]), seen, ends)
-    return np.moveaxis(ends.reshape(layers, batch, *cells), 0, 1), None
+    return np.moveaxis(ends.reshape(layers, batch, *cells), 0, 1)
 
 
-_ENDS: dict[type, Callable[[Any, Reals, Reals], End]] = {
+_ENDS: dict[type, Callable[[Any, Reals, Reals], Reals]] = {
     Decay: _decayed,
-    Separate: _by_pieces,
     Propagator: _propagated,
     Spectral: _through_modes,
     Circulant: _around_torus,

@@ -19,6 +19,7 @@ from typing import ClassVar
 import numpy as np
 
 from cnnum.arrays import Floats
+from cnnum.integrators.estimate import LOST
 from cnnum.templating.template import Template
 
 LONGEST = 60.0
@@ -85,21 +86,41 @@ def moved(slope: float, time: float) -> float:
     return math.expm1(min(slope * time, math.log(STEEPEST))) / slope if slope else time
 
 
-def evaluate(scheme: Separate, start: Floats, drive: Floats) -> tuple[Floats, Floats]:
+def tips_over(own: float, time: float) -> bool:
+    """Return whether cells fall to one side or the other of an equilibrium, and how far: to a rest.
+
+    A cell whose rate is no more than its roundings may fall to either, and at a rate of 0 to none.
+    """
+    return math.isinf(time) and own > 1.0
+
+
+def evaluate(
+    scheme: Separate, start: Floats, drive: Floats, rounding: float
+) -> tuple[Floats, Floats]:
     """Return x(t) of (..., layers, rows, cols) initial states and drives, and the rounded numbers.
 
     Roundings of that size are made up to `roundings` times: of time, of the end, and of the numbers
-    in a rate. These grow along the way as the rate does.
+    in a rate. These grow along the way as the rate does. The numbers of a cell that may fall to
+    either side are so large that nothing is known of the error.
+
+    Parameters
+    ----------
+    scheme : Separate
+    start, drive : (..., layers, rows, cols) float
+    rounding : float
+        All roundings together, as a part of those numbers.
     """
     end, rounded = np.empty_like(start), np.empty_like(start)
     with np.errstate(all="ignore"):  # some results, computed for all cells, have no use
         for layer, (own, time) in enumerate(zip(scheme.own, scheme.time, strict=True)):
             at = (..., layer, slice(None), slice(None))
-            end[at], rounded[at] = _end(float(own), float(time), start[at], drive[at])
+            end[at], rounded[at] = _end(float(own), float(time), start[at], drive[at], rounding)
     return end, rounded
 
 
-def _end(own: float, time: float, start: Floats, drive: Floats) -> tuple[Floats, Floats]:
+def _end(
+    own: float, time: float, start: Floats, drive: Floats, rounding: float
+) -> tuple[Floats, Floats]:
     side = np.sign(start) * (np.abs(start) > 1.0)
     target, left = drive + own * side, math.exp(-time)
     # d when it comes to its edge; 0 where it never does, or is within it
@@ -114,7 +135,11 @@ def _end(own: float, time: float, start: Floats, drive: Floats) -> tuple[Floats,
     grown = np.where(before == 0.0, growth(slope, time), after / np.abs(before))
     rounded = np.abs(drive) + np.abs(start) + np.abs(own * now)
     late = 0.0 if left == 0.0 else time * after
-    return end, np.abs(end) + np.where(away, left, grown) * rounded + late
+    numbers = np.abs(end) + np.where(away, left, grown) * rounded + late
+    if tips_over(own, time):
+        either = (np.abs(before) <= rounding * rounded) & (np.abs(drive) < slope) & ~away
+        numbers = np.where(either, 2.0 * LOST / rounding, numbers)
+    return end, numbers
 
 
 def _from_inside(slope: float, time: float, entered: Floats, now: Floats, drive: Floats) -> Floats:
@@ -122,7 +147,8 @@ def _from_inside(slope: float, time: float, entered: Floats, now: Floats, drive:
     rate = slope * now + drive
     to = np.where(rate < 0.0, -1.0, 1.0)
     rate_there = slope * to + drive
-    leaves = to * rate_there > 0.0
+    # without a rate a cell stays, though it would leave from beside
+    leaves = (to * rate_there > 0.0) & ((rate != 0.0) | (slope <= 0.0))
     if math.isinf(time):
         return np.where(leaves, to + rate_there, np.where(rate == 0.0, now, -drive / slope))
     # as a quotient of decays, which is exact where the end is near

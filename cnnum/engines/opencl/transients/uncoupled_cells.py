@@ -5,11 +5,21 @@ The formulas, and the meaning of d, stand in `cnnum.integrators.exact_ends.separ
 
 import math
 
+import numpy as np
+
 from cnnum import kernels as ir
 from cnnum.engines.opencl.transients.builder import TransientBuilder
 from cnnum.engines.opencl.transients.feedforward import drive_of
 from cnnum.engines.opencl.transients.names import LARGEST, NOW, X
-from cnnum.integrators.exact_ends.separate import STEEPEST, Separate, growth, moved, roundings
+from cnnum.integrators.estimate import LOST
+from cnnum.integrators.exact_ends.separate import (
+    STEEPEST,
+    Separate,
+    growth,
+    moved,
+    roundings,
+    tips_over,
+)
 
 FROM, TO, DRIVE, S, E, EDGE, AWAY = ir.names("from to drive s e edge away")
 """Start and end; the piece, where it pulls, when a cell leaves it, and whether it never does."""
@@ -48,7 +58,7 @@ def _cell(text: TransientBuilder, scheme: Separate, layer: int) -> list[ir.State
         *_inside(own - 1.0, time),
         ir.fixed(TO, to),
         ir.Assign(X[text.at(layer)], TO),
-        *_rounded(own, time),
+        *_rounded(text, own, time),
     ]
 
 
@@ -59,6 +69,8 @@ def _inside(slope: float, time: float) -> list[ir.Statement]:
     over: ir.Expression
     between: ir.Expression
     if math.isinf(time):
+        if slope > 0.0:  # without a rate a cell stays, though it would leave from beside
+            crosses = crosses & G.differs(ir.ZERO)
         over, between = B + AT_B, ir.pick(G.differs(ir.ZERO), -DRIVE / m, NOW)
     elif slope == 1.0:  # as most templates have it: e^t = 1/d is at hand
         both = ((LEFT, ir.pick(entered, d / EDGE, d)), (ENDS, G / AT_B))
@@ -88,13 +100,18 @@ def _inside(slope: float, time: float) -> list[ir.Statement]:
     ]
 
 
-def _rounded(own: float, time: float) -> list[ir.Statement]:
+def _rounded(text: TransientBuilder, own: float, time: float) -> list[ir.Statement]:
     """Return the bound on rounding, as `cnnum.integrators.exact_ends.separate` has it."""
     slope, left = own - 1.0, ir.Number(math.exp(-time))
     at_rest = ir.Number(growth(slope, time))
     sum = ir.size(TO) + ir.pick(AWAY.differs(ir.ZERO), left, GROWN) * SIZES
     if not math.isinf(time):
         sum = sum + ir.Number(time) * AFTER
+    if tips_over(own, time):
+        rounding = float(np.finfo(text.tables.dtype).eps) * roundings(text.template)
+        near = ir.pick(ir.size(G) > ir.Number(rounding) * SIZES, ir.ZERO, ir.ONE - AWAY)
+        near = ir.pick(ir.size(DRIVE) < ir.Number(slope), near, ir.ZERO)
+        sum = sum + ir.Number(2.0 * LOST / rounding) * text.unless_held(near, ir.ZERO)
     return [
         ir.fixed(SEEN, ir.clip(TO)),
         ir.fixed(AFTER, ir.size(ir.Number(slope) * SEEN + DRIVE + (SEEN - TO))),

@@ -1,0 +1,261 @@
+"""What is proven of a run: an enclosure of the true end, and what follows for every cell.
+
+The proof shares nothing with the run but the template and the maps. It is made when it is asked
+for, as it takes longer than the run: `cnnum.runs.enclosure` follows the array from its start. A run
+to equilibrium is proven where the enclosure comes into a region of contraction
+(`cnnum.runs.contraction`), in which an equilibrium is then enclosed.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from threading import RLock
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cnnum.arrays import Floats
+from cnnum.runs.cells import EPSILON, Cells, Frame, own_output
+from cnnum.runs.contraction import region
+from cnnum.runs.enclosure import Enclosure, encloses
+from cnnum.runs.equilibrium import NEAR, Stability, newton, verdict
+from cnnum.runs.result import Decision
+from cnnum.templating.template import Template
+
+BUDGET = 60.0
+"""Seconds that the proof of one frame may take."""
+
+FIRST_LOOK, LATER = 0.5, 1.3
+"""Time constants after which a region is looked for, and the factor between two looks."""
+
+SLOW = 0.1
+"""Largest rate at which an equilibrium is looked for that has no M-matrix around it, 1/τ."""
+
+LATEST = 1000.0
+"""Time constants after which a run is said not to rest."""
+
+Flags = NDArray[np.bool_]
+Words = NDArray[np.str_]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Known:
+    """The findings on one frame: bounds, whether outputs rest, and a bound on the error alone."""
+
+    lower: Floats
+    upper: Floats
+    at_rest: bool
+    off: float = np.inf
+
+
+class Certificate:
+    """The proof of a run, made when it is asked for, and once.
+
+    Parameters
+    ----------
+    template : Template
+    given : mapping of str to (..., maps, rows, cols) float
+        The run's maps by role; kept as they are.
+    duration : float or None
+        Its end, in time constants; None for a run to equilibrium.
+    rtol, atol : float
+    state : (..., rows, cols) or (..., layers, rows, cols) float
+        The run's.
+    error : (...) float
+    """
+
+    def __init__(
+        self,
+        template: Template,
+        given: Mapping[str, NDArray[np.floating]],
+        duration: float | None,
+        tolerances: tuple[float, float],
+        state: Floats,
+        error: Floats,
+    ) -> None:
+        self._template, self._given, self._duration = template, given, duration
+        self._rtol, self._atol = tolerances
+        self._state, self._error = state, np.asarray(error)
+        self._turn = RLock()
+
+    @cached_property
+    def _cells(self) -> Cells:
+        return Cells(self._template, (int(self._state.shape[-2]), int(self._state.shape[-1])))
+
+    @property
+    def _lead(self) -> tuple[int, ...]:
+        return self._error.shape
+
+    def _frame(self, number: int) -> tuple[Frame, Floats]:
+        """Return a frame, and its start."""
+        lead, cells, template = self._lead, self._cells, self._template
+        at = np.unravel_index(number, lead) if lead else ()
+        given = {
+            role: np.asarray(np.broadcast_to(maps, (*lead, *maps.shape[-3:]))[at], np.float64)
+            for role, maps in self._given.items()
+        }
+        if "state" in given:
+            start = given["state"].ravel()
+        elif template.initial == "input":
+            start = given["input"].ravel()
+        else:
+            start = np.full(cells.count, float(template.initial))
+        if template.output.limited:
+            start = np.clip(start, -1.0, 1.0)
+        return Frame(cells, given), np.array(start, dtype=np.float64)
+
+    @cached_property
+    def _known(self) -> list[Known]:
+        count = math.prod(self._lead)
+        states = self._state.reshape(count, -1)
+        return [self._of(number, states[number]) for number in range(count)]
+
+    def _of(self, number: int, state: Floats) -> Known:
+        template = self._template
+        nothing = Known(np.full(len(state), -np.inf), np.full(len(state), np.inf), at_rest=False)
+        if template.gains:
+            return nothing
+        frame, start = self._frame(number)
+        if template.output.discrete:
+            return self._replayed(frame, start) or nothing
+        if self._duration is None:
+            return self._to_rest(frame, start, state) or nothing
+        if not encloses(frame):
+            return nothing
+        way = Enclosure(frame, start, budget=BUDGET)
+        if not way.advance(self._duration):
+            return nothing
+        rests = self._outputs_rest(frame, way.x, way.off)
+        return Known(way.x - way.off, way.x + way.off, rests)
+
+    def _to_rest(self, frame: Frame, start: Floats, state: Floats) -> Known | None:
+        """Return the enclosed equilibrium that the array comes to from its start."""
+        if own_output(self._template):
+            return None
+        anywhere = np.where(frame.moving, np.inf, 0.0)
+        # masked cells keep their start all the time
+        at = np.where(frame.moving, state, start)
+        found = _rest(frame, at, anywhere)
+        if found is None and encloses(frame):
+            way = Enclosure(frame, start, budget=BUDGET)
+            look, slowest = FIRST_LOOK, float(frame.cells.tau.max())
+            rate, rounded = frame.rates(start)
+            if bool((np.abs(rate) <= rounded).all()):
+                return None  # it starts on an equilibrium from which nothing contracts
+            while found is None and look < LATEST * slowest:
+                if not way.advance(look * slowest):
+                    return None
+                found = _rest(frame, way.x, way.off)
+                look *= LATER
+        if found is None:
+            return None
+        rest, off = found
+        # closer than by way of the bounds: both have their roundings
+        near = region(frame, state, np.abs(state - rest) + off, close=False)
+        error = np.inf if near is None else float(near.off.max(initial=0.0))
+        return Known(rest - off, rest + off, at_rest=True, off=error)
+
+    def _outputs_rest(self, frame: Frame, x: Floats, off: Floats) -> bool:
+        """Return whether outputs stay as they are from a state on that is within bounds."""
+        if frame.cells.template.output.name == "standard" and not frame.cells.pairs:
+            beyond = (np.abs(x) - off >= 1.0) | ~frame.moving
+            if bool(beyond.all()):
+                rate, rounded = frame.rates(x)
+                target = (rate + x) * np.sign(x) - rounded
+                return bool(((target >= 1.0) | ~frame.moving).all())
+        found = region(frame, x, off)
+        tolerance = self._atol + self._rtol * np.abs(x)
+        return found is not None and bool((2.0 * found.width <= tolerance).all())
+
+    def _replayed(self, frame: Frame, start: Floats) -> Known | None:
+        """Return the end in discrete time, step by step, where no sign is in doubt."""
+        cells, template = frame.cells, self._template
+        if cells.pairs or template.delayed is not None:
+            return None
+        x, off = start, np.zeros_like(start)
+        last = self._duration if self._duration is not None else LATEST
+        before = None
+        for _ in range(math.ceil(last - 1e-9)):
+            if bool((np.abs(x) <= off)[frame.moving & (off > 0.0)].any()):
+                return None
+            y = np.where(x >= 0.0, 1.0, -1.0)
+            if before is not None and bool((y == before).all()):
+                return Known(x - off, x + off, at_rest=True)
+            before = y
+            size = frame.drive_size + cells.sizes @ np.abs(y)
+            x = np.where(frame.moving, frame.drive + cells.matrix @ y, start)
+            off = np.where(frame.moving, cells.roundings * size + EPSILON * np.abs(x), 0.0)
+        if self._duration is None:
+            return None
+        y = np.where(x >= 0.0, 1.0, -1.0)
+        same = before is not None and bool((y == before).all())
+        return Known(x - off, x + off, at_rest=same and bool((np.abs(x) > off).all()))
+
+    @property
+    def certified(self) -> Words:
+        """How each frame's error is known."""
+        with self._turn:
+            words = [
+                self._word(known, state, float(error))
+                for known, state, error in zip(
+                    self._known if bool(np.isfinite(self._error).any()) else
+                    [None] * self._error.size,
+                    self._state.reshape(self._error.size, -1),
+                    self._error.ravel(),
+                    strict=True,
+                )
+            ]  # fmt: skip
+        return np.array(words, dtype="<U9").reshape(self._lead)
+
+    @staticmethod
+    def _word(known: Known | None, state: Floats, error: float) -> str:
+        if known is None or not math.isfinite(error):
+            return "unknown"
+        most = max(float((known.upper - state).max()), float((state - known.lower).max()))
+        return "proven" if min(most, known.off) <= error else "estimated"
+
+    @cached_property
+    def stability(self) -> Words:
+        """The stability of the equilibrium at each frame's state."""
+        words: list[Stability] = []
+        with self._turn:
+            for number, x in enumerate(self._state.reshape(self._error.size, -1)):
+                if self._template.output.discrete or self._template.gains:
+                    words.append("unknown")
+                    continue
+                frame, _ = self._frame(number)
+                x = np.asarray(x, dtype=np.float64)
+                tolerance = self._atol + self._rtol * np.abs(x)
+                found = verdict(frame, x, 0.0, tolerance)
+                rest = newton(frame, x)
+                at = found.state if rest is None else rest
+                near = bool((np.abs(at - x) <= np.maximum(tolerance, NEAR * np.abs(x))).all())
+                near &= rest is not None or found.stability == "stable"
+                words.append(found.stability if near else "unknown")
+        return np.array(words, dtype="<U8").reshape(self._lead)
+
+    @cached_property
+    def decision(self) -> Decision:
+        """What is proven of every cell."""
+        with self._turn:
+            known = self._known
+        lower = np.stack([one.lower for one in known]).reshape(self._state.shape)
+        upper = np.stack([one.upper for one in known]).reshape(self._state.shape)
+        return Decision(lower, upper, np.array([k.at_rest for k in known]).reshape(self._lead))
+
+
+def _rest(frame: Frame, x: Floats, off: Floats) -> tuple[Floats, Floats] | None:
+    """Return the equilibrium that all states within bounds come to, and how far off it may be."""
+    around = region(frame, x, off, close=False)
+    rate, _ = frame.rates(x)
+    if around is None and float(np.abs(rate).max(initial=0.0)) > SLOW:
+        return None
+    found = newton(frame, x)
+    at = x if found is None else found
+    if frame.cells.template.output.limited:
+        at = np.clip(at, -1.0, 1.0)
+    around = region(frame, at, off + np.abs(at - x))
+    if around is None and found is not None:
+        at, around = x, region(frame, x, off)
+    return None if around is None else (at, around.off)
