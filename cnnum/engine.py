@@ -414,7 +414,8 @@ class Engine(OfThisProcess):
         if exact or is_integer(self.precision):
             # whole numbers rest where a step moves none of them
             known = np.isfinite(result.error) | is_integer(self.precision)
-            return replace(result, settled=result.settled & known)
+            settled = result.settled & known
+            return replace(result, settled=settled, error=np.where(settled, result.error, np.inf))
 
         def again(given: dict[str, NDArray[np.floating]], duration: float) -> Result:
             longer = replace(spec, duration=duration)
@@ -443,7 +444,7 @@ class Engine(OfThisProcess):
         plan = self._plan_for((ran.digest, shape, names, spec), ran, shape, names, spec)
         (solver,) = plan.solvers.values()
         try:
-            refuse_hopeless(self.name, solver)
+            refuse_hopeless(self.name, solver, float(ran.tau.min()))
             outputs = outputs_of(plan, given, lead)
         except MethodError:
             implicit = implicit_spec(self.name, ran, shape, spec)

@@ -18,6 +18,9 @@ STRETCH = 32.0
 """Time constants by which a run is longer than the one before, in which it was not shown to rest;
 each is twice as much longer as the last."""
 
+MOST_STEPS = 10_000
+"""Steps after which a run is not taken anew for longer: these are steps of stiff arrays."""
+
 Maps = NDArray[np.floating]
 Given = Mapping[str, Maps]
 Rerun = Callable[[dict[str, Maps], float], Result]
@@ -49,7 +52,7 @@ def at_rest(
         time and more steps.
     """
     if template.output.discrete or not result.settled.any():
-        return result
+        return replace(result, error=np.where(result.settled, result.error, np.inf))
     found = Frames(result, template, given)
     cells = Cells(template, found.shape)
     seen: dict[int, Verdict] = {}
@@ -59,12 +62,14 @@ def at_rest(
         for frame in waiting.tolist():
             x = found.state[frame]
             tolerance = spec.atol + spec.rtol * np.abs(x)
-            seen[frame] = _all_saturated(template, x, float(found.error[frame]), tolerance) or (
-                verdict(
-                    Frame(cells, found.given_of(frame)), x, float(found.error[frame]), tolerance
-                )
-            )
+            reach = float(found.error[frame])
+            # a run that ended on time may still move
+            ready = None
+            if stretch == STRETCH:
+                ready = _all_saturated(template, x, reach, tolerance)
+            seen[frame] = ready or verdict(Frame(cells, found.given_of(frame)), x, reach, tolerance)
             late = found.time[frame] + stretch > spec.settle_limit
+            late |= bool(found.steps[frame] > MOST_STEPS)
             if seen[frame].stability != "stable" and seen[frame].decided and not late:
                 left.append(frame)
         waiting = np.array(left, dtype=np.intp)
@@ -102,10 +107,32 @@ def saturated(result: Result | None, template: Template, rtol: float, atol: floa
     return replace(result, error=np.where(same, off, np.inf))
 
 
+def lanes_at_rest(result: Result, template: Template, rtol: float, atol: float) -> Result:
+    """Return a result of many templates side by side, up to a rest, whose errors are shown.
+
+    Frames are not looked at one by one: what is not all saturated has an infinite error.
+
+    Parameters
+    ----------
+    result : Result
+        Of a batch, along its first axis.
+    template : Template
+        Of their form.
+    rtol, atol : float
+    """
+    error = np.full(result.error.shape, np.inf)
+    if template.output.name == "standard" and template.plain:
+        sizes = np.abs(result.state).reshape(len(error), -1)
+        off, spare = atol + rtol * sizes.max(axis=1), sizes.min(axis=1) - 1.0
+        shown = result.settled & (spare >= np.maximum(off, NEAR)) & (result.error < spare - off)
+        error = np.where(shown, off, np.inf)
+    return replace(result, error=error)
+
+
 def _all_saturated(
     template: Template, x: Floats, reach: float, tolerance: Floats
 ) -> Verdict | None:
-    """Return what `saturated` says of a state, so that single runs and batches say the same."""
+    """Return what `saturated` says of a state with small rates, as single runs have it."""
     if template.output.name != "standard" or not template.plain:
         return None
     least, off = float(np.abs(x).min()), float(tolerance.max())
@@ -127,6 +154,7 @@ class Frames:
         self.steps = np.array(result.steps).reshape(self._batch)
         self.error = np.array(result.error, dtype=np.float64).reshape(self._batch)
         self.settled = np.array(result.settled).reshape(self._batch)
+        self.error[~self.settled] = np.inf  # what does not rest is not near a rest
         self._given = {role: self._flat(maps) for role, maps in given.items()}
 
     def _flat(self, maps: Maps) -> Maps:

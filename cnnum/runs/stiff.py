@@ -16,6 +16,9 @@ from cnnum.plan import Plan
 from cnnum.runs.result import Result
 from cnnum.templating.template import Template
 
+SOONEST = 0.1
+"""Part of a time constant before which no run comes to a rest that it does not start from."""
+
 REASON = f"explicit steps would be more than {MAX_STEPS:,}; implicit ones, on the host in float64"
 
 
@@ -47,10 +50,17 @@ def on_host(name: str, schedule: Schedule, solvers: dict[int, Solver]) -> Plan |
     return Plan(*about, schedule, schedule, solvers, host.build(schedule, solvers), host)
 
 
-def refuse_hopeless(engine: str, solver: Solver) -> None:
+def refuse_hopeless(engine: str, solver: Solver, tau: float) -> None:
     """Raise as a run would whose steps are too short to reach its end, and so not begin it.
 
     The reference engine takes them only where they were asked for.
+
+    Parameters
+    ----------
+    engine : str
+    solver : Solver
+    tau : float
+        The shortest time constant.
 
     Raises
     ------
@@ -59,8 +69,10 @@ def refuse_hopeless(engine: str, solver: Solver) -> None:
     """
     scheme = solver.scheme
     taken = solver.asked or engine != "reference"
-    if taken and isinstance(scheme, AdaptiveSteps | ChebyshevSteps) and not solver.settle:
-        refuse_unfinished(np.array([solver.duration > MAX_STEPS * scheme.control.longest]))
+    if taken and isinstance(scheme, AdaptiveSteps | ChebyshevSteps):
+        # up to a rest cells need their own time, whatever the others do
+        end = min(SOONEST * tau, solver.duration) if solver.settle else solver.duration
+        refuse_unfinished(np.array([end > MAX_STEPS * scheme.control.longest]))
 
 
 def stiffly(result: Result) -> Result:

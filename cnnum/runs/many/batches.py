@@ -12,6 +12,7 @@ from cnnum.runs.arguments import channels_and_lead, maps_by_role
 from cnnum.runs.delays import by_halving, delay_of, halved
 from cnnum.runs.many.lanes import Maps, Plans, fits_lanes, run_lanes
 from cnnum.runs.result import Result
+from cnnum.runs.settling import lanes_at_rest
 from cnnum.templating.batch import TemplateBatch
 from cnnum.templating.template import Template
 
@@ -79,6 +80,9 @@ def run_batch(
             return _joined(run_lanes(batch, lead, flat, shape, asked, plans, precision))
 
         result = _halved(batch.template, side_by_side, options, precision)
+        duration = asked["duration"]
+        if (batch.template.duration if duration is None else duration) == "settle":
+            result = lanes_at_rest(result, batch.template, asked["rtol"], asked["atol"])
     else:
         result = _joined(_one_by_one(batch, lead, flat, options, one))
     return _shaped(result, lead)
