@@ -27,7 +27,6 @@ from cnnum.plan import Plan
 from cnnum.programs import Program
 from cnnum.programs.library import get_program
 from cnnum.runs.arguments import channels_and_lead, maps_by_role
-from cnnum.runs.certificate import Certificate
 from cnnum.runs.chip import Chip, run_on_chip
 from cnnum.runs.delays import by_differences, by_halving, delay_of, frames_of, halved
 from cnnum.runs.growth import compared, may_grow
@@ -35,7 +34,7 @@ from cnnum.runs.linear_range import as_linear, stays_linear
 from cnnum.runs.many.batches import run_batch
 from cnnum.runs.planning import graph_of, plan_of
 from cnnum.runs.prepared import Form, PreparedRuns, form_of, prepared_run
-from cnnum.runs.result import Result
+from cnnum.runs.result import Proof, Result
 from cnnum.runs.settling import at_rest, saturated
 from cnnum.runs.single import finished, outputs_of, with_fallback
 from cnnum.runs.stiff import implicit_spec, refuse_hopeless, stiffly
@@ -313,7 +312,7 @@ class Engine(OfThisProcess):
         duration = template.duration if duration is None else duration
         end = None if duration == "settle" else float(duration)
         about = (end, (rtol, atol), result.state, result.error)
-        object.__setattr__(result, "proof", Certificate(template, given, *about))
+        object.__setattr__(result, "proof", Proof(template, given, *about))
         return result
 
     def _at_times(

@@ -7,7 +7,6 @@ to equilibrium is proven where the enclosure comes into a region of contraction
 """
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from threading import RLock
@@ -20,8 +19,7 @@ from cnnum.runs.cells import EPSILON, Cells, Frame, own_output
 from cnnum.runs.contraction import region
 from cnnum.runs.enclosure import Enclosure, encloses
 from cnnum.runs.equilibrium import NEAR, Stability, newton, verdict
-from cnnum.runs.result import Decision
-from cnnum.templating.template import Template
+from cnnum.runs.result import Decision, Proof
 
 BUDGET = 60.0
 """Seconds that the proof of one frame may take."""
@@ -54,29 +52,14 @@ class Certificate:
 
     Parameters
     ----------
-    template : Template
-    given : mapping of str to (..., maps, rows, cols) float
-        The run's maps by role; kept as they are.
-    duration : float or None
-        Its end, in time constants; None for a run to equilibrium.
-    rtol, atol : float
-    state : (..., rows, cols) or (..., layers, rows, cols) float
-        The run's.
-    error : (...) float
+    proof : Proof
+        The run.
     """
 
-    def __init__(
-        self,
-        template: Template,
-        given: Mapping[str, NDArray[np.floating]],
-        duration: float | None,
-        tolerances: tuple[float, float],
-        state: Floats,
-        error: Floats,
-    ) -> None:
-        self._template, self._given, self._duration = template, given, duration
-        self._rtol, self._atol = tolerances
-        self._state, self._error = state, np.asarray(error)
+    def __init__(self, proof: Proof) -> None:
+        self._template, self._given, self._duration = proof.template, proof.given, proof.duration
+        self._rtol, self._atol = proof.tolerances
+        self._state, self._error = proof.state, np.asarray(proof.error)
         self._turn = RLock()
 
     @cached_property

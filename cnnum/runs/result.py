@@ -1,16 +1,22 @@
 """The result of a template's run."""
 
 import math
+import pickle
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cnnum.arrays import Floats
+from cnnum.errors import CnnumError
 from cnnum.integrators.estimate import LOST
 from cnnum.sharing import html, tables
+from cnnum.templating.template import Template
+
+if TYPE_CHECKING:
+    from cnnum.runs.certificate import Certificate
 from cnnum.values import ByContent
 
 
@@ -58,20 +64,47 @@ class Decision:
         )
 
 
-class Proof(Protocol):
-    """What is proven of a run, worked out when it is asked for: see `Result`."""
+@dataclass(frozen=True, slots=True, eq=False)
+class Proof:
+    """What a proof of a run takes, which is made when it is asked for: see `Certificate`.
 
-    @property
-    def certified(self) -> NDArray[np.str_]:
-        """How each frame's error is known."""
+    Attributes
+    ----------
+    template : Template
+    given : mapping of str to (..., maps, rows, cols) float
+        The run's maps by role; kept as they are.
+    duration : float or None
+        Its end, in time constants; None for a run to equilibrium.
+    tolerances : (rtol, atol)
+    state : (..., rows, cols) or (..., layers, rows, cols) float
+    error : (...) float
+        Both of the result.
+    """
 
-    @property
-    def stability(self) -> NDArray[np.str_]:
-        """The stability of the equilibrium at each frame's state."""
+    template: Template
+    given: Mapping[str, NDArray[np.floating]]
+    duration: float | None
+    tolerances: tuple[float, float]
+    state: Floats
+    error: Floats
+    _made: list["Certificate"] = field(default_factory=list["Certificate"], repr=False)
 
-    @property
-    def decision(self) -> Decision:
-        """What is proven of every cell."""
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Go to another process unmade, and not with functions that cannot go there."""
+        parts = (self.template, self.given, self.duration, self.tolerances, self.state, self.error)
+        try:
+            pickle.dumps(self.template)
+        except (pickle.PicklingError, AttributeError, TypeError, CnnumError):
+            return type(None), ()
+        return Proof, parts
+
+    def made(self) -> "Certificate":
+        """Return the proof."""
+        if not self._made:
+            from cnnum.runs.certificate import Certificate  # with SciPy, which takes its time
+
+            self._made.append(Certificate(self))
+        return self._made[0]
 
 
 FEW = 6
@@ -118,7 +151,7 @@ class Result(ByContent):
     method: str
     reason: str
     times: tuple[float, ...] = ()
-    proof: Proof | None = field(default=None, repr=False)
+    proof: Proof | None = field(default=None, repr=False, compare=False)
 
     @property
     def certified(self) -> NDArray[np.str_]:
@@ -137,7 +170,7 @@ class Result(ByContent):
         """
         if self.proof is None:
             return np.where(np.isfinite(self.error), "estimated", "unknown")
-        return self.proof.certified
+        return self.proof.made().certified
 
     @property
     def stability(self) -> NDArray[np.str_]:
@@ -149,7 +182,7 @@ class Result(ByContent):
         """
         if self.proof is None:
             return np.full(np.shape(self.error), "unknown")
-        return self.proof.stability
+        return self.proof.made().stability
 
     @property
     def decision(self) -> Decision:
@@ -161,7 +194,7 @@ class Result(ByContent):
         if self.proof is None:
             wide = np.full(self.state.shape, np.inf)
             return Decision(-wide, wide, np.zeros(np.shape(self.error), dtype=bool))
-        return self.proof.decision
+        return self.proof.made().decision
 
     def __repr__(self) -> str:
         facts = ", ".join(f"{name} {value}" for name, value in self._facts())

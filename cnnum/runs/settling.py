@@ -9,14 +9,15 @@ from numpy.typing import NDArray
 from cnnum.arrays import Floats
 from cnnum.errors import MethodError
 from cnnum.graph.nodes import RunSpec
-from cnnum.runs.cells import Cells, Frame
-from cnnum.runs.equilibrium import NEAR, Verdict, verdict
 from cnnum.runs.result import Result
 from cnnum.templating.template import Template
 
 STRETCH = 32.0
 """Time constants by which a run is longer than the one before, in which it was not shown to rest;
 each is twice as much longer as the last."""
+
+NEAR = 0.01
+"""Cells so near to saturation count as linear."""
 
 MOST_STEPS = 10_000
 """Steps after which a run is not taken anew for longer: these are steps of stiff arrays."""
@@ -53,6 +54,10 @@ def at_rest(
     """
     if template.output.discrete or not result.settled.any():
         return replace(result, error=np.where(result.settled, result.error, np.inf))
+    # with SciPy, which takes its time
+    from cnnum.runs.cells import Cells, Frame
+    from cnnum.runs.equilibrium import Verdict, verdict
+
     found = Frames(result, template, given)
     cells = Cells(template, found.shape)
     seen: dict[int, Verdict] = {}
@@ -67,7 +72,11 @@ def at_rest(
             ready = None
             if stretch == STRETCH:
                 ready = _all_saturated(template, x, reach, tolerance)
-            seen[frame] = ready or verdict(Frame(cells, found.given_of(frame)), x, reach, tolerance)
+            if ready is not None:
+                seen[frame] = Verdict("stable", x, ready)
+                continue
+            one = Frame(cells, found.given_of(frame))
+            seen[frame] = verdict(one, x, reach, tolerance)
             late = found.time[frame] + stretch > spec.settle_limit
             late |= bool(found.steps[frame] > MOST_STEPS)
             if seen[frame].stability != "stable" and seen[frame].decided and not late:
@@ -129,16 +138,14 @@ def lanes_at_rest(result: Result, template: Template, rtol: float, atol: float) 
     return replace(result, error=error)
 
 
-def _all_saturated(
-    template: Template, x: Floats, reach: float, tolerance: Floats
-) -> Verdict | None:
-    """Return what `saturated` says of a state with small rates, as single runs have it."""
+def _all_saturated(template: Template, x: Floats, reach: float, tolerance: Floats) -> float | None:
+    """Return the error that `saturated` states of a state, None where not all cells are."""
     if template.output.name != "standard" or not template.plain:
         return None
     least, off = float(np.abs(x).min()), float(tolerance.max())
     if least < 1.0 + max(off, NEAR):
         return None
-    return Verdict("stable", x, off if reach < least - 1.0 - off else np.inf)
+    return off if reach < least - 1.0 - off else np.inf
 
 
 class Frames:

@@ -1,5 +1,7 @@
 """Proofs of runs: what they say of errors and of every cell, against closed forms and SciPy."""
 
+import pickle
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -104,6 +106,18 @@ def test_a_proof_keeps_its_own_maps(picture):
     for sign, result in zip((1.0, -1.0, 1.0), results, strict=True):
         assert (result.decision.sign == sign).all()
         assert result.certified == "proven"
+
+
+def test_a_result_takes_its_proof_along():
+    """Made or not, it is worked out anew in another process."""
+    found = opened("numba float64").run(Template("one", [[0.5]], z=0.2), state=np.zeros((2, 2)))
+    for _ in range(2):
+        came = pickle.loads(pickle.dumps(found))
+        assert came == found
+        assert came.certified == found.certified == "proven"
+    soft = OutputFunction("softer", lambda x: 0.5 * x, "R(0.5) * x", slope=(0.5, 0.5))
+    own = opened("numba float64").run(Template("own", [[0.5]], output=soft), state=np.zeros((2, 2)))
+    assert pickle.loads(pickle.dumps(own)).proof is None
 
 
 def test_discrete_time_is_replayed_sign_by_sign():
