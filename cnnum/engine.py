@@ -420,7 +420,7 @@ class Engine(OfThisProcess):
             longer = replace(spec, duration=duration)
             return self._run(template, given, shape, longer, None, plainly=True)
 
-        return at_rest(result, template, given, again, spec)
+        return at_rest(result, template, given, again, spec, self.precision)
 
     def _run(
         self,

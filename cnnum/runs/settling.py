@@ -1,5 +1,6 @@
 """Runs to equilibrium, continued until there is one, or time is up."""
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
@@ -13,8 +14,8 @@ from cnnum.runs.result import Result
 from cnnum.templating.template import Template
 
 STRETCH = 32.0
-"""Time constants by which a run is longer than the one before, in which it was not shown to rest;
-each is twice as much longer as the last."""
+"""Time constants by which a run is longer, at least, than one in which it was not shown to rest. It
+is this times a power of 2, so that a frame runs for the same time alone and in a batch."""
 
 NEAR = 0.01
 """Cells so near to saturation count as linear."""
@@ -29,7 +30,12 @@ Rerun = Callable[[dict[str, Maps], float], Result]
 
 
 def at_rest(
-    result: Result, template: Template, given: Given, again: Rerun, spec: RunSpec
+    result: Result,
+    template: Template,
+    given: Given,
+    again: Rerun,
+    spec: RunSpec,
+    precision: str,
 ) -> Result:
     """Return a result whose frames rest where they say so.
 
@@ -44,6 +50,8 @@ def at_rest(
         Runs some frames for a time.
     spec : RunSpec
         Its limit is the time constants after which a frame is said not to rest.
+    precision : str
+        Of the engine: rates that are no more than its roundings move nothing.
 
     Returns
     -------
@@ -61,7 +69,9 @@ def at_rest(
     found = Frames(result, template, given)
     cells = Cells(template, found.shape)
     seen: dict[int, Verdict] = {}
-    waiting, stretch = np.flatnonzero(found.settled), STRETCH
+    still: dict[int, bool] = {}
+    coarser = float(np.finfo(precision).eps / np.finfo(np.float64).eps)
+    waiting, first = np.flatnonzero(found.settled), True
     while len(waiting):
         left: list[int] = []
         for frame in waiting.tolist():
@@ -70,25 +80,33 @@ def at_rest(
             reach = float(found.error[frame])
             # a run that ended on time may still move
             ready = None
-            if stretch == STRETCH:
+            if first:
                 ready = _all_saturated(template, x, reach, tolerance)
             if ready is not None:
                 seen[frame] = Verdict("stable", x, ready)
                 continue
             one = Frame(cells, found.given_of(frame))
             seen[frame] = verdict(one, x, reach, tolerance)
-            late = found.time[frame] + stretch > spec.settle_limit
+            late = longer(found.time[frame]) > spec.settle_limit
             late |= bool(found.steps[frame] > MOST_STEPS)
+            rate, rounded = one.rates(x)
+            still[frame] = bool((np.abs(rate) <= coarser * rounded).all())
+            late |= still[frame]
             if seen[frame].stability != "stable" and seen[frame].decided and not late:
                 left.append(frame)
         waiting = np.array(left, dtype=np.intp)
         if len(waiting):
-            waiting = found.run_for(waiting, stretch, again)
-            stretch *= 2.0
+            waiting, first = found.run_on(waiting, again), False
     for frame, what in seen.items():
         found.state[frame], found.error[frame] = what.state, what.error
-        found.settled[frame] = what.stability == "stable" or not what.decided
+        known = what.decided and not (what.stability == "unknown" and still.get(frame, False))
+        found.settled[frame] = what.stability == "stable" or not known
     return found.result()
+
+
+def longer(time: float) -> float:
+    """Return for how long a frame is run anew that was not shown to rest at a time."""
+    return STRETCH * 2.0 ** math.ceil(math.log2(time / STRETCH + 1.0))
 
 
 def saturated(result: Result | None, template: Template, rtol: float, atol: float) -> Result | None:
@@ -178,24 +196,28 @@ class Frames:
             for role, maps in self._given.items()
         }
 
-    def run_for(self, frames: NDArray[np.intp], longer: float, again: Rerun) -> NDArray[np.intp]:
+    def run_on(self, frames: NDArray[np.intp], again: Rerun) -> NDArray[np.intp]:
         """Run some frames anew for a longer time; return those that are elsewhere then."""
-        some = {
-            role: np.broadcast_to(maps, (self._batch, *maps.shape[1:]))[frames]
-            for role, maps in self._given.items()
-        }
-        before = self.state[frames]
-        try:
-            more = again(some, float(self.time[frames].max()) + longer)
-        except MethodError:  # it would take too many steps: these frames do not rest
-            return np.zeros(0, dtype=np.intp)
-        count = len(frames)
-        self.state[frames] = more.state.reshape(count, -1)
-        self.time[frames] = more.time.reshape(count)
-        self.steps[frames] += more.steps.reshape(count)
-        self.error[frames] = more.error.reshape(count)
-        moved: NDArray[np.bool_] = (self.state[frames] != before).any(axis=1)
-        return np.asarray(frames[moved], dtype=np.intp)
+        ends = np.array([longer(self.time[frame]) for frame in frames])
+        moved: list[NDArray[np.intp]] = []
+        for end in np.unique(ends):
+            some = frames[ends == end]
+            given = {
+                role: np.broadcast_to(maps, (self._batch, *maps.shape[1:]))[some]
+                for role, maps in self._given.items()
+            }
+            before = self.state[some]
+            try:
+                more = again(given, float(end))
+            except MethodError:  # it would take too many steps: these frames do not rest
+                continue
+            count = len(some)
+            self.state[some] = more.state.reshape(count, -1)
+            self.time[some] = more.time.reshape(count)
+            self.steps[some] += more.steps.reshape(count)
+            self.error[some] = more.error.reshape(count)
+            moved.append(some[(self.state[some] != before).any(axis=1)])
+        return np.sort(np.concatenate(moved)) if moved else np.zeros(0, dtype=np.intp)
 
     def result(self) -> Result:
         """Return the result of all frames."""

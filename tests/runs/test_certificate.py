@@ -110,7 +110,7 @@ def test_a_proof_keeps_its_own_maps(picture):
 
 def test_a_result_takes_its_proof_along():
     """Made or not, it is worked out anew in another process."""
-    found = opened("numba float64").run(Template("one", [[0.5]], z=0.2), state=np.zeros((2, 2)))
+    found = opened("numba float32").run(Template("one", [[0.5]], z=0.2), state=np.zeros((2, 2)))
     for _ in range(2):
         came = pickle.loads(pickle.dumps(found))
         assert came == found
