@@ -18,7 +18,10 @@ from cnnum.drivers.simulated.array import SimulatedOptions
 from cnnum.drivers.simulated.script import Phase
 from cnnum.engine import Engine
 from cnnum.errors import CnnumError
+from cnnum.frame import FORCE_AXES
 from cnnum.lab.bench.programs.contact_errors import errors, held
+from cnnum.lab.bench.programs.edge_errors import Skin, by_program, tally
+from cnnum.lab.bench.programs.edge_scenes import SHARP
 from cnnum.lab.bench.programs.halfspace_runs import (
     MODULUS,
     PITCH,
@@ -53,10 +56,10 @@ LATE = 0.5
 """s after which a report no longer belongs to what happened."""
 
 OMISSIONS = (
-    "localize and texture have no row: the truth of a bump is the finite elements that they "
-    "invert. `tests/tactile/test_texture_program.py` holds them to another mesh.",
-    "edges and body_fit have none: how far edges are from true outlines is a table of its own, of "
-    "`python -m cnnum.lab.bench.programs.edge_errors`.",
+    "Bumps of localize and texture are simulated by the finite elements that they invert. "
+    "Rows show noise and neighbours. `tests/tactile/test_texture_program.py` has another mesh.",
+    "edges is of one skin and three kinds of punches; all are in the tables of "
+    "`python -m cnnum.lab.bench.programs.edge_errors`, and those of body_fit in `body_errors`.",
     "halfspace_layers and halfspace_equilibrium stop at two cells: beyond, one takes minutes to "
     "build and the other relaxes for seconds.",
     "The cover of the half-space programs is 1 mm over taxels 1.5 mm apart, with one value a cell. "
@@ -80,7 +83,7 @@ class TrueError:
     setting : float
     engine, precision, method : str
     error : float
-        The total error, as a share; NaN where the answer is an event.
+        The total error, as a share, and of edges in pitches; NaN where the answer is an event.
     discretisation, arithmetic : float
         Its parts: the exact answer on the lattice against the truth, and the run against that.
         NaN where they cannot be told apart.
@@ -135,6 +138,10 @@ def measure_true_error(device: str | None, *, quick: bool = False) -> Iterator[T
             yield _surface_load(engine, rounds, count=20 if quick else 100)
         for side in (4, 8, 16):
             yield _contact(engine, side, count=8 if quick else 24)
+        for side in (8, 16):
+            yield _edges(engine, side, count=4 if quick else 20)
+        for side in (4, 8):
+            yield from _bumps(engine, side)
     trials = 2 if quick else TRIALS
     for rate in RATES[:2] if quick else RATES:
         for engine in engines:
@@ -252,6 +259,64 @@ def _contact(engine: Engine, side: int, count: int) -> TrueError:
     return _cost(replace(row, error=float(np.median(np.abs(off)))), timing)
 
 
+PUNCHES = ("square punch, turned", "bar", "triangle")
+"""Kinds of bodies on which no constant of `edges` was chosen."""
+
+
+def _edges(engine: Engine, side: int, count: int) -> TrueError:
+    """Return the row of edges of flat punches: median distance from the true outline, pitches."""
+    skin, rng = Skin(cells=side), np.random.default_rng(7)
+    punches = [SHARP[name](rng, side, count) for name in PUNCHES]
+    found = [tally(partial(by_program, engine), bodies, [skin]) for bodies in punches]
+    off = np.concatenate([each.off for each in found])
+    plan = engine.compile(
+        get_program("edges").bind(depth=skin.depth, reads=skin.reads), (side, side)
+    )
+    frame = np.zeros((side, side, 3))
+    frame[..., 2] = -skin.stream(punches[0].frames(side, skin.depth, skin.reads))[-1, 0]
+    alone = plan.stream()
+    alone.push(frame)
+    timing = timed(partial(alone.push, frame), budget=BUDGET_S)
+    row = _row("edges", "outlines of flat punches, pitches", "taxels a side", side, engine)
+    return _cost(replace(row, error=float(np.median(off))), timing)
+
+
+RUBBED = (
+    Phase("hold", 0.3),
+    Phase("press", 0.2, load=0.1),
+    Phase("pull", 0.7, speed=2e-3, direction=0.5),
+)
+BUMP, FRICTION = 0.2e-3, 0.6
+"""Radius of the bumps, m, and thickness of the rubber below them; the friction of the sphere."""
+
+
+def _bumps(engine: Engine, side: int) -> Iterator[TrueError]:
+    """Yield the rows of the load that bumps bear, and of the friction of what slides over them."""
+    options = SimulatedOptions(
+        script=RUBBED, shape=(side, side), cover="bumpy", bump_radius=BUMP, thickness=BUMP,
+        friction=FRICTION,
+    )  # fmt: skip
+    with options.open() as array:
+        frames = list(array.frames())
+        strain = array.calibration.to_strain(np.stack([frame.values for frame in frames]))
+    truth = frames[-1].truth
+    load = truth["normal_force"] if truth is not None else nan
+    cases: dict[str, tuple[str, float, dict[str, object]]] = {
+        "localize": ("bump_normal", load, {"unit": MODULUS * BUMP**2}),
+        "texture": ("friction", FRICTION, {"window": 32, "taxels": "strain"}),
+    }
+    for name, (output, true, known) in cases.items():
+        plan = engine.compile(get_program(name).bind(**known), (side, side), [output])
+        stream, got = plan.stream(), nan
+        columns = [FORCE_AXES.index(channel) for channel in plan.schedule.channels]
+        given = np.ascontiguousarray(strain[..., columns])
+        for frame in given:
+            got = float(stream.push(frame)[output])
+        row = _row(name, "a sphere that slides over bumps", "taxels a side", side, engine)
+        timing = timed(partial(stream.push, given[-1]), budget=BUDGET_S)
+        yield _cost(replace(row, error=abs(got / true - 1.0)), timing)
+
+
 @dataclass(frozen=True, slots=True)
 class Trial:
     """A simulated touch, and when things began in it.
@@ -326,7 +391,7 @@ def _reported(
     rate, delays, early = row.setting, list[float](), 0
     shape = trial(0, rate).strain.shape[1:3]
     plan = engine.compile(program, shape, [flag], method=method, dt=step)
-    columns = [("shear_x", "shear_y", "normal").index(c) for c in plan.schedule.channels]
+    columns = [FORCE_AXES.index(channel) for channel in plan.schedule.channels]
     for number in range(trials):
         one = trial(number, rate)
         stream, frames = plan.stream(), np.ascontiguousarray(one.strain[..., columns])

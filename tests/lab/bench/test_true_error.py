@@ -64,6 +64,20 @@ def test_a_trial_knows_when_things_begin():
     assert 0.5 <= times[0] < 0.6
 
 
+def test_bumps_read_the_load_and_the_friction(engine):
+    load, friction = true_error._bumps(engine, 4)
+    assert (load.case, friction.case) == ("localize", "texture")
+    # 2 % that the inverse may leave, the noise and the converter; a wrong ratio makes a third
+    assert load.error < 0.05
+    assert friction.error < 0.03
+    assert load.seconds > 0.0
+
+
+def test_edges_lie_within_a_fraction_of_a_pitch(engine):
+    row = true_error._edges(engine, 8, 2)
+    assert 0.0 < row.error < 0.3
+
+
 def test_the_picture_has_a_panel_a_program():
     numbers = dict.fromkeys(("error", "discretisation", "arithmetic"), 0.1)
     field = dict(case="a", truth="t", knob="cells", setting=1.0, engine="e", precision="float32",
