@@ -41,7 +41,8 @@ situations: $(VENV)/dev.stamp
 
 # recordings, frames, caches, files and processes under faults on purpose; a short version is in `test`
 faults: $(VENV)/dev.stamp
-	CNNUM_FAULTS=full $(PYTEST) tests/faults tests/drivers/test_serial_gaps.py tests/scenes/test_long_runs.py
+	CNNUM_FAULTS=full $(PYTEST) tests/faults tests/drivers/test_serial_gaps.py tests/scenes/test_long_runs.py \
+	    tests/cli/arrays/test_outside_drivers.py tests/cli/test_streams.py tests/live/test_server.py
 
 # arrays for long: a million damaged packets a protocol, 200 kills of a recorder, 20 unplugs, and five
 # minutes of a line at 1 kHz, which needs a core of its own; a short version is in `test`

@@ -154,6 +154,11 @@ class SerialArray(Closing):
         self.rate = 1e6 / first.period_us if first.period_us else 0.0
 
     @property
+    def verified(self) -> bool:
+        """Whether the protocol's packets carry a check of their numbers."""
+        return self._options.wire.verified
+
+    @property
     def counters(self) -> Counters:
         """The counts so far."""
         seen = self._reader.counters

@@ -56,6 +56,7 @@ def tsf85(asked: Asked) -> Wire:
         greeting=command(AUTOSEND, bytes([period])),
         farewell=command(AUTOSEND, b"\0"),
         form=Form(SHAPE, ("normal",), "count", 0.0, 4000.0),
+        verified=False,
     )
 
 

@@ -114,6 +114,9 @@ class Wire:
         Written before the port is closed.
     form : Form or None
         The scans that `encode` takes; None where it takes any scan.
+    verified : bool
+        Whether packets carry a check of their numbers. Without one, damage inside a packet goes
+        unseen, and a good packet between damaged ones may be taken for damage.
     """
 
     name: str
@@ -125,6 +128,7 @@ class Wire:
     request: bytes = b""
     farewell: bytes = b""
     form: Form | None = None
+    verified: bool = True
 
 
 def protocol_names() -> tuple[str, ...]:
@@ -180,6 +184,7 @@ def described_wire(path: Path, asked: Asked) -> Wire:
         form.encode,
         request=bytes.fromhex(known.request),
         form=Form(known.shape, known.channels, known.unit, 0.0, FULL[known.cell] * known.scale),
+        verified=known.check != "none",
     )
 
 

@@ -106,6 +106,7 @@ def _record(source: str, driver: "Driver", figures: "ProbeFigures") -> dict[str,
             name: {"by": by, "where": (row, col)} for name, (by, row, col) in figures.moved.items()
         },
         "clock_drift_ppm": _clock_drift(driver),
+        "verified": getattr(driver, "verified", None),
     }
 
 
@@ -125,6 +126,7 @@ def _facts(source: str, driver: "Driver", figures: "ProbeFigures") -> list[tuple
             f"{counters.dropped} dropped, {counters.bad + figures.bad} bad, "
             f"{counters.resyncs} sync losses ({counters.discarded} B), {counters.gaps} gaps",
         ),
+        *_unverified(driver),
         ("flagged", f"{figures.repeated} repeated, {figures.saturated} saturated"),
         (
             "spread",
@@ -137,6 +139,19 @@ def _facts(source: str, driver: "Driver", figures: "ProbeFigures") -> list[tuple
         ("dead cells", _cells(figures, figures.dead)),
         ("stuck cells", _cells(figures, figures.stuck)),
         ("noisy cells", _cells(figures, figures.noisy)),
+    ]
+
+
+def _unverified(driver: "Driver") -> list[tuple[str, str]]:
+    """Return a row where the protocol has no check: what counts as good is not known to be."""
+    if getattr(driver, "verified", True):
+        return []
+    return [
+        (
+            "check",
+            "frames of this protocol cannot be verified: damage inside a packet goes unseen, and "
+            "good packets next to damaged ones are lost",
+        )
     ]
 
 

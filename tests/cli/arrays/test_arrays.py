@@ -4,13 +4,16 @@ import csv
 import os
 import tty
 from threading import Thread
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from cnnum import Frame, Quality
+from cnnum.cli.commands import probe
 from cnnum.cli.probe_figures import ENOUGH, ProbeFigures
 from cnnum.drivers import open_driver
+from cnnum.drivers.codecs.wire import wire
 from cnnum.drivers.serve import packets, write_all
 from cnnum.frame import FORCE_AXES
 
@@ -197,3 +200,16 @@ def test_replay_counts_what_the_recording_lacks(tmp_path, suffix):
     with open_driver(suffix, {"path": path}) as tape:
         assert [scan.sequence for scan in tape.frames()] == [0, 1, 5, 5]
         assert (tape.counters.dropped, tape.counters.repeated, tape.counters.frames) == (3, 1, 3)
+
+
+@pytest.mark.parametrize(("verified", "rows"), [(True, 0), (False, 1), (None, 0)])
+def test_probe_says_where_frames_cannot_be_verified(verified, rows):
+    driver = SimpleNamespace() if verified is None else SimpleNamespace(verified=verified)
+    said = probe._unverified(driver)
+    assert len(said) == rows
+    assert all("cannot be verified" in text for _, text in said)
+
+
+@pytest.mark.parametrize(("name", "verified"), [("open", True), ("m1616", False), ("xela", False)])
+def test_a_protocol_knows_whether_its_packets_carry_a_check(name, verified):
+    assert wire(name).verified == verified
