@@ -97,6 +97,8 @@ class Frame(ByContent):
     monotonic_ns, wall_ns : int or None
         When it came, by the host's clock that never goes back and by the time of day. None of
         frames that did not just come.
+    saturated : (rows, cols) bool, optional
+        Taxels at an end of their range, where the driver knows which; only with the flag.
     calibration : str
         Id of the calibration that belongs to the values (`Calibration.identity`); empty where the
         driver knows none.
@@ -112,6 +114,7 @@ class Frame(ByContent):
     monotonic_ns: int | None = None
     wall_ns: int | None = None
     calibration: str = ""
+    saturated: NDArray[np.bool_] | None = None
 
     def __post_init__(self) -> None:
         if not isinstance(cast(object, self.values), np.ndarray) or not isinstance(
@@ -125,6 +128,11 @@ class Frame(ByContent):
             raise ArrayError(
                 f"A frame with the channels {self.channels} must have the shape "
                 f"(rows, cols, {len(self.channels)}), got {self.values.shape}."
+            )
+        if self.saturated is not None and self.saturated.shape != self.shape:
+            raise ArrayError(
+                f"The saturated taxels of a frame must have the shape {self.shape}, got "
+                f"{self.saturated.shape}."
             )
         object.__setattr__(self, "values", read_only(self.values))
 

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cnnum.arrays import Floats, Shape
 from cnnum.drivers.driver import Counters, Counting
@@ -132,14 +133,16 @@ class UskinCsv(Counting):
         for row, values in enumerate(self._values):
             again = bool(self._repeats[row])
             self.count(repeated=again)
+            at_end = np.asarray(np.isin(values, ENDS).any(axis=-1))
             yield Frame(
                 values=values,
                 channels=self.channels,
                 unit=self.unit,
                 sequence=int(numbers[row]),
                 time=float(self._times[row]),
-                quality=_quality(values, again=again),
+                quality=_quality(at_end, again=again),
                 truth=self._truths[row] if self._truths else None,
+                saturated=at_end if at_end.any() else None,
             )
         self._counters = replace(self._counters, dropped=self._dropped)
 
@@ -207,9 +210,8 @@ def _repeats(values: Floats) -> np.ndarray:
     return np.concatenate([[False], same])
 
 
-def _quality(values: Floats, *, again: bool) -> Quality:
-    saturated = bool(np.isin(values, ENDS).any())
-    flags = Quality.SATURATED if saturated else Quality.GOOD
+def _quality(at_end: NDArray[np.bool_], *, again: bool) -> Quality:
+    flags = Quality.SATURATED if at_end.any() else Quality.GOOD
     return flags | Quality.REPEATED if again else flags
 
 

@@ -101,11 +101,21 @@ def _refuse_nothing_shown(scene: "Scene", begin: float) -> None:
         )
 
 
+def _saturated_text(count: int) -> str:
+    return f", {count} saturated: loads in them are lower bounds" if count else ""
+
+
 def _show_fields(output: Output, moment: "FrameResult", names: Sequence[str]) -> None:
     """Print a record for each field of a frame that the scene wants by name."""
     for name in names:
         value = moment.outputs[name].tolist()
-        record = {"t": round(moment.frame.time, 6), "kind": "field", "frame": moment.number}
+        record: dict[str, object] = {
+            "t": round(moment.frame.time, 6),
+            "kind": "field",
+            "frame": moment.number,
+        }
+        if moment.load_is_bound:
+            record["load_is_bound"] = True
         output.record(record | {"name": name, "value": value})
 
 
@@ -144,6 +154,7 @@ def summarise(scene: "Scene", output: Output, more: Mapping[str, str]) -> None:
         "skipped": seen.skipped,
         "refused": seen.refused,
         "repeated": seen.repeated,
+        "saturated": seen.saturated,
         "gaps": gaps,
         "longest_gap_s": round(longest_gap, 6),
         "p50_us": round(seen.p50_us, 3),
@@ -164,7 +175,7 @@ def summarise(scene: "Scene", output: Output, more: Mapping[str, str]) -> None:
                 (
                     "frames",
                     f"{seen.frames} ({seen.bad_frames} bad, {seen.dropped} dropped, "
-                    f"{seen.repeated} repeated)",
+                    f"{seen.repeated} repeated{_saturated_text(seen.saturated)})",
                 ),
                 (
                     "scans",

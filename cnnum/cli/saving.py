@@ -66,7 +66,12 @@ class FieldSaver:
     def add(self, moment: "FrameResult") -> None:
         """Keep a moment."""
         if self._path is not None:
-            self._record.add(moment.number, moment.frame.time, moment.outputs)
+            self._record.add(
+                moment.number,
+                moment.frame.time,
+                moment.outputs,
+                load_is_bound=moment.load_is_bound,
+            )
 
     def write(self) -> Mapping[str, str]:
         """Write the file, and return its place for the summary."""

@@ -18,6 +18,9 @@ from cnnum.safety.names import checked_name
 
 Made = TypeVar("Made")
 
+SATURATED = "saturated"
+"""Channel in which a scene marks the taxels at an end of their range: 1, else 0."""
+
 
 class LocalMemory:
     """A local memory of every cell (or of the frame, for a number) that outlives the frame."""
@@ -102,7 +105,10 @@ class FrameFields:
             raise ProgramError(
                 f"Channels are a sequence of names, as in ('normal',), got {channels!r:.60}."
             )
-        self.channels = tuple(checked_name("a channel", c, ProgramError) for c in channels)
+        given = tuple(checked_name("a channel", c, ProgramError) for c in channels)
+        # no reading of the array: programs that go through all channels do not meet it
+        self.channels = tuple(name for name in given if name != SATURATED)
+        self._marked = SATURATED in given
         self._made: dict[tuple[object, ...], object] = {}
 
     def __getattr__(self, name: str) -> Field:
@@ -115,6 +121,17 @@ class FrameFields:
         if name not in self.channels:
             raise name_error("channel", name, self.channels)
         return Field(self._graph, self._graph.add(Input(name)))
+
+    def within_range(self, marks: Field) -> Field:
+        """Return a logic map without the taxels that stand at an end of their range.
+
+        A flag is off while there is any such taxel. A scene marks them in a channel of its own,
+        "saturated"; without it nothing is taken off.
+        """
+        if not self._marked:
+            return marks
+        at_end = Field(self._graph, self._graph.add(Input(SATURATED))) > 0.5
+        return marks & ~(at_end.any() if marks.scalar else at_end)
 
     @property
     def shape(self) -> Shape:

@@ -45,6 +45,8 @@ class Event:
         the flag's last event, the longest.
     gap_end : float or None
         s, on the clock of the frames, when that gap ended.
+    load_is_bound : bool
+        Whether the strength is a load that may be larger: a taxel stood at an end of its range.
     """
 
     t: float
@@ -58,6 +60,7 @@ class Event:
     after_gap: float | None = None
     gap_end: float | None = None
     unit: str | None = None
+    load_is_bound: bool = False
 
     @property
     def title(self) -> str:
@@ -78,6 +81,7 @@ class Event:
             "frame": self.frame,
             "after_gap": None if self.after_gap is None else round(self.after_gap, 6),
             "gap_end": None if self.gap_end is None else round(self.gap_end, 6),
+            "load_is_bound": True if self.load_is_bound else None,
         }
         return {name: value for name, value in values.items() if value is not None}
 
@@ -98,7 +102,8 @@ class Event:
         """Return the strength and the gap before it in words, as far as they are known."""
         parts: list[str] = []
         if self.strength is not None:
-            parts.append(f"strength {self.strength:.3g} {self.unit or ''}".rstrip())
+            least = "at least " if self.load_is_bound else ""
+            parts.append(f"strength {least}{self.strength:.3g} {self.unit or ''}".rstrip())
         if self.after_gap is not None:
             parts.append(f"after a gap of {self.after_gap:.3f} s")
         return parts
@@ -123,6 +128,12 @@ class EventRule:
         Outputs; none where empty.
     unit : str
         Of the strength.
+    load : bool
+        Whether the strength is a load. While taxels stand at an end of their range it is a lower
+        bound, and the end of the event is not reported: they are pressed.
+    shape : bool
+        Whether the flag goes by the shape of the load, which is not known then: the event is
+        reported from other frames alone.
     """
 
     kind: str
@@ -134,6 +145,8 @@ class EventRule:
     strength: str = ""
     sense: str = ""
     unit: str = ""
+    load: bool = False
+    shape: bool = False
 
     @property
     def needs(self) -> tuple[str, ...]:
@@ -141,7 +154,9 @@ class EventRule:
         pairs = (*(self.where or ()), *(self.direction or ()))
         return tuple(name for name in (self.flag, *pairs, self.strength, self.sense) if name)
 
-    def event(self, kind: str, t: float, frame: int, outputs: Outputs) -> Event:
+    def event(
+        self, kind: str, t: float, frame: int, outputs: Outputs, *, saturated: bool = False
+    ) -> Event:
         """Return the event of a flag that has just changed."""
         began = kind == self.kind
         pair = self.direction if began else None
@@ -156,7 +171,12 @@ class EventRule:
             strength=_number(outputs, self.strength) if strong else None,
             unit=(self.unit or None) if strong else None,
             sense=int(np.sign(_number(outputs, self.sense))) if self.sense and began else None,
+            load_is_bound=saturated and strong and self.load,
         )
+
+    def state_at_end(self, *, now: bool, held: bool) -> bool:
+        """Return the state of the flag while taxels stand at an end of their range."""
+        return held if self.shape or (self.load and held) else now
 
 
 def _number(outputs: Outputs, name: str) -> float:
@@ -171,6 +191,7 @@ EVENT_RULES: dict[str, tuple[EventRule, ...]] = {
             ends="release",
             where=("contact_row", "contact_column"),
             strength="load_normal",
+            load=True,
         ),
     ),
     "slip": (
@@ -180,6 +201,7 @@ EVENT_RULES: dict[str, tuple[EventRule, ...]] = {
             phase="incipient",
             direction=("slip_x", "slip_y"),
             strength="slip_strength",
+            shape=True,
         ),
         EventRule(
             "slip",
@@ -198,7 +220,7 @@ EVENT_RULES: dict[str, tuple[EventRule, ...]] = {
             sense="twist_sense",
         ),
     ),
-    "edge": (EventRule("edge", "edge_count", where=("edge_row", "edge_column")),),
+    "edge": (EventRule("edge", "edge_count", where=("edge_row", "edge_column"), shape=True),),
     "bump": (
         EventRule(
             "bump",
@@ -206,6 +228,7 @@ EVENT_RULES: dict[str, tuple[EventRule, ...]] = {
             ends="bump_release",
             where=("bump_row", "bump_column"),
             strength="bump_normal",
+            load=True,
         ),
     ),
 }
@@ -248,18 +271,35 @@ class EventDetector:
         """Take in that a frame before the next one was lost or refused."""
         self._missed = True
 
-    def update(self, t: float, frame: int, outputs: Outputs) -> tuple[Event, ...]:
-        """Return the events of one frame, in the order of the rules."""
+    def update(
+        self, t: float, frame: int, outputs: Outputs, *, saturated: bool = False
+    ) -> tuple[Event, ...]:
+        """Return the events of one frame, in the order of the rules.
+
+        Parameters
+        ----------
+        t : float, s
+        frame : int
+        outputs : mapping
+        saturated : bool
+            Whether a taxel stands at an end of its range because of a load.
+        """
         if self._missed:
             self._note_gap(t)
         self._last = t
         held, now = self._held, [_number(outputs, rule.flag) > 0.0 for rule in self.rules]
+        if saturated:
+            states = zip(self.rules, now, held, strict=True)
+            now = [rule.state_at_end(now=on, held=was) for rule, on, was in states]
         if now == held:
             return ()
         self._held = now
         changed = enumerate(zip(self.rules, held, now, strict=True))
         return tuple(
-            self._after_gap(place, rule.event(rule.kind if on else rule.ends, t, frame, outputs))
+            self._after_gap(
+                place,
+                rule.event(rule.kind if on else rule.ends, t, frame, outputs, saturated=saturated),
+            )
             for place, (rule, was, on) in changed
             if on != was and (on or rule.ends)
         )

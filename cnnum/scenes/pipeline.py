@@ -8,6 +8,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple, cast
 
+import numpy as np
+
 from cnnum.arrays import Floats, Shape, number_type
 from cnnum.drivers.driver import Driver
 from cnnum.drivers.registry import open_driver
@@ -22,6 +24,8 @@ from cnnum.errors import (
     name_error,
 )
 from cnnum.frame import Frame, Quality
+from cnnum.graph.graph import Graph
+from cnnum.graph.nodes import Input
 from cnnum.graph.tracing import TraceStep, trace_steps
 from cnnum.plan import Plan
 from cnnum.programs.library import get_program
@@ -35,6 +39,7 @@ from cnnum.scenes.frame_range import ANY, FrameRange, range_for
 from cnnum.scenes.histogram import Histogram
 from cnnum.scenes.like_frames import like_frames
 from cnnum.scenes.push_watch import PushWatch
+from cnnum.scenes.saturation import CHANNEL, Mask, Saturation
 from cnnum.scenes.scene_file import EVERYTHING, SceneSpec, read_scene, scene_names
 from cnnum.scenes.scene_record import SceneRecord
 from cnnum.scenes.strength_units import with_units
@@ -61,6 +66,9 @@ class FrameResult(NamedTuple):
         From the frame in host memory to its events.
     error : CnnumError or None
         The fault of a bad frame, which is passed over.
+    saturated : (rows, cols) bool or None
+        Taxels at an end of their range because of a load: what is found of the load on them is
+        a lower bound. None where there is none.
     """
 
     number: int
@@ -70,6 +78,12 @@ class FrameResult(NamedTuple):
     events: tuple[Event, ...]
     seconds: float
     error: CnnumError | None = None
+    saturated: Mask | None = None
+
+    @property
+    def load_is_bound(self) -> bool:
+        """Whether loads are lower bounds, as some taxel stands at an end of its range."""
+        return self.saturated is not None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -86,6 +100,10 @@ class FramePath:
         The conditions on a good frame.
     dead : DeadCells or None
         Taxels that are not looked at.
+    saturation : Saturation or None
+        Finds taxels at an end of their range; without it the driver's flags are not looked at.
+    marks : bool
+        Whether the program reads them, as its last channel.
     """
 
     read: Reader
@@ -93,6 +111,8 @@ class FramePath:
     detector: EventDetector
     range: FrameRange = ANY
     dead: DeadCells | None = None
+    saturation: Saturation | None = None
+    marks: bool = False
 
     def step(self, number: int, frame: Frame) -> FrameResult:
         """Return the results of a frame; a bad one or a repeat leaves everything as it was.
@@ -112,9 +132,12 @@ class FramePath:
         try:
             looked_at = frame if self.dead is None else self.dead.without(frame)
             size = self.range.size(looked_at)
+            at_end = None if self.saturation is None else self.saturation.mask(looked_at, size)
             values = self.read(looked_at)
             if self.dead is not None:
                 values = self.dead.filled(values)
+            if self.marks:
+                values = _marked(values, at_end)
             outputs = self.stream.push_read(values, size)
         except FrameError as error:
             return self._bad(number, frame, error)
@@ -122,8 +145,10 @@ class FramePath:
             if not self.stream.frames:
                 raise
             return self._bad(number, frame, error)
-        events = self.detector.update(frame.time, number, outputs)
-        return FrameResult(number, frame, values, outputs, events, time.perf_counter() - started)
+        bound = at_end is not None
+        events = self.detector.update(frame.time, number, outputs, saturated=bound)
+        spent = time.perf_counter() - started
+        return FrameResult(number, frame, values, outputs, events, spent, None, at_end)
 
     def _flagged(self, number: int, frame: Frame) -> FrameResult | None:
         """Return the result of a frame that its driver flags as bad or as a repeat."""
@@ -181,6 +206,7 @@ class Scene(OfThisProcess):
     _passes: int = 0
     _before: int = 0
     _last_before: Frame | None = None
+    _saturated: int = 0
 
     @classmethod
     def of(cls, spec: SceneSpec, engine: Engine | None = None) -> "Scene":
@@ -198,7 +224,9 @@ class Scene(OfThisProcess):
             conversion = conversion_for(spec.calibration, driver, spec.base, spec.scale)
             program = bound(get_program(spec.program), spec, driver)
             refuse_unfit(program, spec, driver, unit_of(conversion, driver))
-            outputs = program.trace(driver.shape, conversion.channels).outputs
+            traced = program.trace(driver.shape, (*conversion.channels, CHANNEL))
+            outputs = traced.outputs
+            channels = (*conversion.channels, *([CHANNEL] if _reads_marks(traced) else []))
             wants = _wants(spec, outputs, events_of_everything(spec, driver))
             measured = unit_of(conversion, driver)
             rules = with_units(_rules(spec, wants, outputs), program, measured)
@@ -206,9 +234,7 @@ class Scene(OfThisProcess):
             needs = tuple(dict.fromkeys((*(n for rule in rules for n in rule.needs), *fields)))
             dead = DeadCells(spec.dead, driver.shape) if spec.dead else None
             like = like_frames(spec, used.precision, driver, conversion, dead)
-            plan = used.compile(
-                program, driver.shape, needs, channels=conversion.channels, like=like
-            )
+            plan = used.compile(program, driver.shape, needs, channels=channels, like=like)
             plan.warm_up()
         except BaseException:
             driver.close()
@@ -266,7 +292,7 @@ class Scene(OfThisProcess):
                 )
             self.push.begin()
             self.bad, self._micros, self._late = BadFrames(), Histogram(), Histogram()
-            self._begun = self._repeated = self._before = 0
+            self._begun = self._repeated = self._before = self._saturated = 0
             self._last_before = None
             self._longest_gap = 0.0
         self._passes += 1
@@ -309,13 +335,24 @@ class Scene(OfThisProcess):
         """Return the way of a frame from host memory to its events, with memories of its own."""
         return self._path(self.plan, self.rules)
 
-    def _path(self, plan: Plan, rules: tuple[EventRule, ...]) -> FramePath:
-        read = self.conversion.reader(plan.schedule.channels_read, checks=False)
-        return FramePath(read, plan.stream(), EventDetector(rules), self.range, self.dead)
+    def _path(self, plan: Plan, rules: tuple[EventRule, ...], *, quiet: bool = False) -> FramePath:
+        channels = plan.schedule.channels_read
+        marks = CHANNEL in channels
+        read = self.conversion.reader(channels[:-1] if marks else channels, checks=False)
+        saturation = Saturation(
+            self.driver.shape,
+            _end_of_range(self.driver, self.conversion),
+            self.spec.dead,
+            [rule.kind for rule in rules if rule.shape],
+            quiet=quiet,
+        )
+        detector = EventDetector(rules)
+        return FramePath(read, plan.stream(), detector, self.range, self.dead, saturation, marks)
 
     def _count(self, moment: FrameResult, way: FramePath) -> None:
         if moment.values is not None:
             self.push.look(moment.values)
+            self._saturated += moment.saturated is not None
             self._micros.add(1e6 * moment.seconds)
             if moment.frame.monotonic_ns is not None:
                 self._late.add(1e-3 * (time.monotonic_ns() - moment.frame.monotonic_ns))
@@ -357,7 +394,13 @@ class Scene(OfThisProcess):
             raise SceneError(f"'frames' is a whole number from 1 up, got {shown(frames)}.")
         record = SceneRecord(self.fields)
         for moment in self.results():
-            record.add(moment.number, moment.frame.time, moment.outputs, moment.events)
+            record.add(
+                moment.number,
+                moment.frame.time,
+                moment.outputs,
+                moment.events,
+                load_is_bound=moment.load_is_bound,
+            )
             if frames is not None and moment.number + 1 >= frames:
                 break
         return record
@@ -372,7 +415,7 @@ class Scene(OfThisProcess):
         SceneError
             If the scene has no such frame, or it was bad or a repeat and nothing ran on it.
         """
-        way = self._path(self.plan.keeping_everything(), ())
+        way = self._path(self.plan.keeping_everything(), (), quiet=True)
         with closing(self._frames()) as frames:
             for at, frame in enumerate(frames):
                 moment = way.step(at, frame)
@@ -391,6 +434,7 @@ class Scene(OfThisProcess):
             handed_on=handed_on,
             refused=self.bad.count,
             repeated=self._repeated,
+            saturated=self._saturated,
             counters=self.driver.counters,
             longest_gap=self._longest_gap,
             p50_us=self._micros.quantile(0.50),
@@ -398,6 +442,27 @@ class Scene(OfThisProcess):
             arrival_p50_us=self._late.quantile(0.50) if self._late.total else None,
             arrival_p99_us=self._late.quantile(0.99) if self._late.total else None,
         )
+
+
+def _marked(values: Floats, at_end: Mask | None) -> Floats:
+    """Return values with the taxels at an end of their range as one more channel."""
+    marks = np.zeros((*values.shape[:2], 1))
+    if at_end is not None:
+        marks[..., 0] = at_end
+    return np.concatenate([values, marks], axis=2)
+
+
+def _reads_marks(graph: Graph) -> bool:
+    """Return whether a program asks which taxels stand at an end of their range."""
+    return any(node.operation == Input(CHANNEL) for node in graph.nodes)
+
+
+def _end_of_range(driver: Driver, conversion: Conversion) -> float:
+    """Return the magnitude from which a value stands at an end of its range."""
+    if isinstance(conversion, ByCalibration):
+        return conversion.calibration.limit
+    full_scale = cast(float | None, getattr(driver, "full_scale", None))
+    return math.inf if full_scale is None else full_scale
 
 
 def _refuse_other_shape(frame: Frame, shape: Shape) -> None:

@@ -38,6 +38,7 @@ class SceneRecord:
         self.events = EventList()
         self._times: list[float] = []
         self._numbers: list[int] = []
+        self._bound: list[bool] = []
         self._values: dict[str, list[Floats]] = {name: [] for name in self.names}
 
     def add(
@@ -46,6 +47,8 @@ class SceneRecord:
         time: float,
         outputs: Mapping[str, Floats],
         events: Iterable[Event] = (),
+        *,
+        load_is_bound: bool = False,
     ) -> None:
         """Take in the results of a frame; without outputs, its events alone."""
         self.events.extend(events)
@@ -53,6 +56,7 @@ class SceneRecord:
             return
         self._times.append(time)
         self._numbers.append(number)
+        self._bound.append(load_is_bound)
         for name, values in self._values.items():
             values.append(np.array(outputs[name]))
 
@@ -65,6 +69,11 @@ class SceneRecord:
     def numbers(self) -> np.ndarray:
         """(frames,) number of every frame, from 0."""
         return np.array(self._numbers, dtype=np.int64)
+
+    @property
+    def load_is_bound(self) -> np.ndarray:
+        """(frames,) whether a taxel stood at an end of its range: loads are lower bounds."""
+        return np.array(self._bound, dtype=bool)
 
     def __len__(self) -> int:
         return len(self._times)
@@ -98,12 +107,16 @@ class SceneRecord:
 
     def to_xarray(self) -> Any:
         """Return an `xarray.Dataset` with the axes time, row and col (extra `tables`)."""
-        coordinates = {"time": (("time",), self.times), "frame": (("time",), self.numbers)}
+        coordinates = {
+            "time": (("time",), self.times),
+            "frame": (("time",), self.numbers),
+            "load_is_bound": (("time",), self.load_is_bound),
+        }
         return tables.dataset(self.variables(), coordinates, {})
 
     def to_dataframe(self) -> Any:
         """Return a `pandas.DataFrame` with a row a frame and a column a cell (extra `tables`)."""
-        columns: dict[str, Any] = {"time": self.times, "frame": self.numbers}
+        columns = self._leading_columns()
         for name in self.names:
             columns |= tables.cell_columns(name, self[name])
         return tables.data_frame(columns)
@@ -129,6 +142,9 @@ class SceneRecord:
         with written(target, force=force) as file:
             WRITERS[target.suffix.lower()](file, self)
 
+    def _leading_columns(self) -> dict[str, Any]:
+        return {"time": self.times, "frame": self.numbers, "load_is_bound": self.load_is_bound}
+
     def variables(self) -> dict[str, tuple[tuple[str, ...], Floats]]:
         """Return the axes and values of every field."""
         values = {name: self[name] for name in self.names}
@@ -153,11 +169,16 @@ def suffix_of(target: Path) -> None:
 
 def _write_npz(file: IO[bytes], record: SceneRecord) -> None:
     fields = {name: record[name] for name in record.names}
-    np.savez_compressed(file, allow_pickle=False, time=record.times, frame=record.numbers, **fields)
+    leading = {"frame": record.numbers, "load_is_bound": record.load_is_bound}
+    np.savez_compressed(file, allow_pickle=False, time=record.times, **leading, **fields)
 
 
 def _write_csv(file: IO[bytes], record: SceneRecord) -> None:
-    columns: dict[str, Any] = {"time": record.times, "frame": record.numbers}
+    columns: dict[str, Any] = {
+        "time": record.times,
+        "frame": record.numbers,
+        "load_is_bound": record.load_is_bound.astype(np.int64),
+    }
     for name in record.names:
         columns |= tables.cell_columns(name, record[name])
     text = io.TextIOWrapper(file, encoding="utf-8", newline="", write_through=True)
@@ -174,6 +195,7 @@ def _write_netcdf(file: IO[bytes], record: SceneRecord) -> None:
     named: dict[str, tuple[tuple[str, ...], Any]] = {
         "time": (("time",), record.times),
         "frame": (("time",), record.numbers.astype(np.int32)),
+        "load_is_bound": (("time",), record.load_is_bound.astype(np.int32)),
         **record.variables(),
     }
     made = io.BytesIO()  # it is closed with the file, so that it is read before
@@ -183,7 +205,7 @@ def _write_netcdf(file: IO[bytes], record: SceneRecord) -> None:
                 if axis not in whole.dimensions:
                     whole.createDimension(axis, size)
         for name, (axes, values) in named.items():
-            kind = "i4" if name == "frame" else "f8"
+            kind = "i4" if name in ("frame", "load_is_bound") else "f8"
             whole.createVariable(name, kind, axes)[:] = values
         whole.variables["time"].units = "s"
         whole.flush()

@@ -23,6 +23,9 @@ class Summary:
         Repeats of the scan before.
     counters : Counters
         The driver's own.
+    saturated : int
+        Frames with a taxel at an end of its range because of a load: loads in them are lower
+        bounds.
     longest_gap : float
         s, the longest time between two frames that the program ran on. A bad or a lost one lies
         between them; 0 where there was none.
@@ -45,6 +48,7 @@ class Summary:
     arrival_p50_us: float | None = None
     arrival_p99_us: float | None = None
     before: int = 0
+    saturated: int = 0
 
     @property
     def bad_frames(self) -> int:

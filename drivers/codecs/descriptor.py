@@ -105,9 +105,11 @@ class Descriptor:
         require("shape", holds, f"{MOST_BYTES // 8} numbers at most", list(self.shape))
         require_axes(self.axes)
 
-    def saturated(self, raw: Floats) -> bool:
-        """Return whether a raw number stands at the end of the range."""
-        return self.full is not None and bool((raw >= self.full).any())
+    def at_end(self, raw: Floats) -> NDArray[np.bool_] | None:
+        """Return the cells of (rows, cols, axes) raw numbers at the end of the range, if any."""
+        if self.full is None or not (raw >= self.full).any():
+            return None
+        return np.asarray((raw >= self.full).any(axis=-1))
 
     @property
     def channels(self) -> tuple[str, ...]:

@@ -122,9 +122,11 @@ class FixedSize:
         d, order = self._descriptor, self._descriptor.byte_order
         has_counter, has_time = d.counter != "none", d.time != "none"
         time = int.from_bytes(packet[self._time : self._cells], order) * MICROS[d.time_unit]
+        at_end = d.at_end(values)
         return Scan(
             values=values * d.scale if d.scale != 1.0 else values,
-            saturated=d.saturated(values),
+            saturated=at_end is not None,
+            at_end=at_end,
             channels=self._channels,
             unit=d.unit,
             sequence=int.from_bytes(packet[self._counter : self._time], order)

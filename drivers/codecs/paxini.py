@@ -90,11 +90,12 @@ def _cells(data: bytes, shape: Shape) -> NDArray[np.void]:
     return cells
 
 
-def _at_an_end(data: bytes, shape: Shape) -> bool:
-    """Return whether a force stands at an end of its byte."""
+def _at_an_end(data: bytes, shape: Shape) -> NDArray[np.bool_]:
+    """Return the taxels with a force at an end of its byte, (rows, cols)."""
     cells = _cells(data, shape)
     shear = np.stack([cells["x"], cells["y"]])
-    return bool((shear >= 127).any() or (shear <= -128).any() or (cells["z"] >= 255).any())
+    ends = ((shear >= 127) | (shear <= -128)).any(axis=0) | (cells["z"] >= 255)
+    return np.asarray(ends.reshape(shape))
 
 
 def _forces(data: bytes, shape: Shape) -> Floats:
@@ -155,7 +156,9 @@ class Converter:
     def _scan(self, data: bytes) -> Scan:
         values = _forces(data, self.shape)
         ends = _at_an_end(data, self.shape)
-        return Scan(values=values, channels=FORCE_AXES, unit="N", saturated=ends)
+        return Scan(
+            values=values, channels=FORCE_AXES, unit="N", saturated=bool(ends.any()), at_end=ends
+        )
 
     def encode(self, scan: Scan) -> bytes:
         """Return the answer that carries a scan.
@@ -212,7 +215,10 @@ class HighSpeedBoard:
         if length - 1 > cells:
             low = np.frombuffer(packet[6 : 6 + RESULTANT : 2], CELL, 1)[0]
             extras = {f"device_{axis}": NEWTON * float(low[axis]) for axis in "xyz"}
-        return Found(size, Scan(values, FORCE_AXES, "N", saturated=ends, extras=extras))
+        return Found(
+            size,
+            Scan(values, FORCE_AXES, "N", saturated=bool(ends.any()), at_end=ends, extras=extras),
+        )
 
     def encode(self, scan: Scan) -> bytes:
         """Return the packet of a scan.

@@ -29,6 +29,8 @@ class Scan:
         µs from scan to scan; 0 where the device does not say.
     saturated : bool
         Whether a cell stands at an end of its range.
+    at_end : (rows, cols) bool, optional
+        Which do, where that is known.
     extras : mapping of str to float
         Reports of the device apart from its taxels, by names that begin with "device_".
     """
@@ -42,6 +44,7 @@ class Scan:
     time_wrap: int = U64
     period_us: int = 0
     saturated: bool = False
+    at_end: NDArray[np.bool_] | None = None
     extras: Mapping[str, float] = field(default_factory=dict[str, float])
 
     def __post_init__(self) -> None:

@@ -43,6 +43,7 @@ class TextRows:
         if before.strip():
             return Skip(len(before))
         d = self._descriptor
+        at_end = d.at_end(values)
         return Found(
             end,
             Scan(
@@ -50,7 +51,8 @@ class TextRows:
                 self._channels,
                 d.unit,
                 period_us=round(1e6 / d.rate) if d.rate else 0,
-                saturated=d.saturated(values),
+                saturated=at_end is not None,
+                at_end=at_end,
             ),
         )
 

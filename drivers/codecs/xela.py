@@ -110,9 +110,12 @@ def scan_of(message: dict[str, object], shape: Shape | None = None) -> Scan:
     if not isinstance(counter, int) or counter < 0:
         raise CodecError("The counter of a message is a number from 0 up.")
     values = tiled(pads, shape)
+    at_end = np.asarray(((values >= TOP) | (values <= 0)).any(axis=-1))
+    saturated = not calibrated and bool(at_end.any())
     return Scan(
         values=values,
-        saturated=not calibrated and bool((values >= TOP).any() or (values <= 0).any()),
+        saturated=saturated,
+        at_end=at_end if saturated else None,
         channels=FORCE_AXES,
         unit="N" if calibrated else "count",
         sequence=counter,

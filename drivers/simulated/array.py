@@ -140,16 +140,18 @@ class SimulatedArray(Closing):
 
     def _frame(self, number: int, reading: Reading, place: int, truth: Truth) -> Frame:
         self._counters = replace(self._counters, frames=self._counters.frames + 1)
-        saturated = bool(reading.saturated[place].any())
+        saturated = reading.saturated[place].any(axis=-1)
+        at_end = bool(saturated.any())
         return Frame(
             values=reading.volts[place],
             channels=self.channels,
             unit=self.unit,
             sequence=number,
             time=number / self.rate,
-            quality=Quality.SATURATED if saturated else Quality.GOOD,
+            quality=Quality.SATURATED if at_end else Quality.GOOD,
             truth=truth,
             calibration=self._calibration_id,
+            saturated=saturated if at_end else None,
         )
 
     def _check_inside(self, states: list[State]) -> None:

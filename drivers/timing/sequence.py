@@ -90,6 +90,7 @@ class FrameClock:
             truth=Truth(dict(scan.extras)) if scan.extras else None,
             monotonic_ns=arrived,
             wall_ns=self._epoch + arrived,
+            saturated=scan.at_end if scan.saturated else None,
         )
 
     def _advance(self, scan: Scan, arrived: float) -> Quality:

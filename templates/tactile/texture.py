@@ -92,7 +92,7 @@ def texture(
         x, y, normal = transient(alone, input=[x, y, normal]).outputs
         gain = float(np.sqrt((alone.B[2, 2] ** 2).sum()))
         least = maximum(SHARE * normal.max(), gain * least)
-    rubbed = loads.contact & (normal > least)
+    rubbed = frame.within_range(loads.contact & (normal > least))
     now = where(rubbed, length([x, y]) / normal, 0.0)
     values, marks = _last(frame, now, rubbed, window)
     count = _sum(marks)

@@ -206,9 +206,12 @@ def test_a_count_at_its_end_is_saturated(trial: Path) -> None:
     values = counts(1)
     values[2, 7] = 65535
     write(trial / "xela_sensor1.csv", HEADER, values)
-    assert [bool(f.quality & Quality.SATURATED) for f in replay(trial).frames()] == [
-        n == 2 for n in range(6)
-    ]
+    frames = list(replay(trial).frames())
+    assert [bool(f.quality & Quality.SATURATED) for f in frames] == [n == 2 for n in range(6)]
+    assert [f.saturated is not None for f in frames] == [n == 2 for n in range(6)]
+    high = frames[2].values == 65535
+    np.testing.assert_array_equal(frames[2].saturated, high.any(axis=-1))
+    assert frames[2].saturated.sum() == 1
 
 
 @pytest.mark.parametrize(

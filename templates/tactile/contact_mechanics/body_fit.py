@@ -87,8 +87,8 @@ def body_fit(
     spread = maximum((weight * away[4]).sum() / load, 1e-6)
     sphere = _best(weight, away, sqrt(2.5 * spread), _hertz)
     flat = _best(weight, away, sqrt(1.5 * spread), _punch)
-    is_sphere = loads.contact & _fits(sphere, flat, 0)
-    is_flat = loads.contact & _fits(flat, sphere, 1)
+    whole = frame.within_range(loads.contact)  # a clipped pressure has another body's shape
+    is_sphere, is_flat = whole & _fits(sphere, flat, 0), whole & _fits(flat, sphere, 1)
     found = is_sphere | is_flat
     round_one = 2.0 * modulus / pi * sphere.radius / maximum(sphere.peak, 1e-30)
     return {

@@ -88,7 +88,8 @@ def mindlin_slip(
     pull = length([pressed.x, pressed.y])
     used = where(loads.contact, pull / (friction * maximum(pressed.normal, 1e-30)), 0.0)
     fitted = frame.memory("frames that fit", scalar=True)
-    steady = fitted.count(loads.contact & _hertz(loads, pressed)) > STEADY * rate
+    whole = frame.within_range(loads.contact)  # a clipped load has too much pull
+    steady = fitted.count(whole & _hertz(loads, pressed)) > STEADY * rate
     holds = steady & ~_contradicted(frame, used, gross, steady)
     sticks = where(holds, maximum(1.0 - used, 0.0) ** (1 / 3), 1.0)
     return {

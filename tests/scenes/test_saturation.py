@@ -1,0 +1,217 @@
+"""Taxels at an end of their range: loads say that they are bounds, shapes are not reported."""
+
+import json
+
+import numpy as np
+import pytest
+
+from cnnum.cli.root import main
+from cnnum.engine import Engine
+from cnnum.frame import FORCE_AXES, Frame, Quality
+from cnnum.programs.library import get_program
+from cnnum.scenes.events import EVENT_RULES, EventDetector
+from cnnum.scenes.pipeline import load_scene
+from cnnum.scenes.saturation import REST, Saturation
+
+TOUCH = [
+    {"kind": "hold", "duration": 0.3},
+    {"kind": "press", "duration": 0.3, "load": 1.0},
+    {"kind": "pull", "duration": 0.3, "speed": 0.4e-3},
+    {"kind": "release", "duration": 0.3},
+    {"kind": "hold", "duration": 0.2},
+]
+WANTS = ["contact", "edge", "load_normal", "edge_count"]
+
+
+def touched(gain):
+    """Return a scene of a sphere that is pressed with 1 N, and its moments."""
+    changes = {"wants": WANTS, "array.script": TOUCH, "array.gain": gain}
+    scene = load_scene("edges", changes=changes)
+    return scene, list(scene.results())
+
+
+@pytest.mark.parametrize(("gain", "share"), [(160.0, 0.01), (240.0, 0.05), (800.0, 0.25)])
+def test_a_load_on_saturated_taxels_is_a_bound(gain, share, caplog):
+    """It is never above the true one by more than the program's own error, 4 %, and says so."""
+    scene, moments = touched(gain)
+    marked = [m for m in moments if m.load_is_bound]
+    held = [m for m in moments if m.frame.truth["normal_force"] > 0.9]
+    assert max(m.saturated.mean() for m in marked) > share
+    for moment in moments:
+        limit = scene.driver.calibration.limit
+        at_end = (np.abs(moment.frame.values) >= limit).any(axis=-1)
+        assert moment.load_is_bound == at_end.any()
+        if at_end.any():
+            np.testing.assert_array_equal(moment.saturated, at_end)
+    for moment in held:
+        load, true = float(moment.outputs["load_normal"]), moment.frame.truth["normal_force"]
+        assert load < 1.04 * true
+        assert moment.load_is_bound or load > 0.94 * true
+    assert scene.summary().saturated == len(marked)
+    said = [record for record in caplog.records if "end of their range" in record.message]
+    assert len(said) == 1
+    assert "no event of edge is reported" in said[0].message
+
+
+def test_a_sphere_that_saturates_gets_no_edge(caplog):
+    """Its clipped load looks like a flat body's: the cells say edge, and no event does."""
+    _, moments = touched(400.0)
+    taken_in = [m for m in moments if m.outputs["edge_count"] > 0]
+    assert len(taken_in) > 30
+    assert all(m.load_is_bound for m in taken_in)
+    kinds = [event.kind for m in moments for event in m.events]
+    assert kinds == ["contact", "release"]
+
+
+def test_the_run_says_it_in_words_and_in_records(capsys):
+    command = ["run", "contact", "--set=array.gain=800.0", "--frames", "200"]
+    for more in ([], ["--json"]):
+        with pytest.raises(SystemExit) as ended:
+            main([*command, *more])
+        assert ended.value.code == 0
+    words, records = capsys.readouterr().out.split("{", 1)
+    assert "saturated: loads in them are lower bounds" in words
+    assert json.loads(records.splitlines()[-1])["saturated"] > 50
+
+
+def test_fields_that_are_saved_say_which_loads_are_bounds(tmp_path):
+    _, moments = touched(240.0)
+    changes = {"wants": WANTS, "array.script": TOUCH, "array.gain": 240.0}
+    record = load_scene("edges", changes=changes).collect()
+    bound = np.array([m.load_is_bound for m in moments])
+    np.testing.assert_array_equal(record.load_is_bound, bound)
+    assert bound.any()
+    assert not bound.all()
+    record.save(tmp_path / "record.npz")
+    record.save(tmp_path / "record.csv")
+    record.save(tmp_path / "record.nc")
+    with np.load(tmp_path / "record.npz") as saved:
+        np.testing.assert_array_equal(saved["load_is_bound"], bound)
+    rows = (tmp_path / "record.csv").read_text().splitlines()
+    assert rows[0].startswith("time,frame,load_is_bound,")
+    assert [row.split(",")[2] == "1" for row in rows[1:]] == bound.tolist()
+
+
+def frame(number, *cells, flagged=True, values=0.0, knows=True):
+    """Return a frame of 4×4 taxels of which some stand at their end."""
+    mask = np.zeros((4, 4), dtype=bool)
+    for cell in cells:
+        mask[cell] = True
+    quality = Quality.SATURATED if cells and flagged else Quality.GOOD
+    return Frame(
+        np.full((4, 4, 3), values),
+        FORCE_AXES,
+        "V",
+        number,
+        0.01 * number,
+        quality,
+        saturated=mask if cells and knows else None,
+    )
+
+
+def test_a_taxel_that_is_stuck_from_the_start_is_named_and_bounds_nothing(caplog):
+    watch = Saturation((4, 4))
+    for number in range(REST + 4):
+        assert watch.mask(frame(number, (1, 2)), 0.0) is None
+    assert "declare them dead with 'frames.dead = [[1, 2]]'" in caplog.text
+    found = watch.mask(frame(30, (1, 2), (3, 3)), 0.0)
+    assert np.argwhere(found).tolist() == [[3, 3]]
+    declared = Saturation((4, 4), dead=[(1, 2)])
+    assert declared.mask(frame(0), 0.0) is None
+    assert declared.mask(frame(1, (1, 2)), 0.0) is None
+
+
+def test_without_a_mask_every_taxel_is_doubted():
+    """Of a driver that says only that there is one, all of them may be it."""
+    watch = Saturation((4, 4))
+    assert watch.mask(frame(0), 0.0) is None
+    assert watch.mask(frame(1, (0, 0), knows=False), 0.0).all()
+    # a calibration's limit knows which, and needs no flag
+    limited = Saturation((4, 4), limit=2.4)
+    assert limited.mask(frame(0), 0.0) is None
+    high = frame(1, (0, 0), flagged=False, values=1.0, knows=False)
+    high.values[2, 1, 0] = -2.5
+    assert np.argwhere(limited.mask(high, 2.5)).tolist() == [[2, 1]]
+
+
+def test_a_release_waits_until_all_taxels_are_within_their_range():
+    """A load that reads as 0 because its taxels stand at their end is none that is gone."""
+    detector = EventDetector(EVENT_RULES["contact"])
+    place = {"contact_row": 1.0, "contact_column": 1.0}
+    on = {"contact": 1.0, "load_normal": 2.0, **place}
+    off = {"contact": 0.0, "load_normal": 0.0, **place}
+    (begins,) = detector.update(0.0, 0, on, saturated=True)
+    assert begins.load_is_bound
+    assert begins.record()["load_is_bound"] is True
+    assert "strength at least 2" in str(begins)
+    assert detector.update(0.1, 1, off, saturated=True) == ()
+    (ends,) = detector.update(0.2, 2, off)
+    assert (ends.kind, ends.load_is_bound) == ("release", False)
+    assert "load_is_bound" not in ends.record()
+
+
+def test_texture_does_not_know_the_friction_of_a_saturated_taxel():
+    """It takes no frame of a taxel at its end into the window of that taxel."""
+    rng = np.random.default_rng(3)
+    plan = Engine("numba").compile(
+        get_program("texture").bind(push=1.0, window=8),
+        (4, 4),
+        channels=(*FORCE_AXES, "saturated"),
+    )
+    stream = plan.stream()
+    for number in range(60):
+        values = 1e-3 * rng.normal(size=(4, 4, 4))
+        values[..., 3] = 0.0
+        if number >= 20:
+            values[..., 2] += 1.0
+            values[..., 0] += 0.6
+            values[0, :, 2], values[0, :, 0] = 1.0, 0.1  # a rail cuts the shear off
+            values[0, :, 3] = 1.0
+        out = stream.push(values)
+    assert not out["texture_friction"][0].any()
+    assert not out["texture_frames"][0].any()
+    assert out["texture_friction"][1:] == pytest.approx(0.6, rel=0.01)
+    assert out["friction"] == pytest.approx(0.6, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("name", "flag"), [("body_fit", "sphere_fits"), ("mindlin_slip", "mindlin_holds")]
+)
+def test_laws_of_contact_are_not_asked_of_a_clipped_pressure(name, flag):
+    """They hold for a sphere within range, and say nothing once a taxel is at its end."""
+    script = [*TOUCH[:2], {"kind": "hold", "duration": 0.5}]
+    scene = load_scene(
+        "contact",
+        changes={
+            "wants": [flag],
+            "program": {"name": name},
+            "program.parameters.depth": 0.667,
+            "array.script": script,
+            "array.gain": 245.0,
+            "array.radius": 40e-3,
+        },
+    )
+    bound = get_program(name).bind(depth=0.667)
+    # the same values, without the marks: clipped only a little, they pass for a sphere's
+    unmarked = scene.engine.compile(bound, (8, 8), [flag]).stream()
+    for moment in scene.results():
+        shown = unmarked.push(moment.values[..., :3])
+    assert moment.load_is_bound
+    assert not moment.outputs[flag]
+    assert shown[flag]
+
+
+def test_a_program_that_goes_through_all_channels_meets_no_marks():
+    """The channel of marks is no reading."""
+    from cnnum.programs.machine import FrameFields
+
+    seen = []
+
+    def look(frame: FrameFields) -> dict[str, object]:
+        seen.append(frame.channels)
+        return {"sum": sum(frame.channel(name) for name in frame.channels).sum()}
+
+    import cnnum
+
+    cnnum.program(look).trace((4, 4), (*FORCE_AXES, "saturated"))
+    assert seen == [FORCE_AXES]
