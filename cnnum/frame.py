@@ -114,7 +114,7 @@ class Frame(ByContent):
     monotonic_ns: int | None = None
     wall_ns: int | None = None
     calibration: str = ""
-    saturated: NDArray[np.bool_] | None = None
+    saturated: NDArray[np.bool_] | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
         if not isinstance(cast(object, self.values), np.ndarray) or not isinstance(
@@ -134,6 +134,8 @@ class Frame(ByContent):
                 f"The saturated taxels of a frame must have the shape {self.shape}, got "
                 f"{self.saturated.shape}."
             )
+        if self.saturated is not None:
+            object.__setattr__(self, "saturated", read_only(self.saturated))
         object.__setattr__(self, "values", read_only(self.values))
 
     def __repr__(self) -> str:

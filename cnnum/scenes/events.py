@@ -38,7 +38,7 @@ class Event:
     unit : str or None
         Of the strength: "N", "count"…, "score" (a pure number), or "share" (0 to 1).
     sense : int or None
-        Of a twist: +1 from x towards y, −1 the other way.
+        Of a twist: +1 from x towards y, −1 the other way. Of a squeeze: +1 outwards.
     after_gap : float or None
         s, of the first event of its flag after frames were lost or refused: how long the program
         saw nothing, from frame to frame. Its memories reach over that gap; of several since
@@ -95,8 +95,14 @@ class Event:
         if self.direction is not None:
             parts.append(f"towards {math.degrees(self.direction):.0f}°")
         if self.sense:
-            parts.append("from x to y" if self.sense > 0 else "from y to x")
+            parts.append(self.turn())
         return ", ".join([*parts, *self.further()])
+
+    def turn(self) -> str:
+        """Return the sense in words."""
+        if self.kind == "grasp_squeeze":
+            return "outwards" if (self.sense or 0) > 0 else "inwards"
+        return "from x to y" if (self.sense or 0) > 0 else "from y to x"
 
     def further(self) -> list[str]:
         """Return the strength and the gap before it in words, as far as they are known."""
@@ -131,6 +137,9 @@ class EventRule:
     load : bool
         Whether the strength is a load. While taxels stand at an end of their range it is a lower
         bound, and the end of the event is not reported: they are pressed.
+    steady : float, s
+        How long a change of the flag must last before it is reported: of flags that go by the
+        present frame alone, and flicker where two readings are as likely.
     shape : bool
         Whether the flag goes by the shape of the load, which is not known then: the event is
         reported from other frames alone.
@@ -146,6 +155,7 @@ class EventRule:
     sense: str = ""
     unit: str = ""
     load: bool = False
+    steady: float = 0.0
     shape: bool = False
 
     @property
@@ -231,6 +241,13 @@ EVENT_RULES: dict[str, tuple[EventRule, ...]] = {
             load=True,
         ),
     ),
+    "texture": (EventRule("texture", "texture_rubs", strength="friction"),),
+    "grasp": (
+        EventRule("grasp_slip", "grasp_slip", direction=("grasp_x", "grasp_y"), steady=0.1),
+        EventRule("grasp_tilt", "grasp_tilt", direction=("grasp_x", "grasp_y"), steady=0.1),
+        EventRule("grasp_twist", "grasp_twist", sense="grasp_sense", steady=0.1),
+        EventRule("grasp_squeeze", "grasp_squeeze", sense="grasp_sense", steady=0.1),
+    ),
 }
 """The events that a scene can want: name to rules. Of slip, `tactile` reports the gross phase; a
 program that detects incipient slip has an output for it."""
@@ -259,12 +276,15 @@ class EventDetector:
     rules: tuple[EventRule, ...]
     longest_gap: float = field(init=False, default=0.0)
     _held: list[bool] = field(init=False)
+    _since: dict[int, float] = field(init=False, default_factory=dict[int, float])
+    _steady: tuple[int, ...] = field(init=False)
     _gaps: list[tuple[float, float]] = field(init=False)
     _last: float | None = field(init=False, default=None)
     _missed: bool = field(init=False, default=False)
 
     def __post_init__(self) -> None:
         self._held = [False] * len(self.rules)
+        self._steady = tuple(n for n, rule in enumerate(self.rules) if rule.steady > 0.0)
         self._gaps = [_NO_GAP] * len(self.rules)
 
     def miss(self) -> None:
@@ -291,6 +311,8 @@ class EventDetector:
         if saturated:
             states = zip(self.rules, now, held, strict=True)
             now = [rule.state_at_end(now=on, held=was) for rule, on, was in states]
+        for place in self._steady:
+            now[place] = self._lasting(place, t, now=now[place])
         if now == held:
             return ()
         self._held = now
@@ -303,6 +325,18 @@ class EventDetector:
             for place, (rule, was, on) in changed
             if on != was and (on or rule.ends)
         )
+
+    def _lasting(self, place: int, t: float, *, now: bool) -> bool:
+        """Return the state of a flag whose changes must last."""
+        held = self._held[place]
+        if now == held:
+            self._since.pop(place, None)
+            return held
+        since = self._since.setdefault(place, t)
+        if t - since < self.rules[place].steady * (1 - 1e-9):
+            return held
+        del self._since[place]
+        return now
 
     def _note_gap(self, t: float) -> None:
         """Keep the gap that ends now for the next event of each flag, unless a longer one waits."""

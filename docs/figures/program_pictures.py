@@ -17,16 +17,16 @@ from cnnum.arrays import Floats
 from cnnum.engine import Engine
 from cnnum.lab.bench.programs.contact_errors import held
 from cnnum.lab.bench.programs.edge_errors import Skin, found_places, run_edges
-from cnnum.lab.bench.programs.flat_punches import (
+from cnnum.programs.library import get_program
+from cnnum.sharing.plots import colours
+from cnnum.tactile.bump_loads import bump_readings
+from cnnum.tactile.flat_punches import (
     Joined,
     Outline,
     punch_pressure,
     read_below,
     triangle,
 )
-from cnnum.programs.library import get_program
-from cnnum.sharing.plots import colours
-from cnnum.tactile.bump_loads import bump_readings
 from cnnum.tactile.indenters import Disc, Rectangle, Ring, frame_under
 from cnnum.tactile.texture import texture as whole_recording
 from cnnum.tactile.texture_materials import FOUR, Stroke, rub

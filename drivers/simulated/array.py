@@ -8,6 +8,13 @@ import numpy as np
 
 from cnnum.arrays import Floats, Shape
 from cnnum.drivers.driver import Closing, Counters
+from cnnum.drivers.simulated.bodies import (
+    Brush,
+    FaceTractions,
+    FlatFace,
+    TexturedFace,
+    mirrored,
+)
 from cnnum.drivers.simulated.cover import Layout
 from cnnum.drivers.simulated.creep import Creeping
 from cnnum.drivers.simulated.influence import influence_of
@@ -54,16 +61,18 @@ class SimulatedArray(Closing):
 
     def __init__(self, options: Settings, influence: Floats | None = None) -> None:
         self._options = options
-        self.shape: Shape = options.shape
+        self.shape: Shape = options.taxels
+        self.pads: int = options.fingers
         self.channels = SIDES
         self.unit = "V"
         self.rate = options.rate
         self.pitch = options.pitch
         self.bumps = _bumps(options)
-        self._springs = _springs(options)
         layout = Layout(options.shape, options.pitch)
         self.surface: Grid = layout.surface
-        self._tractions = Tractions(self._springs, layout.surface)
+        contact = _contact(options, layout)
+        self._springs: Springs | Brush = contact[0]
+        self._tractions: Tractions | FaceTractions = contact[1]
         self.influence = influence_of(options, layout) if influence is None else influence
         self._creeping = Creeping(options)
         self._rng = np.random.default_rng(options.seed)
@@ -112,9 +121,14 @@ class SimulatedArray(Closing):
 
     def follow(self, hand: Iterable[Command]) -> Iterator[tuple[State, Truth]]:
         """Yield the contact and the ground truth as a hand moves, one command a scan."""
-        state, turned = self._springs.rest(self._options.start), 0.0
+        x, y = self._options.start
+        state, turned = self._springs.rest((x, y)), 0.0
+        facing = self._springs.rest((-x, y)) if self._options.fingers == 2 else None
         for command in hand:
             state = self._springs.step(state, command)
+            if facing is not None:
+                facing = self._springs.step(facing, mirrored(command))
+                state = replace(state, facing=facing)
             turn = command.turn if state.load > 0 else 0.0
             turned = turned + turn if state.load > 0 else 0.0
             yield state, truth_of(self._springs, state, turned, turn, self.rate)
@@ -122,11 +136,17 @@ class SimulatedArray(Closing):
     def strain(self, states: list[State]) -> Floats:
         """Return ε_xz, ε_yz, ε_zz at the taxels before they creep, (states, rows, cols, 3).
 
+        Two fingers lie side by side in the columns.
+
         Raises
         ------
         PhysicsError
             If a contact reaches beyond the surface.
         """
+        facing = [state.facing for state in states if state.facing is not None]
+        if facing:
+            alone = [replace(state, facing=None) for state in states]
+            return np.concatenate([self.strain(alone), self.strain(facing)], axis=2)
         self._check_inside(states)
         window = self._tractions.window(states)
         traction = self._tractions(states, window)
@@ -157,10 +177,13 @@ class SimulatedArray(Closing):
     def _check_inside(self, states: list[State]) -> None:
         edge = np.array([self.surface.x_edges[-1], self.surface.y_edges[-1]])
         for state in states:
-            if (np.abs(state.position) + state.contact_radius > edge).any():
+            if state.load == 0.0:
+                continue
+            reach = self._springs.reach(state)
+            if (np.abs(state.position) + reach > edge).any():
                 x, y = state.position * 1e3
                 raise PhysicsError(
-                    f"The contact has left the array: radius {state.contact_radius * 1e3:.2f} mm "
+                    f"The contact has left the array: radius {reach * 1e3:.2f} mm "
                     f"around ({x:.2f}, {y:.2f}) mm, expected within ±{edge[0] * 1e3:.2f} and "
                     f"±{edge[1] * 1e3:.2f} mm; pull or roll less far, or start elsewhere."
                 )
@@ -179,6 +202,17 @@ class SimulatedOptions(Settings):
             If the contact gets so wide that it is none of a sphere on a half-space.
         """
         return SimulatedArray(self)
+
+
+def _contact(
+    options: Settings, layout: Layout
+) -> tuple[Springs, Tractions] | tuple[Brush, FaceTractions]:
+    if options.body == "sphere":
+        springs = _springs(options)
+        return springs, Tractions(springs, layout.surface)
+    textured = options.body == "textured"
+    brush = Brush(TexturedFace(options, layout) if textured else FlatFace(options))
+    return brush, FaceTractions(brush, layout.surface)
 
 
 def _springs(options: Settings) -> Springs:
@@ -211,6 +245,6 @@ def _taxel(options: Settings, rng: np.random.Generator) -> Taxel:
         gain=options.gain,
         noise=options.noise,
         bits=options.bits or None,
-        offsets=rng.normal(0.0, options.offset, (*options.shape, 4)),
+        offsets=rng.normal(0.0, options.offset, (*options.taxels, 4)),
     )
     return Taxel(coupling, readout=readout)

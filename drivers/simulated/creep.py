@@ -22,7 +22,7 @@ class Creeping:
         relaxed = instant * (1 - options.creep)
         self._solid = StandardLinearSolid(instant, relaxed, options.creep_time)
         self._elastic = options.creep == 0
-        self._shape = (*options.shape, 3)
+        self._shape = (*options.taxels, 3)
         self._step = 1 / options.rate
 
     def rest(self) -> Creep:

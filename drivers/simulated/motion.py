@@ -25,6 +25,8 @@ class Command:
         Share of the shear and the torque that the hand lets go.
     friction : float
         Share of the pair's friction that holds at this scan.
+    tilts : bool
+        Whether the object moves opposite ways under two fingers.
     """
 
     load: float
@@ -33,6 +35,7 @@ class Command:
     turn: float = 0.0
     give: float = 0.0
     friction: float = 1.0
+    tilts: bool = False
 
 
 RELAXED = 8.0
@@ -81,7 +84,8 @@ def _step(phase: Phase, count: int, rate: float) -> Command:
     path = (way * cos(phase.direction), way * sin(phase.direction))
     return Command(
         load=0.0,
-        move=path if phase.kind == "pull" else (0.0, 0.0),
+        move=path if phase.kind in ("pull", "tilt") else (0.0, 0.0),
+        tilts=phase.kind == "tilt",
         roll=path if phase.kind == "roll" else (0.0, 0.0),
         turn=phase.angle / count,
         give=min(1.0, RELAXED / count) if phase.kind in ("relax", "release") else 0.0,

@@ -7,12 +7,15 @@ from typing import Literal, cast
 from cnnum.drivers.options import require
 from cnnum.errors import name_error
 
-Kind = Literal["press", "hold", "pull", "relax", "twist", "grip", "roll", "vibrate", "release"]
+Kind = Literal[
+    "press", "hold", "pull", "tilt", "relax", "twist", "grip", "roll", "vibrate", "release"
+]
 
 NEEDS: dict[Kind, tuple[str, ...]] = {
     "press": ("load",),
     "hold": (),
     "pull": ("speed",),
+    "tilt": ("speed",),
     "relax": (),
     "twist": ("angle",),
     "grip": ("load",),
@@ -36,6 +39,9 @@ class Phase:
         "press": the sphere comes down at a constant speed until `load` is reached;
         "hold": nothing moves;
         "pull": it is dragged sideways at `speed` towards `direction`;
+        "tilt": the object between two fingers turns about an axis across them, so that it is
+        dragged at `speed` towards `direction` under the first one, and the opposite way in space
+        under the other;
         "relax": the hand gives way until neither shear nor torque is left;
         "twist": it turns about the normal by `angle`, at a constant rate;
         "grip": the load changes to `load`, linearly;

@@ -56,10 +56,23 @@ class Settings:
     creep_time : float, s
         Time constant of the strain under a constant load.
     friction : float
+    body : "sphere", "punch", "bar", "ring", "two bodies" or "textured"
+        What touches: a sphere; a round flat punch; a flat bar; a flat ring, half as wide inside as
+        outside; two round punches on one handle; or, on bumps, a wide face with a relief.
     radius : float, m
         Of the sphere.
+    width, length : float, m
+        Of flat faces: the diameter of a punch, a ring, or each of two bodies, and the sides of a
+        bar; the length is that of the bar, or from the middle of one body to the other's.
+    angle : float, rad
+        From x to the bar's width, or to the line between two bodies.
+    relief, period : float, m
+        Of a textured face: relief · cos(2πx/period).
+    fingers : 1 or 2
+        Two fingers that face each other and hold the body between them, each with an array of
+        `shape`. Their frames lie side by side; the second has its own axes, with x mirrored.
     start : (x, y), m
-        Where the sphere comes down; the origin is the middle of the array.
+        Where the body comes down; the origin is the middle of the array.
     noise : float, V
         RMS after the amplifier (Table 3.II: 2–3 mV); 0 for none.
     offset : float, V
@@ -89,7 +102,14 @@ class Settings:
     creep: float = 0.0
     creep_time: float = 1.0
     friction: float = 0.6
+    body: Literal["sphere", "punch", "bar", "ring", "two bodies", "textured"] = "sphere"
     radius: float = 25e-3
+    width: float = 4.5e-3
+    length: float = 7e-3
+    angle: float = 0.0
+    relief: float = 20e-6
+    period: float = 2.4e-3
+    fingers: Literal[1, 2] = 1
     start: tuple[float, float] = (-0.9e-3, -0.4e-3)
     noise: float = 2.5e-3
     offset: float = 50e-3
@@ -118,6 +138,7 @@ class Settings:
             value = getattr(self, name)
             require(name, 0 <= value < 1e3, "0 or more volts", value)
         require("bits", 0 <= self.bits <= 32, "1 to 32, or 0 for no rounding", self.bits)
+        self._require_body()
         require("script", largest_load(self.script) > 0, "phases with a press", self.script)
 
     @property
@@ -129,6 +150,27 @@ class Settings:
     def loss(self) -> float:
         """The reduction, given or by the depth."""
         return 30.0 * (self.depth / 0.5e-3) ** 1.45 if self.reduction is None else self.reduction
+
+    @property
+    def taxels(self) -> tuple[int, int]:
+        """Rows and columns of a frame: fingers lie side by side."""
+        return (self.shape[0], self.shape[1] * self.fingers)
+
+    def _require_body(self) -> None:
+        kinds = {phase.kind for phase in self.script}
+        require("fingers", self.fingers in (1, 2), "1 or 2", self.fingers)
+        paired = self.fingers == 2 or "tilt" not in kinds
+        require("script", paired, "without a 'tilt' unless 'fingers' is 2", "tilt")
+        rolls = self.body == "sphere" or "roll" not in kinds
+        require("script", rolls, "without a 'roll': only a sphere rolls", "roll")
+        on_bumps = self.body != "textured" or self.cover == "bumpy"
+        require("body", on_bumps, "'textured' on the cover 'bumpy' alone", self.body)
+        for name in ("width", "length", "period"):
+            value: float = getattr(self, name)
+            fits = self.pitch / 5 <= value < 0.1
+            require(name, fits or self.body == "sphere", "a fifth of the pitch to 0.1 m", value)
+        require("relief", 0 <= self.relief < 0.01, "0 or more and below 0.01 m", self.relief)
+        require("angle", abs(self.angle) < 1e6, "within ±1e+06 rad", self.angle)
 
     def _require_layer(self) -> None:
         if self.cover != "layer":

@@ -82,10 +82,15 @@ class State:
     shear : (2, springs) float, m
         Deflection along x and y.
     twist : (springs,) float, rad
+        None under a flat face, whose springs turn by moving.
     position : (2,) float, m
         Centre of the contact on the cover.
     slipped : (2,) float, m
-        How far the sphere slid over the cover since the scan before.
+        How far the body slid over the cover since the scan before.
+    angle : float, rad
+        How far it has turned on the cover, where that changes what it touches.
+    facing : State or None
+        The contact under the other finger, in that one's axes.
     """
 
     load: float
@@ -95,6 +100,8 @@ class State:
     twist: Floats
     position: Floats
     slipped: Floats
+    angle: float = 0.0
+    facing: "State | None" = None
 
 
 class Springs:
@@ -140,6 +147,10 @@ class Springs:
             position=before.position + slipped + np.array(command.roll),
             slipped=slipped,
         )
+
+    def reach(self, state: State) -> float:
+        """Return how far the contact reaches from its middle, m."""
+        return state.contact_radius
 
     def force(self, state: State) -> Floats:
         """Return the shear force of the sphere on the cover, (2,) N."""

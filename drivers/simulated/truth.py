@@ -2,6 +2,7 @@
 
 from math import atan2, hypot
 
+from cnnum.drivers.simulated.bodies import Brush
 from cnnum.drivers.simulated.springs import Springs, State
 from cnnum.frame import Truth
 
@@ -17,12 +18,14 @@ SLIP_SHARE = 0.5
 turning or vanishing contact that lets a locked-in deflection go moves with less."""
 
 
-def truth_of(springs: Springs, state: State, turned: float, turn: float, rate: float) -> Truth:
+def truth_of(
+    springs: Springs | Brush, state: State, turned: float, turn: float, rate: float
+) -> Truth:
     """Return the ground truth of a scan.
 
     Parameters
     ----------
-    springs : Springs
+    springs : Springs or Brush
     state : State
     turned : float, rad
         How far the sphere has turned about the normal since it touched.
@@ -37,7 +40,10 @@ def truth_of(springs: Springs, state: State, turned: float, turn: float, rate: f
         and nothing slides yet), "slip" (gross slip over the cover), "twist_slip" (the same stick
         radius under a torque, while turning): 0 or 1; "contact_radius", "stick_radius", "x", "y"
         (m); "slip_speed" (m/s), "slip_direction" (rad, 0 without slip); "twist" (rad),
-        "twist_rate" (rad/s); "normal_force", "shear_x", "shear_y" (N), "torque" (N m).
+        "twist_rate" (rad/s); "normal_force", "shear_x", "shear_y" (N), "torque" (N m); "friction"
+        of the pair. Radii of flat faces are those of circles with the area that touches and that
+        sticks. Of two fingers the other one's are "other_shear_x", "other_shear_y" and
+        "other_torque", in its own axes.
     """
     shear_x, shear_y = springs.force(state).tolist()
     torque = springs.torque(state)
@@ -47,6 +53,11 @@ def truth_of(springs: Springs, state: State, turned: float, turn: float, rate: f
     slips = speed > SLIP_SPEED and force > SLIP_SHARE * springs.pair.friction * state.load
     loose = a > 0 and c < INCIPIENT * a
     sheared = force * a > abs(torque)
+    other: dict[str, float] = {}
+    if state.facing is not None:
+        along, across = springs.force(state.facing).tolist()
+        other = {"other_shear_x": along, "other_shear_y": across}
+        other["other_torque"] = springs.torque(state.facing)
     return Truth(
         {
             "contact": float(a > 0),
@@ -65,5 +76,7 @@ def truth_of(springs: Springs, state: State, turned: float, turn: float, rate: f
             "torque": torque,
             "x": float(state.position[0]),
             "y": float(state.position[1]),
+            "friction": springs.pair.friction,
+            **other,
         }
     )

@@ -26,6 +26,17 @@ CLEAR = 10.0
 shear to normal load is then known to a tenth."""
 
 
+MOVES = 1.5
+"""Change of the load's pattern from a frame to the next, over its noise, from which a surface moves
+over the taxels: noise alone of sixteen taxels reaches 1.5 in a frame of 500, of 64 in none."""
+
+STEADY = 0.05
+"""Difference of the ratio from half to half of the window, over its mean, from which a surface is
+not sliding yet: the way from rest to friction's limit."""
+
+NOTHING = 1e-30
+
+
 @program
 def texture(
     frame: FrameFields,
@@ -66,7 +77,9 @@ def texture(
         `texture_friction` (map: mean of |T|/|S_n|, (6.3); 0 where not known), `texture_roughness`
         (map: 100 times its standard deviation over its mean, (6.4)), `texture_frames` (map: frames
         in contact among the last T + 1), `friction`, `roughness` (means over the taxels that know
-        theirs), `texture_known` (flag: any does).
+        theirs), `texture_known` (flag: any does), `texture_rubs` (flag: the pattern of the normal
+        load has moved in all frames of the window and both of its halves have one ratio, which is
+        then friction's; a surface that sticks, or is too smooth to be seen to move, has none).
 
     Raises
     ------
@@ -86,12 +99,12 @@ def texture(
     refuse_outside(window=(window, 1, 10_000), ratio=(ratio, 1e-30, 1e30))
     loads = frame.once(loads_of, push=push)
     x, y, normal = loads.shear_x / ratio, loads.shear_y / ratio, loads.normal
-    least = CLEAR * sqrt(loads.normal_noise)
+    least, noise = CLEAR * sqrt(loads.normal_noise), loads.normal_noise
     if taxels != "load":
         alone = unmix(taxels, bump_pitch, bump_depth)
         x, y, normal = transient(alone, input=[x, y, normal]).outputs
         gain = float(np.sqrt((alone.B[2, 2] ** 2).sum()))
-        least = maximum(SHARE * normal.max(), gain * least)
+        least, noise = maximum(SHARE * normal.max(), gain * least), gain * gain * noise
     rubbed = frame.within_range(loads.contact & (normal > least))
     now = where(rubbed, length([x, y]) / normal, 0.0)
     values, marks = _last(frame, now, rubbed, window)
@@ -110,7 +123,36 @@ def texture(
         "friction": friction.sum() / number,
         "roughness": roughness.sum() / number,
         "texture_known": known.any(),
+        "texture_rubs": known.any()
+        & _moves(frame, normal, rubbed, noise, window)
+        & _steady(values, marks),
     }
+
+
+def _steady(values: list[Field], marks: list[Field]) -> Field:
+    """Return a flag: both halves of the window have one ratio, over all taxels."""
+    half = (len(values) + 1) // 2
+    new, old = (
+        _sum(values[part]).sum() / maximum(_sum(marks[part]).sum(), 1.0)
+        for part in (slice(0, half), slice(half, None))
+    )
+    return abs(new - old) < 0.5 * STEADY * (new + old)
+
+
+def _moves(frame: FrameFields, normal: Field, rubbed: Field, noise: Field, window: int) -> Field:
+    """Return a flag: the pattern of the load has changed by more than its noise all the time.
+
+    A load that grows or falls keeps its pattern, and is scaled to this frame's.
+    """
+    share = where(rubbed, normal, 0.0)
+    whole = share.sum()
+    before, then = frame.previous(share), frame.previous(whole)
+    change = share - before * (whole / maximum(then, NOTHING))
+    both = rubbed & (before > 0.0)  # a taxel that has just been touched is no movement
+    power = where(both, square(change), 0.0).sum()
+    most = (2.0 * MOVES**2) * noise * where(both, 1.0, 0.0).sum()
+    lasts = frame.memory("frames that it moves", scalar=True)
+    return lasts.count((power > most) & (then > 0.0)) > float(window)
 
 
 def _last(

@@ -1,11 +1,18 @@
 """Every scene that comes with the package reports, and what it reports is its array's own truth."""
 
+import os
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from cnnum.drivers.simulated.bodies import outline_of
 from cnnum.drivers.simulated.cover import CELLS, MARGIN
 from cnnum.errors import PhysicsError
+from cnnum.lab.bench.programs.edge_errors import found_places, met, off_outline
 from cnnum.scenes.pipeline import load_scene
+from cnnum.scenes.scene_file import scene_names
+from cnnum.tactile.texture import texture as friction_and_roughness
 
 
 def played(name, **changes):
@@ -13,6 +20,15 @@ def played(name, **changes):
     scene = load_scene(name, changes=changes)
     moments = [moment for moment in scene.results() if moment.outputs]
     return scene, moments, [moment.frame.truth for moment in moments]
+
+
+def kinds_of(moments):
+    return [event.kind for moment in moments for event in moment.events]
+
+
+def onset(moments, truths, flag):
+    """Return the time at which the truth has a flag first, s."""
+    return next(m.frame.time for m, t in zip(moments, truths, strict=True) if t[flag])
 
 
 def loads_on_bumps(array):
@@ -102,3 +118,179 @@ def test_another_cover_of_the_users_is_inverted_as_it_is(radius, thickness):
             off = np.abs(out[f"bump_load_{axis}"] - own[..., k])[touched].max()
             # the inverse is cut at three bumps to each side: 2 %
             assert off < 0.02 * own[..., 2].max()
+
+
+def test_every_packaged_scene_has_its_test():
+    """By its own name in this file: a new one is held to its truth, too."""
+    text = Path(__file__).read_text(encoding="utf-8")
+    assert [name for name in scene_names() if f'"{name}"' not in text] == []
+
+
+@pytest.mark.one_in(5)  # the first has all events; the others are parts of it
+@pytest.mark.parametrize("name", ["tactile", "demo", "contact", "slip", "twist"])
+def test_a_sphere_that_is_pulled_and_turned_is_reported(name):
+    scene, moments, truths = played(name)
+    events = {(event.kind, event.phase): event for moment in moments for event in moment.events}
+    wanted = {
+        "contact": {("contact", None), ("release", None)},
+        "slip": {("slip", "gross")},
+        "twist": {("twist", None)},
+    }
+    known = wanted["contact"] | wanted["slip"] | wanted["twist"]
+    assert set(events) == wanted.get(name, known)
+    assert len(kinds_of(moments)) == len(events)
+    if ("contact", None) in events:
+        begins, ends = events["contact", None], events["release", None]
+        # a load that begins as t^1.5 leaves the noise after 20 ms
+        assert 0 <= begins.t - onset(moments, truths, "contact") < 0.03
+        last = max(m.frame.time for m, t in zip(moments, truths, strict=True) if t["contact"])
+        assert abs(ends.t - last) < 0.03
+        # from (−0.9, −0.4) mm: one pitch is 1.5 mm, and one taxel is touched first
+        assert np.abs(np.array(begins.where) - [3.5 - 0.4 / 1.5, 3.5 - 0.9 / 1.5]).max() < 0.6
+        assert begins.unit == "N"
+    if ("slip", "gross") in events:
+        slip, since = events["slip", "gross"], onset(moments, truths, "slip")
+        assert slip.direction == pytest.approx(0.5, abs=0.03)
+        # 0.3 mm of sliding, the aim of docs/scoring.md
+        assert 0 <= slip.t - since < 0.3e-3 / 0.8e-3
+    if ("twist", None) in events:
+        twist, truth = events["twist", None], truths[events["twist", None].frame]
+        assert twist.sense == np.sign(truth["twist_rate"]) == 1
+        here = 3.5 + np.array([truth["y"], truth["x"]]) / scene.driver.pitch
+        assert np.abs(np.array(twist.where) - here).max() < 0.3
+    if "load_normal" in moments[0].outputs and name == "tactile":
+        for m, truth in zip(moments, truths, strict=True):
+            if truth["normal_force"] > 0.5:
+                assert float(m.outputs["load_normal"]) == pytest.approx(
+                    truth["normal_force"], rel=0.08
+                )
+
+
+def found_outline(scene, moment, truth):
+    """Return the outline, shifted to where the body is, and the places found, in pitches."""
+    outline, _ = outline_of(scene.driver._options)
+    rows, cols = scene.driver.shape
+    places = found_places(moment.outputs["edge_to_right"], moment.outputs["edge_to_below"])
+    shift = np.array([truth["y"], truth["x"]]) / scene.driver.pitch
+    assert rows == cols
+    return outline, places - shift, rows
+
+
+BODIES = {
+    "punch": {},
+    "bar": {"array.width": 2.6e-3, "array.length": 7.5e-3, "array.angle": 0.4},
+    "ring": {"array.width": 8e-3},
+    "two bodies": {"array.width": 4e-3, "array.length": 5.8e-3, "array.angle": 0.6},
+}
+
+
+@pytest.mark.one_in(3)
+@pytest.mark.parametrize("body", BODIES)
+def test_edges_follows_the_outline_of_every_flat_body(body):
+    wants = ["edge", "edges", "edge_to_right", "edge_to_below"]
+    scene, moments, truths = played("edges", wants=wants, **{"array.body": body}, **BODIES[body])
+    assert kinds_of(moments) == ["edge"]
+    first = next(event for moment in moments for event in moment.events)
+    # where it touches it has its edge, as soon as the load is clear of the noise
+    assert 0 <= first.t - onset(moments, truths, "contact") < 0.1
+    held = [n for n, truth in enumerate(truths) if truth["normal_force"] > 0.9]
+    for n in held[::40]:
+        outline, places, cells = found_outline(scene, moments[n], truths[n])
+        off = off_outline(outline, places, cells)
+        # one body of families whose places are within 0.36 to 0.55 pitches in 95 % (edges.md)
+        assert np.median(off) < 0.36
+        assert off.max() < 1.0
+        assert met(outline, places, cells) > 0.7
+        assert (moments[n].outputs["edges"] > 0).sum() >= 6
+
+
+def test_edges_is_silent_on_a_wide_sphere():
+    """Of contact radii from 2 pitches on none has an edge in docs/programs/edges.md."""
+    scene, moments, truths = played("edges", **{"array.body": "sphere", "array.radius": 60e-3})
+    wide = [
+        moment
+        for moment, truth in zip(moments, truths, strict=True)
+        if truth["contact_radius"] > 2.0 * scene.driver.pitch
+    ]
+    assert len(wide) > 200
+    assert not any((moment.outputs["edges"] > 0).any() for moment in wide)
+
+
+@pytest.mark.one_in(2)
+@pytest.mark.parametrize("friction", [0.6, 0.25])
+def test_texture_measures_the_friction_and_the_roughness_of_a_face(friction):
+    wants = ["texture", "texture_friction", "texture_roughness"]
+    scene, moments, truths = played("texture", wants=wants, **{"array.friction": friction})
+    own = loads_on_bumps(scene.driver)
+    true = friction_and_roughness(own[..., [0, 1, 2]], window=128)
+    (event,) = (event for moment in moments for event in moment.events)
+    assert event.kind == "texture"
+    # a window of 128 frames after the slide began, less the few that the change may hide
+    slides = onset(moments, truths, "slip")
+    assert 0.5 < event.t - slides < 128 / 200.0 + 0.1
+    assert event.strength == pytest.approx(truths[event.frame]["friction"], rel=0.05)
+    held = (k for k, t in enumerate(truths) if t["slip"] and t["normal_force"] > 1.99)
+    n = max(held) - 2
+    found = moments[n].outputs
+    np.testing.assert_allclose(found["texture_friction"], true.friction[n], rtol=0.05)
+    # noise of 0.3 mN in 30 mN of shear adds 1 to 2 % to a roughness
+    off = found["texture_roughness"] - true.roughness[n]
+    assert np.abs(off).max() < 2.5
+    assert true.roughness[n].mean() > 5.0
+
+
+def test_texture_of_a_face_that_only_sticks_is_not_reported():
+    script = [
+        {"kind": "hold", "duration": 0.3},
+        {"kind": "press", "duration": 0.3, "load": 2.0},
+        {"kind": "pull", "duration": 0.05, "speed": 0.4e-3},
+        {"kind": "hold", "duration": 1.4},
+    ]
+    _, moments, truths = played("texture", **{"array.script": script})
+    assert not any(truth["slip"] for truth in truths)
+    assert kinds_of(moments) == []
+
+
+def test_grasp_code_reads_what_the_object_between_two_fingers_does():
+    _, moments, truths = played("grasp_code")
+    events = [event for moment in moments for event in moment.events]
+    assert [event.kind for event in events] == [
+        "grasp_squeeze", "grasp_slip", "grasp_squeeze", "grasp_tilt", "grasp_twist",
+        "grasp_squeeze",
+    ]  # fmt: skip
+    for event in events:
+        truth = truths[event.frame]
+        own = np.array([truth["shear_x"], truth["shear_y"]])
+        # the other finger's x runs the other way in space
+        other = np.array([-truth["other_shear_x"], truth["other_shear_y"]])
+        together, apart = np.linalg.norm(own + other) / 2, np.linalg.norm(own - other) / 2
+        match event.kind:
+            case "grasp_slip":
+                assert together > 0.1 > 10 * apart
+                way = np.arctan2(*(own + other)[::-1])
+            case "grasp_tilt":
+                assert apart > 0.1 > 10 * together
+                way = np.arctan2(*own[::-1])
+            case "grasp_twist":
+                assert truth["torque"] > 1e-4 > truth["other_torque"]
+                assert event.sense == 1
+                assert max(together, apart) < 0.05
+                continue
+            case _:
+                # pressed, and pulled by less than a quarter of the load: rubber is pressed out
+                assert event.sense == 1
+                assert max(together, apart) < 0.25 * truth["normal_force"] + 0.05
+                continue
+        # one bit a component knows a direction to 45°
+        assert abs(np.angle(np.exp(1j * (event.direction - way)))) <= np.pi / 4 + 1e-3
+
+
+@pytest.mark.skipif(not os.environ.get("CNNUM_RECORDINGS"), reason="needs the recordings")
+def test_a_recorded_grasp_is_reported():
+    """By the label of the log: the object slips, and the report is within it."""
+    folder = Path(os.environ["CNNUM_RECORDINGS"])
+    trial = next(iter(sorted(path.parent for path in folder.rglob("xela_sensor1.csv"))))
+    scene = load_scene("uskin_grasp", changes={"array.path": str(trial)})
+    moments = list(scene.results())
+    assert scene.summary().bad_frames == 0
+    assert all(event.kind == "slip" for moment in moments for event in moment.events)

@@ -26,7 +26,7 @@ WANTS = ["contact", "edge", "load_normal", "edge_count"]
 def touched(gain):
     """Return a scene of a sphere that is pressed with 1 N, and its moments."""
     changes = {"wants": WANTS, "array.script": TOUCH, "array.gain": gain}
-    scene = load_scene("edges", changes=changes)
+    scene = load_scene("contact", changes=changes)
     return scene, list(scene.results())
 
 
@@ -77,7 +77,7 @@ def test_the_run_says_it_in_words_and_in_records(capsys):
 def test_fields_that_are_saved_say_which_loads_are_bounds(tmp_path):
     _, moments = touched(240.0)
     changes = {"wants": WANTS, "array.script": TOUCH, "array.gain": 240.0}
-    record = load_scene("edges", changes=changes).collect()
+    record = load_scene("contact", changes=changes).collect()
     bound = np.array([m.load_is_bound for m in moments])
     np.testing.assert_array_equal(record.load_is_bound, bound)
     assert bound.any()
@@ -99,7 +99,7 @@ def frame(number, *cells, flagged=True, values=0.0, knows=True):
         mask[cell] = True
     quality = Quality.SATURATED if cells and flagged else Quality.GOOD
     return Frame(
-        np.full((4, 4, 3), values),
+        np.broadcast_to(np.asarray(values, dtype=np.float64), (4, 4, 3)).copy(),
         FORCE_AXES,
         "V",
         number,
@@ -129,8 +129,9 @@ def test_without_a_mask_every_taxel_is_doubted():
     # a calibration's limit knows which, and needs no flag
     limited = Saturation((4, 4), limit=2.4)
     assert limited.mask(frame(0), 0.0) is None
-    high = frame(1, (0, 0), flagged=False, values=1.0, knows=False)
-    high.values[2, 1, 0] = -2.5
+    values = np.ones((4, 4, 3))
+    values[2, 1, 0] = -2.5
+    high = frame(1, (0, 0), flagged=False, values=values, knows=False)
     assert np.argwhere(limited.mask(high, 2.5)).tolist() == [[2, 1]]
 
 

@@ -20,8 +20,8 @@ from cnnum.lab.bench.programs.edge_errors import (
     tally,
 )
 from cnnum.lab.bench.programs.edge_scenes import SHARP, SMOOTH
-from cnnum.lab.bench.programs.flat_punches import Polygon, punch_pressure, read_below, triangle
 from cnnum.lab.bench.programs.surround import GAPS, hat, lowering
+from cnnum.tactile.flat_punches import Polygon, punch_pressure, read_below, triangle
 from cnnum.tactile.indenters import Disc, Rectangle, Ring, frame_under
 from cnnum.templates.tactile.edges import edges
 

@@ -15,8 +15,8 @@ from scipy.spatial import cKDTree
 from cnnum.arrays import Floats
 from cnnum.engine import Engine
 from cnnum.lab.bench.programs.edge_scenes import CHOSEN_ON, SHARP, SMOOTH, Bodies
-from cnnum.lab.bench.programs.flat_punches import Outline
 from cnnum.programs.library import get_program
+from cnnum.tactile.flat_punches import Outline
 from cnnum.tactile.indenters import Reads
 from cnnum.templating.library import get_template
 

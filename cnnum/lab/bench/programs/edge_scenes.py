@@ -11,7 +11,7 @@ from functools import partial
 import numpy as np
 
 from cnnum.arrays import Floats
-from cnnum.lab.bench.programs.flat_punches import (
+from cnnum.tactile.flat_punches import (
     FINER,
     Joined,
     Outline,

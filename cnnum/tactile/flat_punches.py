@@ -104,7 +104,8 @@ def punch_pressure(outline: Outline, cells: int, finer: int = FINER) -> Floats:
     """
     side = cells * finer
     axis = (np.arange(side) + 0.5) / finer - cells / 2
-    within = np.nonzero((outline.distance(*np.meshgrid(axis, axis)) < 0.0).ravel())[0]
+    # cells whose middle lies on the outline are outside on all sides, in spite of roundings
+    within = np.nonzero((outline.distance(*np.meshgrid(axis, axis)) < -1e-9).ravel())[0]
     if not within.size:
         raise PhysicsError("Expected an outline on the array, got none of its cells within it.")
     waves = _sinking(side, finer)
