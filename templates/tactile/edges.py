@@ -79,7 +79,8 @@ def edges(
     Parameters
     ----------
     frame : FrameFields
-        Only `normal` is read.
+        Only `normal` is read. At the rim of the array nothing shows the cells beyond, so that
+        arrays of one or two rows or columns have no edges.
     push : float
         −1 for strain and stress, which count tension as positive; +1 for signals and counts that
         rise under a push.
@@ -172,7 +173,8 @@ def _decided(loads: Loads, links: list[_Link], peak: Field) -> Field:
     memory = loads.frame.memory("edge", logic=True)
     excess = total(link.excess for link in links)
     # at the rim of the array no cell beyond is seen
-    inner = np.pad(np.ones([side - 2 for side in loads.frame.shape]), 1)
+    inner = np.zeros(loads.frame.shape)
+    inner[1:-1, 1:-1] = 1.0
     excess = excess * loads.frame.constant(inner)
     votes = apply(get_template("tactile_diffusion"), input=excess, duration=VOTE)
     votes = minimum(maximum(0.5 * votes / (FIRM * peak), -1.0), 1.0)

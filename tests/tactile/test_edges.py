@@ -21,6 +21,7 @@ from cnnum.lab.bench.programs.edge_errors import (
 )
 from cnnum.lab.bench.programs.edge_scenes import SHARP, SMOOTH
 from cnnum.lab.bench.programs.surround import GAPS, hat, lowering
+from cnnum.programs.library import get_program
 from cnnum.tactile.flat_punches import Polygon, punch_pressure, read_below, triangle
 from cnnum.tactile.indenters import Disc, Rectangle, Ring, frame_under
 from cnnum.templates.tactile.edges import edges
@@ -225,3 +226,18 @@ def test_surround_inhibition_is_the_covers(fast, run, depth):
     got = run(fast, edges.bind(depth=depth), pressed(wide), ["surround_inhibition"])
     assert got["surround_inhibition"][-1] == pytest.approx(-wide.min() / wide.max(), abs=4 * NOISE)
     assert got["surround_inhibition"][-1] > 0.05
+
+
+@pytest.mark.parametrize("shape", [(1, 8), (8, 1), (1, 1), (2, 2)])
+@pytest.mark.parametrize("name", ["edges", "tactile"])
+def test_rows_and_single_taxels_run_and_have_no_edge(numba, name, shape):
+    """All of their taxels lie at the rim; a touch on them is one all the same."""
+    wants = ["edge_count", *(["contact"] if name == "tactile" else [])]
+    stream = numba.compile(get_program(name), shape, wants).stream()
+    rng = np.random.default_rng(4)
+    for number in range(24):
+        frame = 1e-3 * rng.normal(size=(*shape, 3))
+        frame[..., 2] -= number > 18
+        out = stream.push(frame)
+    assert out["edge_count"] == 0.0
+    assert out.get("contact", 1.0) == 1.0
