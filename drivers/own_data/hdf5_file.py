@@ -119,7 +119,7 @@ def received(source: IO[bytes], most: int) -> Answer | None:
             return None
         view, at = array.reshape(-1).view(np.uint8).data, 0
         while at < len(view):
-            count = source.readinto(view[at:])  # type: ignore[attr-defined]
+            count = int(cast(Any, source).readinto(view[at:]))
             if not count:
                 return None
             at += count
