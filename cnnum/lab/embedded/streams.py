@@ -132,7 +132,7 @@ def vector_streams(shape: Shape, count: int) -> Floats:
         for step in sorted({1, whole}):
             last = max(0, len(one.frames) - step * count)
             for start in sorted({0, last // 2, last}):
-                part = one.frames[start::step][:count]
+                part = one.frames[start::step][:count].astype(np.float64)
                 rest = np.repeat(part[-1:], count - len(part), axis=0)
                 found.append(np.concatenate([part, rest]))
     largest = np.max([np.abs(one.frames).max(axis=(0, 1, 2)) for one in scenes], axis=0)
