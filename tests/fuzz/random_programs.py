@@ -812,7 +812,9 @@ class Oracle:
     def old(self, name, scalar, logic):
         shape = (STREAMS, 1, 1) if scalar else (STREAMS, *SHAPE)
         empty = V(np.zeros(shape), np.zeros(shape), logic)
-        return self.memories.get(name, empty)
+        found = self.memories.get(name, empty)
+        # what reads it rounds by the numbers of its own frames, which are one behind
+        return found if logic else self.kept(found.v, found.off)
 
     def flag(self, holds):
         one = np.full((STREAMS, 1, 1), 1.0 * holds)
@@ -902,7 +904,8 @@ class Oracle:
     def do_previous(self, step, given, fields):
         (x,) = given
         self.new[self.key] = x
-        return [x if self.number == 0 else self.memories[self.key]]
+        found = x if self.number == 0 else self.memories[self.key]
+        return [found if x.logic else self.kept(found.v, found.off)]
 
     def do_store(self, step, given, fields):
         (x,) = given
