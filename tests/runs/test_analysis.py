@@ -178,7 +178,7 @@ def test_programs_and_templates_of_every_kind():
 def test_it_refuses_what_is_no_template_or_array():
     with pytest.raises(UnknownNameError, match="Unknown template"):
         cnnum.analyse("nope")
-    with pytest.raises(TemplateError, match="'template' must be of the type Template"):
+    with pytest.raises(TemplateError, match="Expected a template or the name of one, got int"):
         cnnum.analyse(7)
     with pytest.raises(ArrayError):
         cnnum.analyse("EDGE", (0, 8))
