@@ -216,7 +216,8 @@ class _Filler:
         """Return a picture with neighbourhoods that are left, and the cells that those take."""
         picture, fixed = np.zeros(self.shape, dtype=bool), np.zeros(self.shape, dtype=bool)
         left = sorted(self.left)
-        for number in self.rng.permutation(len(left))[:most]:
+        order: list[int] = self.rng.permutation(len(left)).tolist()
+        for number in order[:most]:
             mask, bits = left[number]
             places = self.places[mask]
             row, col = places[self.rng.integers(len(places))]
