@@ -398,7 +398,7 @@ class Engine(OfThisProcess):
             one = looked_at(plan, given, lead, times, self.precision)
             assert one is not None
             found.append(one)
-        return by_differences(found, self.precision)
+        return by_differences(found, (spec.rtol, spec.atol), self.precision)
 
     def _at_rest(
         self,

@@ -132,7 +132,9 @@ def halved(
     return found.result(f"{first.reason}; {REASON}")
 
 
-def by_differences(found: Sequence[Result], precision: str) -> Result:
+def by_differences(
+    found: Sequence[Result], tolerances: tuple[float, float], precision: str
+) -> Result:
     """Return the last of runs at times, each in steps of half the length of the one before.
 
     Its errors are known from the differences of all three.
@@ -146,8 +148,9 @@ def by_differences(found: Sequence[Result], precision: str) -> Result:
         fell = np.where(off > 0.0, before / off, most)
     share = 1.0 / (np.clip(fell, LEAST_FALL, most) - 1.0)
     size = np.abs(fine.state).max(axis=axes, initial=0.0)
-    rounding = float(np.finfo(precision).eps) * np.sqrt(fine.steps) * size
-    return replace(fine, error=SAFETY * share * off + rounding)
+    rounding = float(np.finfo(precision).eps) * fine.steps * size
+    least = GOAL * (tolerances[1] + tolerances[0] * size)
+    return replace(fine, error=np.maximum(SAFETY * share * off + rounding, least))
 
 
 class _Frames:
@@ -202,6 +205,12 @@ class _Frames:
     def result(self, reason: str) -> Result:
         """Return the result of all frames."""
         first, error = self._first, np.where(self._error < LOST, self._error, np.inf)
+        sizes = np.abs(self._found["state"]).reshape(self.count, -1).max(axis=1, initial=0.0)
+        # two runs may agree by chance, as where neither meets a corner
+        error = np.maximum(error, GOAL * (self._atol + self._rtol * sizes))
+        # where a state hardly moves in a step, the roundings of all steps have the same sign
+        steps = np.asarray(self._found["steps"], dtype=np.float64)
+        error = error + self._eps * steps * sizes
         shaped: dict[str, Any] = {
             name: value.reshape(np.shape(getattr(first, name)))
             for name, value in {**self._found, "error": error}.items()
