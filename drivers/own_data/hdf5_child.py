@@ -100,7 +100,7 @@ def run(request: dict[str, Any], source: Any, target: Any) -> None:
         head, held = {"error": f"{error}" or type(error).__name__}, []
     target.write(json.dumps(head).encode() + b"\n")
     for array in held:
-        target.write(np.ascontiguousarray(array, array.dtype.newbyteorder("<")).data.cast("B"))
+        target.write(np.asarray(array, array.dtype.newbyteorder("<")).tobytes())
     target.flush()
 
 
