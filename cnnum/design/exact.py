@@ -93,6 +93,16 @@ def settle_bound(margin: float, before: float) -> float:
     return math.log1p((2.0 if before else 1.0) * k / margin) / k
 
 
+def duration_from_rails(margin: float) -> float:
+    """Return a duration after which cells that start black or white do not matter any more.
+
+    From the rail of the other colour, dx/dt = k x + w with w ≥ margin takes ln((w + k)/(w − k))/k
+    to the rail of its own.
+    """
+    passed = math.log((margin + HELD) / (margin - HELD)) / HELD
+    return max(1.0, math.ceil(10.0 * SPARE * passed) / 10.0)
+
+
 def _duration(margin: float, before: float) -> float:
     # a state beyond ±1 after it does not matter: the output is black or white
     return max(1.0, math.ceil(10.0 * SPARE * settle_bound(margin, before)) / 10.0)

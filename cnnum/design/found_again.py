@@ -6,17 +6,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cnnum.arrays import Floats
-from cnnum.design.exact import Shape, as_template
+from cnnum.design.exact import Shape, as_template, duration_from_rails
 from cnnum.design.linear_program import Weights, separate
 from cnnum.design.local_rules import Table, table_of
 from cnnum.errors import CnnumError
 from cnnum.templating.checks.records import ClosedForm
 from cnnum.templating.checks.registry import form_of
 from cnnum.templating.library import get_template, template_names
-from cnnum.templating.stability_class import stability_class
 from cnnum.templating.template import Template
-
-UNCOUPLED = ("linear and stable", "monostable cells", "bistable cells")
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,6 +78,8 @@ def again(template: Template, table: Table) -> Again:
     )
     made = as_template(weights, shape)
     made = replace(made, input_boundary=template.input_boundary)
+    if not before and form_of(template).name == "logic":  # whose cells start black or white
+        made = replace(made, duration=duration_from_rails(shape.margin))
     return Again(template, made, weights, table, weights.relative * size, margin, relative)
 
 
@@ -103,9 +102,8 @@ def _with_idle(template: Template, table: Table) -> Table:
 
 
 def _fits(template: Template, form: ClosedForm) -> bool:
-    kind = stability_class(template).name
     one = template.layers == 1 and template.inputs == 1 and template.radius <= 1
-    return form.digital and one and template.plain and kind in UNCOUPLED
+    return form.digital and one and template.plain and not np.delete(_nine(template.A), 4).any()
 
 
 def margins(template: Template, table: Table) -> tuple[float, float]:

@@ -248,9 +248,13 @@ class ButcherTableau:
         """Error estimate of a step in which the rate jumps by one, over h, on average."""
         return self._mean_estimate((self.error,), _jumped)
 
-    @cached_property
+    @property
     def least_bent(self) -> float:
         """The least part of a step's error that `truncation` shows where the rate bends in it."""
+        return self._least_bent
+
+    @cached_property
+    def _least_bent(self) -> float:
         times = np.array([float(sum(row)) for row in self.a])
         places = np.linspace(0.0, 1.0, 1002)[1:-1, np.newaxis]
         rates = np.maximum(times - places, 0.0)

@@ -274,7 +274,9 @@ class Cells:
         boundary = template.input_boundary if coupling.neighbour == "u" else template.boundary
         around = halo_sources(boundary, self.shape, radius)
         here = np.arange(cells)
-        to, near, weights = [], [], []
+        to: list[NDArray[np.intp]] = []
+        near: list[NDArray[np.intp]] = []
+        weights: list[Floats] = []
         for row, col in np.argwhere(coupling.weights):
             seen = around[row : row + rows, col : col + cols].ravel()
             to.append(here + coupling.to * cells)
@@ -340,7 +342,8 @@ class Frame:
         if "mask" in given:
             held = np.broadcast_to(given["mask"] != 0.0, (size[0], *cells.shape))
             moving &= ~held.ravel()
-        self.drive, self.drive_size, self.moving = drive, drive_size, moving
+        self.drive, self.moving = drive, moving
+        self.drive_size = np.asarray(drive_size, dtype=np.float64)
 
     def maps(self, x: Floats) -> dict[str, Floats]:
         """Return states, outputs and inputs, as nonlinear couplings read them."""

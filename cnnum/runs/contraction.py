@@ -18,6 +18,10 @@ form V = vᵀ P v falls: P is Lyapunov's solution of Jᵀ P + P J = −1, or τ 
 much J differs in the box from that at x is allowed for.
 """
 
+# pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
+# pyright: reportUnknownArgumentType=false
+# (the types of SciPy's sparse matrices are known in part)
+
 from dataclasses import dataclass
 from typing import Any
 

@@ -6,6 +6,10 @@ the array contracts (`cnnum.runs.contraction`). Where there is none the eigenval
 say whether the array leaves.
 """
 
+# pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
+# pyright: reportUnknownArgumentType=false
+# (the types of SciPy's sparse matrices are known in part)
+
 from dataclasses import dataclass
 from typing import Any, Literal
 

@@ -198,7 +198,7 @@ class Frames:
 
     def run_on(self, frames: NDArray[np.intp], again: Rerun) -> NDArray[np.intp]:
         """Run some frames anew for a longer time; return those that are elsewhere then."""
-        ends = np.array([longer(self.time[frame]) for frame in frames])
+        ends = np.array([longer(float(self.time[frame])) for frame in frames])
         moved: list[NDArray[np.intp]] = []
         for end in np.unique(ends):
             some = frames[ends == end]

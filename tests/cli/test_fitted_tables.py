@@ -52,7 +52,7 @@ ROWS = {"scenes": scene, "throughput": rate, "peers": peer}
 def printed(name, capsys, found=None):
     """The lines of a benchmark's table, above the cases left out."""
     rows = [ROWS[name](case) for case in ("small", LONG)] if found is None else found
-    assert bench._report(name, rows, None, "a device", None, False) == 0
+    assert bench._report(name, rows, None, "a device", None, False, False) == 0
     return capsys.readouterr().out.split("Left out:")[0].splitlines()
 
 
@@ -152,7 +152,7 @@ def test_the_devices_column_stays_where_rows_differ_in_it(capsys):
 
 
 def test_json_has_all_of_it(capsys):
-    bench._report("scenes", [scene(LONG)], None, "a device", None, True)
+    bench._report("scenes", [scene(LONG)], None, "a device", None, False, True)
     record = json.loads(capsys.readouterr().out.splitlines()[0])
     assert (record["case"], record["ops"]) == (LONG, 1365)
 
@@ -171,7 +171,7 @@ def test_data_names_the_command_that_made_it(typed, kept, tmp_path):
     name = kept.split()[0]
     words = [*shlex.split(typed), "--out", str(tmp_path)]
     with bench.command.commands[name].make_context(name, words):
-        bench._report("scenes", [scene("slip")], None, "a device", tmp_path, False)
+        bench._report("scenes", [scene("slip")], None, "a device", tmp_path, False, False)
         assert bench._asked(name) == f"cnnum bench {kept}"
         stated = json.loads((tmp_path / "scenes.json").read_text())["command"]
         assert stated == f"cnnum bench {kept}".replace(name, "scenes")
