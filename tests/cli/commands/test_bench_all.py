@@ -19,9 +19,9 @@ def benchmark(measured):
     @click.command("compile")
     @click.option("--frames", default=7)
     @bench._options
-    def run(frames, device, quick, out, as_json):
+    def run(frames, device, quick, out, force, as_json):
         assert frames == 7  # options that are not given have their own defaults
-        return bench._report("compile", measured(), None, "a device", out, as_json)
+        return bench._report("compile", measured(), None, "a device", out, force, as_json)
 
     return run
 

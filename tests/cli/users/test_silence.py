@@ -121,8 +121,8 @@ def test_a_stopped_score_prints_the_figures_of_what_was_done(monkeypatch, call):
     assert f"Stopped after 1 of {len(FAMILIES)} families and trials." in done.stderr
 
 
-def test_a_stopped_demo_prints_its_summary():
-    command = [sys.executable, "-m", "cnnum", "demo", "--json", "--out", os.devnull]
+def test_a_stopped_demo_prints_its_summary(tmp_path):
+    command = [sys.executable, "-m", "cnnum", "demo", "--json", "--out", str(tmp_path / "o.html")]
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     with subprocess.Popen(command, **pipes) as running:
         assert json.loads(running.stdout.readline())["kind"] == "contact"
