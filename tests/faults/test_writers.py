@@ -21,6 +21,7 @@ from cnnum.cli import main
 from cnnum.cli.commands.recorders import Recorder
 from cnnum.drivers.registry import open_driver
 from cnnum.embedded.c.files import Exported
+from cnnum.embedded.c.vector import Vector
 from cnnum.errors import CnnumError, ReportError
 from cnnum.lab.bench import page as bench_page
 from cnnum.lab.bench.records import append_row
@@ -39,6 +40,7 @@ ROOM = 64
 """Bytes that a file may have on the full disk: less than any output has."""
 
 LONG = "x" * 10_000
+EMPTY = Vector((), (), (), (), False, 0, 0, {})
 
 
 @cache
@@ -191,7 +193,7 @@ WRITERS = {
 
 
 def export_to(target, *, force):
-    Exported({"a.c": LONG, "b.h": LONG}, 0, 0, 0, 0).write(target, force=force)
+    Exported({"a.c": LONG, "b.h": LONG}, 0, 0, 0, 0, EMPTY).write(target, force=force)
 
 
 def bench_to(target, *, force):
