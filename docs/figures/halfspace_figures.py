@@ -152,7 +152,7 @@ def _finish(*axes: Any) -> None:
 
 def _write(folder: Path, name: str, figure: Picture, rows: dict[str, list[Row]], on: str) -> None:
     save(figure, folder / f"{name}.png")
-    packages = {each: version(each) for each in ("cnnum", "numpy", "scipy", "pyopencl")}
+    packages = {each: version(each) for each in ("cnnum-emulator", "numpy", "scipy", "pyopencl")}
     data = {"device": on, "machine": platform.platform(), "versions": packages, **rows}
     (folder / f"{name}.json").write_text(json.dumps(data, indent=1) + "\n")
 

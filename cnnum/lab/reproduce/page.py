@@ -17,6 +17,7 @@ from cnnum.lab.reproduce.style import STYLE
 from cnnum.lab.reproduce.table import rows_table, tally, written
 from cnnum.safety.files import make_folder, sentences, write_whole
 from cnnum.sharing.json_values import json_value
+from cnnum.version import __version__
 
 NAME = "reproduce.html"
 """Of the page, in a folder."""
@@ -172,7 +173,8 @@ def _card(figure: Figure, rows: Sequence[Row]) -> str:
 
 
 def _foot() -> str:
-    packages = ", ".join(f"{n} {version(n)}" for n in ("cnnum", "numpy", "scipy", "matplotlib"))
+    others = [f"{name} {version(name)}" for name in ("numpy", "scipy", "matplotlib")]
+    packages = ", ".join([f"cnnum {__version__}", *others])
     date = datetime.now(UTC).date().isoformat()
     return (
         f"<footer><p>Written by <code>cnnum reproduce --out</code> on {date}, Python "

@@ -77,7 +77,7 @@ def test_a_missing_peer_is_named(monkeypatch):
     monkeypatch.delitem(
         __import__("sys").modules, "cnnum.lab.bench.peers.celnn_network", raising=False
     )
-    with pytest.raises(MissingExtraError, match=r"cnnum\[peers\]"):
+    with pytest.raises(MissingExtraError, match=r"'\.\[peers\]'"):
         PEERS[0].load()
 
 

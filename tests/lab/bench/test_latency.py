@@ -50,10 +50,10 @@ def test_frames_go_as_far_as_their_events(opencl, monkeypatch):
     seen = []
     update = EventDetector.update
 
-    def slow(self, t, frame, outputs):
+    def slow(self, t, frame, outputs, **known):
         seen.append(frame)
         time.sleep(2e-3)
-        return update(self, t, frame, outputs)
+        return update(self, t, frame, outputs, **known)
 
     monkeypatch.setattr(latency.EventDetector, "update", slow)
     row = row_of(opencl, QUICK, count=200)
@@ -85,7 +85,7 @@ def test_both_ratios_and_the_tail_are_of_the_rows_own_figures(opencl):
 
 def test_frames_there_was_no_time_for_are_named(opencl, capsys):
     found = latency.measure_latency(opencl, count=5000, chosen=[QUICK], seconds=1e-4)
-    assert bench._report("latency", found, None, opencl.device, None, False) == 0
+    assert bench._report("latency", found, None, opencl.device, None, False, False) == 0
     stated = capsys.readouterr().out.split("Left out:")[1]
     frames = int(stated.partition(" of 5000 frames")[0].split()[-1])
     assert "contact:" in stated

@@ -83,7 +83,9 @@ def test_no_row_is_shown_before_the_last_peak_is_known(opencl, peaks, capsys, as
             before.append(capsys.readouterr().out)
             yield item
 
-    assert bench._report("throughput", watched(), len(SMALL), opencl.device, None, as_json) == 0
+    assert (
+        bench._report("throughput", watched(), len(SMALL), opencl.device, None, False, as_json) == 0
+    )
     assert before == [""] * len(SMALL)
     out = capsys.readouterr().out
     if as_json:
@@ -97,7 +99,7 @@ def test_no_row_is_shown_before_the_last_peak_is_known(opencl, peaks, capsys, as
 def test_a_run_that_is_stopped_shows_the_rows_it_has(opencl, peaks, capsys):
     peaks(1e11, 3e11, KeyboardInterrupt)
     found = throughput.measure_throughput(opencl, quick=True, cases=SMALL)
-    assert bench._report("throughput", found, len(SMALL), opencl.device, None, True) == 130
+    assert bench._report("throughput", found, len(SMALL), opencl.device, None, False, True) == 130
     *rows, omissions = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
     assert [row["case"] for row in rows] == ["case 0", "case 1"]
     assert {row["peak_flops"] for row in rows} == {3e11}
