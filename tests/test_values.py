@@ -79,6 +79,13 @@ def test_every_part_of_a_template_counts():
     assert plain.digest == template("other").digest
 
 
+def test_a_template_that_came_from_elsewhere_has_the_house_s_output():
+    """Engines and proofs know the five output functions by identity."""
+    for output in ("standard", "tanh", "sign"):
+        came = pickle.loads(pickle.dumps(template(output=output)))
+        assert came.output is template(output=output).output
+
+
 def test_arrays_of_values_cannot_be_written():
     arrays = [template().A, recording().values, next(recording().frames()).values]
     for array in arrays:

@@ -70,6 +70,12 @@ class OutputFunction:
                 f"numbers in order, got slope={self.slope!r:.60}."
             )
 
+    def __reduce__(self) -> tuple[object, ...]:
+        """Pickle and copy one of the house's own by its name: engines know it by identity."""
+        if OUTPUT_FUNCTIONS.get(self.name) is self:
+            return output_function, (self.name,)
+        return object.__new__, (type(self),), self.__getstate__()
+
     @property
     def saturates(self) -> bool:
         """Whether f' lies between 0 and 1, as the bounds of symmetric arrays need it."""

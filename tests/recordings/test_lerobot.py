@@ -65,7 +65,7 @@ def test_the_layout_is_lerobots(tmp_path: Path) -> None:
     assert json.loads(episode) == {"episode_index": 0, "tasks": ["grip"], "length": 90}
     stats = json.loads((tmp_path / "set/meta/episodes_stats.jsonl").read_text())["stats"]
     assert stats["timestamp"]["max"] == [pytest.approx(89 / 30, rel=1e-6)]
-    with pytest.raises(RecordingError, match="there already"):
+    with pytest.raises(RecordingError, match="holds other files"):
         write_lerobot(recording(), tmp_path / "set", 30.0)
 
 

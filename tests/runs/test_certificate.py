@@ -108,9 +108,9 @@ def test_a_proof_keeps_its_own_maps(picture):
         assert result.certified == "proven"
 
 
-def test_a_result_takes_its_proof_along():
+def test_a_result_takes_its_proof_along(picture):
     """Made or not, it is worked out anew in another process."""
-    found = opened("numba float32").run(Template("one", [[0.5]], z=0.2), state=np.zeros((2, 2)))
+    found = opened("numba float32").run("EDGE", input=picture, duration=5.0)
     for _ in range(2):
         came = pickle.loads(pickle.dumps(found))
         assert came == found

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cnnum.drivers.simulated.array import SimulatedOptions
+from cnnum.drivers.registry import driver_options
 from cnnum.scenes.pipeline import load_scene
 from cnnum.scenes.scene_file import read_scene
 
@@ -43,7 +43,7 @@ def test_a_contact_is_as_strong_as_what_presses(demo):
 @pytest.mark.parametrize("name", SCENES)
 def test_scenes_know_the_simulated_cover(name):
     spec = read_scene(name)
-    array = SimulatedOptions(**spec.driver_options)
+    array = driver_options("simulated", spec.driver_options)
     assert spec.parameters["depth"] == pytest.approx(array.thickness / array.pitch, abs=5e-4)
     # a load of one cell strains as 3/2E of its pressure, which is a force over pitch²
     newtons = 2 / 3 * array.youngs_modulus * array.pitch**2

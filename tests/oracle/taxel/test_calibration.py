@@ -135,7 +135,7 @@ def test_a_failed_write_leaves_the_old_file(
 
     monkeypatch.setattr("os.fsync", full)
     with pytest.raises(CalibrationError, match="No space left"):
-        Calibration(alpha_normal=2.0).save(path)
+        Calibration(alpha_normal=2.0).save(path, force=True)
     assert path.read_bytes() == before
     assert [file.name for file in tmp_path.iterdir()] == ["array.toml"]
 

@@ -134,5 +134,5 @@ def test_wrong_input_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
         raise ImportError(name)
 
     monkeypatch.setattr(texture_classes, "import_module", absent)
-    with pytest.raises(MissingExtraError, match="cnnum\\[texture\\]"):
+    with pytest.raises(MissingExtraError, match="'\\.\\[texture\\]'"):
         classify(ones, [0, 1, 0, 1], [0, 1, 2, 3], names=("a", "b"))
