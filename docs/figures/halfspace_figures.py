@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 
 from cnnum.arrays import Floats
 from cnnum.engine import Engine
-from cnnum.lab.bench.charts import save
+from cnnum.lab.bench.charts import png
 from cnnum.lab.bench.programs.halfspace_runs import (
     MODULUS,
     PITCH,
@@ -151,7 +151,7 @@ def _finish(*axes: Any) -> None:
 
 
 def _write(folder: Path, name: str, figure: Picture, rows: dict[str, list[Row]], on: str) -> None:
-    save(figure, folder / f"{name}.png")
+    (folder / f"{name}.png").write_bytes(png(figure))
     packages = {each: version(each) for each in ("cnnum-emulator", "numpy", "scipy", "pyopencl")}
     data = {"device": on, "machine": platform.platform(), "versions": packages, **rows}
     (folder / f"{name}.json").write_text(json.dumps(data, indent=1) + "\n")
