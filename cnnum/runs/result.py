@@ -119,8 +119,8 @@ class Result(ByContent):
     ----------
     output, state : (..., rows, cols) or (..., layers, rows, cols) float
     time : (...) float
-        Time constants reached. A run to a rest may be exact, so that it ends after any time. Then
-        this is the longest that others may take.
+        Time reached, in the unit of `tau`. A run to a rest may be exact, so that it ends after any
+        time. Then this is the longest that others may take.
     steps : (...) int
         Steps taken, rejected ones counted; 0 where none were needed.
     settled : (...) bool
