@@ -28,12 +28,11 @@ from cnnum.templating.checks.digital.pointwise import MARGIN
 from cnnum.templating.checks.measuring import WRONG
 from cnnum.templating.checks.parameters import has, number, text
 from cnnum.templating.checks.registry import form_of
-from cnnum.templating.checks.rules.language import reads_wide
+from cnnum.templating.checks.rules.language import is_wide
 from cnnum.templating.checks.rules.linear import (
     BEFORE,
     CELLS,
     MIDDLE,
-    TooTangledError,
     colour_weights,
     decided,
     narrowest,
@@ -78,7 +77,8 @@ class WorstCase:
         No mismatch of less, of each weight by itself, makes a cell wrong. Where it is below
         `MOST`, `changes` of a little more do.
     changes : dict of str to array
-        For "A", "B" and "z" the direction of each number in the worst mismatch, ±1, or 0.
+        For "A", "B" and "z" the direction of each number's size in the worst mismatch: ±1, or 0
+        where it stays. Each number is multiplied by 1 + share · change.
     decision : Decision
         The cell that becomes wrong.
     """
@@ -89,13 +89,15 @@ class WorstCase:
 
     @property
     def words(self) -> str:
-        """The weights that break it, as in "A[1, 1] up, B[0, 1] and z down"."""
+        """The weights that break it, as in "A[1, 1] larger, B[0, 1] and z smaller in size"."""
         found = dict[str, list[str]]()
         for part, signs in self.changes.items():
             for index in np.argwhere(signs).tolist():
                 label = part if part == "z" else f"{part}{index[-2:]}"
-                found.setdefault("up" if signs[tuple(index)] > 0 else "down", []).append(label)
-        return ", ".join(f"{' and '.join(names)} {way}" for way, names in sorted(found.items()))
+                way = "larger" if signs[tuple(index)] > 0 else "smaller"
+                found.setdefault(way, []).append(label)
+        ways = ", ".join(f"{' and '.join(names)} {way}" for way, names in sorted(found.items()))
+        return f"{ways} in size" if ways else ""
 
 
 def worst_case(template: Template) -> WorstCase | None:
@@ -115,7 +117,10 @@ def worst_case(template: Template) -> WorstCase | None:
     """
     if not _fits(template):
         return None
-    cells = tuple(_decisions(template))
+    try:
+        cells = tuple(_decisions(template))
+    except CnnumError:  # no local rule, and what was found of it before is no bound
+        return None
     if not cells or not all(_right(template, cell, 0.0) for cell in cells):
         return None
     bounds = [_share(template, cell) for cell in cells]
@@ -241,22 +246,20 @@ def _changes(template: Template, cell: Decision, share: float) -> dict[str, Floa
 
 
 def _decisions(template: Template) -> Iterator[Decision]:
-    """Yield the narrowest decision of each colour and start; none where the rule is not local."""
+    """Yield the narrowest decision of each colour and start.
+
+    Raises
+    ------
+    CnnumError
+        If the rule is none of the cells that one sees, or too tangled to look through.
+    """
     form = form_of(template)
-    try:
-        if form.name == "threshold":
-            yield from _thresholds(template)
-        elif form.name == "rule" and _wide(template):
-            yield from _of_25(template)
-        elif form.name in LOCAL and form.name != "rule-until-still" and template.radius <= 1:
-            yield from _of_nine(template)
-    except (CnnumError, TooTangledError):
-        return  # no local rule
-
-
-def _wide(template: Template) -> bool:
-    words = [text(template, name) for name in ("rule", "avoid") if has(template, name)]
-    return template.radius == 2 or (template.radius < 2 and any(map(reads_wide, words)))
+    if form.name == "threshold":
+        yield from _thresholds(template)
+    elif form.name == "rule" and is_wide(template):
+        yield from _of_25(template)
+    elif form.name in LOCAL and form.name != "rule-until-still" and template.radius <= 1:
+        yield from _of_nine(template)
 
 
 def _thresholds(template: Template) -> Iterator[Decision]:
@@ -284,13 +287,14 @@ def _of_nine(template: Template) -> Iterator[Decision]:
             rows = np.flatnonzero((table.colours == colour) & of_it & possible)
             if len(rows):
                 row = rows[np.argmin(colour * drives[rows])]
-                side = template.B.shape[-1] if template.inputs else 0
-                off = 1 - side // 2
+                off = 1 - template.B.shape[-1] // 2 if template.inputs else 3
                 signs = table.signs[row, :9].reshape(3, 3)[off : 3 - off, off : 3 - off]
                 yield Decision(colour, _start(template, state), float(drives[row]), signs)
 
 
 def _of_25(template: Template) -> Iterator[Decision]:
+    if not template.inputs:  # the rule is one of the input
+        return
     weights = colour_weights(template)
     given, side = _given(template), template.B.shape[-1]
     off = (5 - side) // 2

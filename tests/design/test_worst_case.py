@@ -12,8 +12,10 @@ from cnnum.design.worst_case import state_after, worst_case
 from cnnum.templating.checks.records import Case
 from cnnum.templating.checks.registry import form_of
 from cnnum.templating.checks.robustness import Judge
+from cnnum.templating.checks.rules.linear import narrow_neighbourhoods
 from cnnum.templating.library import template_names
 from cnnum.templating.numbers import with_numbers
+from cnnum.templating.template import Check, Template
 
 STATES = {"logic": (-1.0, 1.0)}
 
@@ -162,6 +164,46 @@ def test_an_engine_breaks_where_the_worst_case_says(name):
     assert off(0.99 * found.share) == 0.0
     if name != "THRES":
         assert off(1.01 * found.share) > 0.0
+
+
+def wide(rule, side=5, inputs=True):
+    """Return a template whose cells are all white, with a rule of its neighbourhood."""
+    b = np.full((side, side), 1e-3) if inputs else None
+    check = Check("rule", (("rule", rule),))
+    a = np.zeros((side, side))
+    a[side // 2, side // 2] = 2.0
+    return Template("own", a, b, -50.0, boundary=-1.0, duration=5.0, check=check)
+
+
+def test_a_rule_that_is_tangled_for_one_colour_has_no_bound_from_the_other():
+    """White cells are few inequalities, black ones 2¹² sets of them."""
+    tangled = " and ".join(f"ring24 != {count}" for count in range(1, 13))
+    assert worst_case(wide(tangled)) is None
+    assert worst_case(wide("ring24 > 24")) is not None
+
+
+def test_what_is_wider_than_the_language_or_sees_no_input_has_no_bound():
+    seven = wide("ring24 > 24", side=7)
+    assert worst_case(seven) is None
+    assert narrow_neighbourhoods(seven, np.random.default_rng(1)).shape == (0, 5, 5)
+    assert worst_case(wide("ring24 > 24", inputs=False)) is None
+
+
+def test_the_signs_of_a_decision_are_those_of_the_inputs_that_it_sees():
+    for name, found in bounds().items():
+        side = get_template(name).B.shape[-1] if get_template(name).inputs else 0
+        threshold = form_of(get_template(name)).name == "threshold"
+        assert found.decision.signs.shape == ((0, 0) if threshold else (side, side)), name
+
+
+def test_the_words_say_which_numbers_grow_in_size():
+    """A weight of −1 that goes to −1.3 is larger in size, and was called "up"."""
+    template, found = get_template("EDGE"), bounds()["EDGE"]
+    changed = template.B * (1.0 + found.share * found.changes["B"])
+    larger = np.argwhere(np.abs(changed[0, 0]) > np.abs(template.B[0, 0])).tolist()
+    assert larger
+    grown = found.words.split(" larger")[0] if "larger" in found.words else ""
+    assert all(f"B{place}" in grown for place in larger), found.words
 
 
 def test_the_examples_that_were_no_bounds():

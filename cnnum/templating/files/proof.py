@@ -67,7 +67,7 @@ class Proof:
         neighbourhood is within half a colour of the right one at the end of the template's run.
         None where no such bound is known.
     worst_case_weights : str
-        The mismatch that makes a cell wrong beyond it, as in "A[1, 1] up, z down".
+        The mismatch that makes a cell wrong beyond it, as in "A[1, 1] larger, z smaller in size".
     flips : tuple of FlipRate
     area : float or None
         Of a learned decision: the area under the curve on examples that it did not learn from.

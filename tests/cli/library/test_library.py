@@ -66,7 +66,7 @@ def test_design_shows_the_worst_case_where_there_is_a_bound(call, records):
     (found,) = records(call("templates", "design", "LOGAND", "--json").stdout)
     # a black cell falls while −1 + 2 (1 + δ) − 2 (1 − δ) is below 0, and does so in time
     assert 0.249 < found["worst_case"] < 0.25
-    assert found["worst_case_weights"] == "B[1, 1] and z down, A[1, 1] up"
+    assert found["worst_case_weights"] == "A[1, 1] larger, B[1, 1] and z smaller in size"
     text = call("templates", "design", "LOGAND").stdout
     assert "less than 24.9 %" in " ".join(text.split())  # never rounded up
     (found,) = records(call("templates", "design", "HOLE", "--json").stdout)

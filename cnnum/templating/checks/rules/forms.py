@@ -12,7 +12,7 @@ from cnnum.templating.checks.neighbourhoods import Bools, Held, covering, steere
 from cnnum.templating.checks.parameters import choice, has, number, text
 from cnnum.templating.checks.pictures import as_picture, binary
 from cnnum.templating.checks.records import Case
-from cnnum.templating.checks.rules.language import Neighbourhood, Rule, as_black, reads_wide
+from cnnum.templating.checks.rules.language import Neighbourhood, Rule, as_black, is_wide
 from cnnum.templating.checks.rules.linear import SIDE, narrow_neighbourhoods
 from cnnum.templating.template import Template
 
@@ -91,7 +91,7 @@ def _wave_case(template: Template, rng: np.random.Generator, shape: Shape) -> Ca
 
 def _local_case(template: Template, rng: np.random.Generator, shape: Shape) -> Case:
     """Draw every neighbourhood of 3×3 cells, under both states; of 5×5 the narrowest ones."""
-    if _wide(template):
+    if is_wide(template):
         black = steered(rng, as_black(_draw(template, rng, shape)), _avoided(template))
         black = np.concatenate([black, _planted(template, rng, shape)])
     else:
@@ -102,12 +102,6 @@ def _local_case(template: Template, rng: np.random.Generator, shape: Shape) -> C
     other = rng.random(black.shape) < 0.5
     twice, others = np.concatenate([black, black]), np.concatenate([other, ~other])
     return Case(input=as_picture(twice), state=_states(template, twice, others, rng))
-
-
-def _wide(template: Template) -> bool:
-    """Return whether a decision reads more than 3×3 cells."""
-    texts = [text(template, name) for name in ("rule", "avoid") if has(template, name)]
-    return template.radius > 1 or any(reads_wide(each) for each in texts)
 
 
 def _planted(template: Template, rng: np.random.Generator, shape: Shape) -> Bools:

@@ -20,6 +20,8 @@ from numpy.typing import NDArray
 from cnnum.arrays import Floats
 from cnnum.errors import TemplateError
 from cnnum.templating.boundary import Boundary
+from cnnum.templating.checks.parameters import has, text
+from cnnum.templating.template import Template
 
 Values = NDArray[Any]
 
@@ -176,6 +178,12 @@ def _number(value: Any) -> Any:
 def reads_wide(rule: str) -> bool:
     """Return whether a rule reads 5×5 cells, not 3×3."""
     return "ring24" in rule or re.search(r"[\"'](?:[^\"'/]*/){4}", rule) is not None
+
+
+def is_wide(template: Template) -> bool:
+    """Return whether the check of a template, or the template itself, reads more than 3×3 cells."""
+    rules = [text(template, name) for name in ("rule", "avoid") if has(template, name)]
+    return template.radius > 1 or any(map(reads_wide, rules))
 
 
 def as_black(pictures: Floats) -> NDArray[np.bool_]:

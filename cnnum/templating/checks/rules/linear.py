@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cnnum.arrays import Floats
+from cnnum.errors import TemplateError
 from cnnum.templating.checks.neighbourhoods import Bools
 from cnnum.templating.checks.parameters import has, text
 from cnnum.templating.checks.rules.language import (
@@ -42,8 +43,14 @@ _MOST = 4000
 """Sets of inequalities; a rule that needs more is too tangled for this."""
 
 
-class TooTangledError(Exception):
-    """A rule that is no small union of linear inequalities."""
+class TooTangledError(TemplateError):
+    """A rule that is no small union of linear inequalities of 5×5 cells."""
+
+    def __init__(self) -> None:
+        super().__init__(
+            "The rule is no small union of linear inequalities of 5×5 cells, so that its narrowest "
+            "neighbourhoods cannot be searched: write it with fewer alternatives."
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -90,15 +97,15 @@ def narrow_neighbourhoods(template: Template, rng: np.random.Generator) -> Bools
     Returns
     -------
     (neighbourhoods, 5, 5) bool
-        None where the rule is too tangled.
+        No neighbourhood where the rule is too tangled, or the template is wider than that.
     """
-    own = colour_weights(template)
+    try:
+        own = colour_weights(template)
+        both_colours = [(holds, decided(template, holds=holds)) for holds in (True, False)]
+    except TooTangledError:
+        return np.zeros((0, SIDE, SIDE), dtype=np.bool_)
     found = list[Floats]()
-    for holds in (True, False):
-        try:
-            cases = decided(template, holds=holds)
-        except TooTangledError:
-            return np.zeros((0, SIDE, SIDE), dtype=np.bool_)
+    for holds, cases in both_colours:
         sign = 1.0 if holds else -1.0
         for black in (False, True):
             fixed = {MIDDLE: black}
@@ -114,7 +121,13 @@ def narrow_neighbourhoods(template: Template, rng: np.random.Generator) -> Bools
 
 
 def colour_weights(template: Template) -> Floats:
-    """Return what each black cell of the neighbourhood adds to the drive of a cell."""
+    """Return what each black cell of the neighbourhood adds to the drive of a cell.
+
+    Raises
+    ------
+    TooTangledError
+        If the template sees more than 5×5 cells.
+    """
     kernel, weights = template.B[0, 0], np.zeros((SIDE, SIDE))
     off = RADIUS - kernel.shape[0] // 2
     if off < 0:
