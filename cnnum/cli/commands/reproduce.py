@@ -14,6 +14,7 @@ from cnnum.cli.stopping import until_stopped
 
 if TYPE_CHECKING:
     from cnnum.lab.reproduce import Item, Row
+    from cnnum.lab.reproduce.faults import Mutant
 
 CHECKS_FAILED = 1
 
@@ -75,7 +76,6 @@ def command(
 
 
 def _mutants(chosen: "tuple[Item, ...]", as_json: bool) -> int:
-    from cnnum.lab.reproduce.faults import Mutant
     from cnnum.lab.reproduce.faults import mutants as broken
 
     total, output = sum(len(item.faults) for item in chosen), Output(as_json)
@@ -85,7 +85,7 @@ def _mutants(chosen: "tuple[Item, ...]", as_json: bool) -> int:
             made.append(one)
             output.record(one.record())
             steps.advance(one.item.name)
-    stay = sum(not one.fell for one in made)
+    stay = sum(one.passed for one in made)
     shown = table("Item", "broken", "fault", ">expected", ">got", ">tolerance", "")
     for one in made:
         shown.add_row(
@@ -95,17 +95,24 @@ def _mutants(chosen: "tuple[Item, ...]", as_json: bool) -> int:
             _expected(one.item),
             number(one.got, 4),
             number(one.item.tolerance, 2),
-            Text("fell", style="green") if one.fell else Text("PASSED", style="bold red"),
+            _fate(one),
         )
-    checks = len({one.item.name for one in made})
-    output.show(
-        shown,
-        f"{len(made) - stay} of {len(made)} faults made their check fail, of {checks} checks; "
-        f"comparisons cannot fail ({sum(not item.faults for item in chosen)}).",
+    ran = [one for one in made if not one.missing]
+    text = (
+        f"{len(ran) - stay} of {len(ran)} faults made their check fail, of "
+        f"{len({one.item.name for one in ran})} checks; "
+        f"comparisons cannot fail ({sum(not item.faults for item in chosen)})."
     )
+    output.show(shown, " ".join([text, *sorted({one.missing for one in made if one.missing})]))
     if stop.stopped:
         return stop.say(len(made), total, "mutants", as_json=as_json)
     return CHECKS_FAILED if stay else 0
+
+
+def _fate(one: "Mutant") -> Text:
+    if one.missing:
+        return Text("not run", style="yellow")
+    return Text("fell", style="green") if one.fell else Text("PASSED", style="bold red")
 
 
 def _write(out: Path, rows: "list[Row]", force: bool, as_json: bool) -> None:

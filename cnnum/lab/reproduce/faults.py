@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cnnum.errors import CnnumError, MissingExtraError
+from cnnum.errors import MissingExtraError
 
 if TYPE_CHECKING:
     from cnnum.lab.reproduce.record import Item
@@ -180,12 +180,20 @@ class Mutant:
         NaN where the library refused to compute.
     fell : bool
         Whether the check failed, as it must.
+    missing : str
+        Why it was not run; "" where it was.
     """
 
     item: "Item"
     fault: Fault
     got: float
     fell: bool
+    missing: str = ""
+
+    @property
+    def passed(self) -> bool:
+        """Whether the check was run and did not notice the fault."""
+        return not self.fell and not self.missing
 
     def record(self) -> dict[str, object]:
         """Return the mutant as `cnnum reproduce --mutants --json` writes it."""
@@ -198,6 +206,7 @@ class Mutant:
             "got": self.got,
             "tolerance": item.tolerance,
             "fell": self.fell,
+            "missing": self.missing,
         }
 
 
@@ -207,12 +216,8 @@ def mutants(items: "Iterable[Item]") -> "Iterator[Mutant]":
     Yields
     ------
     Mutant
-        One a fault; comparisons have none.
-
-    Raises
-    ------
-    MissingExtraError
-        If a check needs a package that is not installed.
+        One a fault; comparisons have none. Those of a check that needs a package which is not
+        installed are not run.
     """
     for item in items:
         for fault in item.faults:
@@ -224,9 +229,9 @@ def mutant(item: "Item", fault: Fault) -> Mutant:
     with fault.applied():
         try:
             got = float(item.compute())
-        except MissingExtraError:
-            raise
-        except CnnumError:  # the library itself noticed
+        except MissingExtraError as error:
+            return Mutant(item, fault, float("nan"), fell=False, missing=str(error))
+        except Exception:  # the library itself noticed, or NumPy did: the check gave no number
             got = float("nan")
     return Mutant(item, fault, got, not item.error(got) <= item.tolerance)
 

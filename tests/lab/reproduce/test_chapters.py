@@ -2,11 +2,12 @@
 
 import math
 
+import numpy as np
 import pytest
 
 import cnnum.tactile.halfspace
 import cnnum.tactile.taxel
-from cnnum.errors import PhysicsError, UnknownNameError
+from cnnum.errors import MissingExtraError, PhysicsError, UnknownNameError
 from cnnum.lab.reproduce.chapters import fields, inverse
 from cnnum.lab.reproduce.faults import Fault, changed, misled, mutant, mutants, scaled
 from cnnum.lab.reproduce.record import Item
@@ -107,8 +108,24 @@ def test_a_check_that_cannot_fail_is_found_out() -> None:
     assert not one.fell
     assert one.record() == {
         "item": "x", "target": "tactile.halfspace.point:stress", "fault": "× 2", "expected": 2.0,
-        "got": 2.0, "tolerance": 0.2, "fell": False,
+        "got": 2.0, "tolerance": 0.2, "fell": False, "missing": "",
     }  # fmt: skip
+
+
+def test_a_check_that_a_fault_stops_has_fallen_and_one_without_its_package_is_not_run() -> None:
+    """NumPy's error is not the library's, and a missing package ends no other check."""
+
+    def without() -> float:
+        raise MissingExtraError("Install the extra 'fem'.")
+
+    def stopped() -> float:
+        return float(np.zeros(2)[2])
+
+    first, second, third = mutants([item(compute=f) for f in (without, stopped, lambda: 9.0)])
+    assert (first.fell, first.passed, first.missing) == (False, False, "Install the extra 'fem'.")
+    assert second.fell
+    assert third.fell
+    assert not third.missing
 
 
 def test_faults_reach_functions_methods_and_properties_and_leave_no_trace() -> None:

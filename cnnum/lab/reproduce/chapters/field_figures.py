@@ -155,14 +155,36 @@ def superposed(x: Floats, z: Floats, weights: Floats, places: Floats) -> Floats:
     return np.asarray(one[..., 2, 2] @ weights)
 
 
-def flat_strip(x: Floats, z: Floats) -> Floats:
-    """Return σ_zz below a rigid flat strip over its mean pressure; lengths in half-widths.
+def flat_lines(count: int = 400) -> Floats:
+    """Return the places of equal line loads that stand for a rigid flat strip, in half-widths.
 
-    Its pressure is 2/(π√(1 − s²)) of the mean: lines at Chebyshev's nodes, all equally loaded.
+    Its pressure is 2/(π√(1 − s²)) of the mean, and these are Chebyshev's nodes.
     """
-    count = 400
-    nodes = np.cos(np.pi * (np.arange(count) + 0.5) / count)
-    return superposed(x, z, np.full(count, 2.0 / count), nodes)
+    return np.asarray(np.cos(np.pi * (np.arange(count) + 0.5) / count), dtype=np.float64)
+
+
+def flat_strip(x: Floats, z: Floats) -> Floats:
+    """Return σ_zz below a rigid flat strip over its mean pressure; lengths in half-widths."""
+    nodes = flat_lines()
+    return superposed(x, z, np.full(nodes.size, 2.0 / nodes.size), nodes)
+
+
+def flat_punch_stress(x: Floats, z: Floats | float) -> Floats:
+    """Return the closed form of `flat_strip`.
+
+    With F = 2/(π√(1 − ζ²)) of ζ = x + iz, P = Re F is the pressure's harmonic extension, and
+    σ_zz = −(P − z ∂P/∂z) = −(Re F + z Im F′).
+
+    Parameters
+    ----------
+    x, z : float
+        Along the surface and below it, in half-widths, of shapes that go together.
+    """
+    place = x + 1j * np.asarray(z)
+    # of the two roots the one that makes F fade above the real axis
+    power = 1j / (np.sqrt(place - 1.0) * np.sqrt(place + 1.0))
+    slope = place * power / (1.0 - place**2)
+    return np.asarray(-2.0 / np.pi * (power.real + z * slope.imag), dtype=np.float64)
 
 
 def profile(shape: Callable[[Floats], Floats], x: Floats, z: Floats) -> Floats:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from cnnum.arrays import Floats
-from cnnum.lab.reproduce.chapters.field_figures import superposed
+from cnnum.lab.reproduce.chapters.field_figures import flat_lines, flat_punch_stress
 from cnnum.lab.reproduce.faults import changed, misled, scaled
 from cnnum.lab.reproduce.figure import Curve, Figure, Panel
 from cnnum.lab.reproduce.record import Chapter, Item
@@ -23,16 +23,24 @@ HELD = 1.0
 X = np.linspace(-4e-3, 4e-3, 161)
 
 
+PRESSURE = 1e3
+"""Of the bar on average, Pa."""
+
+
+def bar_stress(x: Floats) -> Floats:
+    """Return (n, 3, 3) stresses below a rigid flat bar, Pa."""
+    nodes = 0.5 * BAR * flat_lines()
+    each = np.array([0.0, 0.0, PRESSURE * BAR / nodes.size])
+    lines = line_load_stress(x[:, np.newaxis] - nodes, RECEPTOR, each)
+    return np.asarray(lines.sum(axis=1), dtype=np.float64)
+
+
 def below_a_bar(x: Floats) -> tuple[Floats, Floats]:
     """Return the vertical strain, compression positive, and the energy density below a bar.
 
-    The bar is rigid and flat: line loads at Chebyshev's nodes, of 1 kPa on average. Plane strain
-    of an incompressible skin.
+    Plane strain of an incompressible skin.
     """
-    count = 400
-    nodes = 0.5 * BAR * np.cos(np.pi * (np.arange(count) + 0.5) / count)
-    each = np.array([0.0, 0.0, 1e3 * BAR / count])
-    stress = line_load_stress(x[:, np.newaxis] - nodes, RECEPTOR, each).sum(axis=1)
+    stress = bar_stress(x)
     middle = 0.5 * (stress[:, 0, 0] + stress[:, 2, 2])
     half = stress[:, 2, 2] - middle
     strain = -1.5 * half / E_SKIN  # ε_zz of plane strain at ν = ½: 3(σ_zz − σ_xx)/4E
@@ -47,16 +55,9 @@ def edges_over_middle(energy: bool) -> float:
 
 
 def strip_gap() -> float:
-    """Return how far line loads at Chebyshev's nodes are from a punch's closed form below a bar."""
-    place = (X + 1j * RECEPTOR) / (0.5 * BAR)
-    power = 1j / (np.sqrt(place - 1.0) * np.sqrt(place + 1.0))
-    slope = place * power / (1.0 - place**2)
-    exact = -2.0 / np.pi * (power.real + RECEPTOR / (0.5 * BAR) * slope.imag)
-    count = 400
-    nodes = np.cos(np.pi * (np.arange(count) + 0.5) / count)
-    x, z = (np.asarray(part, dtype=np.float64) for part in (place.real, place.imag[:1]))
-    ours = superposed(x, z, np.full(count, 2.0 / count), nodes)[0]
-    return float(np.abs(ours - exact).max())
+    """Return how far the stress below the bar is from a punch's closed form, in mean pressures."""
+    exact = flat_punch_stress(X / (0.5 * BAR), RECEPTOR / (0.5 * BAR))
+    return float(np.abs(bar_stress(X)[:, 2, 2] / PRESSURE - exact).max())
 
 
 def touch(step: float = 10e-3) -> tuple[Floats, Floats]:
