@@ -17,7 +17,7 @@ from cnnum.arrays import Floats
 from cnnum.drivers.simulated.array import SimulatedOptions
 from cnnum.drivers.simulated.script import Phase
 from cnnum.engine import Engine
-from cnnum.errors import CnnumError
+from cnnum.errors import MethodError
 from cnnum.frame import FORCE_AXES
 from cnnum.lab.bench.programs.contact_errors import errors, held
 from cnnum.lab.bench.programs.edge_errors import Skin, by_program, tally
@@ -114,8 +114,8 @@ class TrueError:
     spread: float
 
 
-def measure_true_error(device: str | None, *, quick: bool = False) -> Iterator[TrueError]:
-    """Yield the rows of every program that has a truth.
+def measure_true_error(device: str | None, *, quick: bool = False) -> Iterator[TrueError | str]:
+    """Yield the rows of every program that has a truth, and a sentence for each that is left out.
 
     Parameters
     ----------
@@ -372,16 +372,16 @@ def _first(flags: Sequence[bool] | Floats, rate: float) -> float:
 
 def _events(
     engine: Engine, rate: float, trials: int, method: str | None = None, step: float | None = None
-) -> Iterator[TrueError]:
-    """Yield a row a program that reports events, of the same trials."""
+) -> Iterator[TrueError | str]:
+    """Yield a row a program that reports events, of the same trials, or why there is none."""
     for name, flag in FLAGS.items():
         known: dict[str, object] = {"depth": 0.667} if name == "contact" else {"rate": rate}
         program = get_program(name).bind(**known)
         row = _row(name, "simulated touches", "frames a second", rate, engine)
         try:
             yield _reported(engine, program, flag, row, trials, method, step)
-        except CnnumError:  # a step beyond the stability bound
-            continue
+        except MethodError as error:  # a step beyond the stability bound
+            yield f"{name} by {method or 'auto'}, step {step}, has no row: {error}"
 
 
 def _reported(

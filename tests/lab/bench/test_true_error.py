@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from cnnum.engine import Engine
+from cnnum.errors import ArrayError
 from cnnum.lab.bench import true_error
 from cnnum.lab.bench.charts import CHARTS
 from cnnum.lab.bench.records import as_row
@@ -54,6 +55,21 @@ def test_reports_have_delays_and_misses(engine, monkeypatch, began, missed, earl
     got = true_error._reported(engine, program, "contact", row, 1, None, None)
     assert (got.missed, got.too_early) == (missed, early)
     assert math.isnan(got.delay_s) if missed else 0.0 <= got.delay_s <= 0.05
+
+
+def test_a_method_that_cannot_is_said_and_another_error_is_raised(engine, monkeypatch):
+    rows = list(true_error._events(engine, 50.0, 1, method="euler", step=3.0))
+    assert rows
+    for row in rows:
+        assert isinstance(row, str)
+        assert "by euler, step 3.0, has no row" in row
+
+    def broken(*_):
+        raise ArrayError("The frames are wrong.")
+
+    monkeypatch.setattr(true_error, "_reported", broken)
+    with pytest.raises(ArrayError):
+        list(true_error._events(engine, 50.0, 1))
 
 
 def test_a_trial_knows_when_things_begin():
