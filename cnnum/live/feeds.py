@@ -149,7 +149,8 @@ class RecordingFeed(_Threaded):
     Parameters
     ----------
     scene : Scene
-        With the recording as its array; it begins anew wherever the recording is moved to.
+        With the recording as its array. Frames before the place that it is moved to run silently,
+        so that rest, tare and memories there are those of the whole recording.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -189,8 +190,15 @@ class RecordingFeed(_Threaded):
         while not self._stopped:
             moved = self._taken()
             if moved is not None:
-                at, step = self._at(moved), self._scene.path().step
+                goal = self._at(moved)
+                if goal < at:
+                    at, step = 0, self._scene.path().step
                 self.hub.forget()
+                while at < goal and not self._interrupted():
+                    step(at, self._frames[at])
+                    at += 1
+                if at < goal:
+                    continue
             if at >= len(self._frames) or (self._paused and moved is None):
                 self._wait(None)
                 continue
@@ -198,6 +206,10 @@ class RecordingFeed(_Threaded):
             at += 1
             if at < len(self._frames):
                 self._wait(float(self._times[at] - self._times[at - 1]))
+
+    def _interrupted(self) -> bool:
+        """Return whether the way to a place is no longer wanted."""
+        return self._stopped or self._seek is not None
 
     def _taken(self) -> float | None:
         with self._changed:

@@ -257,6 +257,33 @@ def test_sixty_pictures_a_second_cost_a_quick_source_nothing() -> None:
     assert pictures < sent / 4
 
 
+def test_a_place_of_a_recording_has_the_rest_of_the_whole_one(tmp_path: Path) -> None:
+    """A load that is on where the recording is moved to is no rest, whichever way one comes."""
+    rng = np.random.default_rng(2)
+    values = 1e-5 * rng.normal(size=(160, 8, 8, 3))
+    values[60:, 2:5, 2:5, 2] -= 1e-3
+    path = tmp_path / "touch.npz"
+    Recording(values, rate=100.0, unit="strain").save(path)
+    changes = {"wants": ["load_normal", "contact"], "array": {"driver": "npz", "path": str(path)}}
+    scene = load_scene("demo", changes=changes)
+    wanted = {moment.number: moment.outputs for moment in scene.results()}
+    feed = RecordingFeed(scene)
+    feed.command({"paused": True, "seek": 1.2})
+    feed.start()
+    for place in (120, 150, 90, 30):
+        feed.command({"seek": place / 100.0})
+        deadline, shown = time.monotonic() + 20.0, None
+        while (shown is None or shown.number != place) and time.monotonic() < deadline:
+            time.sleep(0.01)
+            shown, _ = feed.hub.picture(None)
+        assert shown is not None
+        assert shown.number == place
+        assert (shown.outputs["contact"] > 0.0) == (place >= 60)
+        for name, value in wanted[place].items():
+            np.testing.assert_array_equal(shown.outputs[name], value)
+    feed.stop()
+
+
 def test_a_recording_stops_and_goes_where_it_is_sent(tmp_path: Path) -> None:
     rng = np.random.default_rng(1)
     path = tmp_path / "short.npz"
