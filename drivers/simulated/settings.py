@@ -21,6 +21,15 @@ RANGES = {
 }
 """Least value and bound from above, in the units below: beyond any array, short of overflow."""
 
+SIZES = {
+    "punch": ("width",),
+    "bar": ("width", "length", "angle"),
+    "ring": ("width",),
+    "two bodies": ("width", "length", "angle"),
+    "textured": ("relief", "period"),
+}
+"""What each body with a face takes; a sphere takes its radius."""
+
 
 @dataclass(frozen=True, slots=True)
 class Settings:
@@ -165,12 +174,14 @@ class Settings:
         require("script", rolls, "without a 'roll': only a sphere rolls", "roll")
         on_bumps = self.body != "textured" or self.cover == "bumpy"
         require("body", on_bumps, "'textured' on the cover 'bumpy' alone", self.body)
-        for name in ("width", "length", "period"):
+        for name in SIZES.get(self.body, ()):
             value: float = getattr(self, name)
-            fits = self.pitch / 5 <= value < 0.1
-            require(name, fits or self.body == "sphere", "a fifth of the pitch to 0.1 m", value)
-        require("relief", 0 <= self.relief < 0.01, "0 or more and below 0.01 m", self.relief)
-        require("angle", abs(self.angle) < 1e6, "within ±1e+06 rad", self.angle)
+            if name == "relief":
+                require(name, 0 <= value < 0.01, "0 or more and below 0.01 m", value)
+            elif name == "angle":
+                require(name, abs(value) < 1e6, "within ±1e+06 rad", value)
+            else:
+                require(name, self.pitch / 5 <= value < 0.1, "a fifth of the pitch to 0.1 m", value)
 
     def _require_layer(self) -> None:
         if self.cover != "layer":

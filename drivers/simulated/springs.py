@@ -82,7 +82,7 @@ class State:
     shear : (2, springs) float, m
         Deflection along x and y.
     twist : (springs,) float, rad
-        None under a flat face, whose springs turn by moving.
+        Empty under a flat face, whose springs turn by moving.
     position : (2,) float, m
         Centre of the contact on the cover.
     slipped : (2,) float, m

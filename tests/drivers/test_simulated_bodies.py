@@ -183,6 +183,16 @@ def test_bodies_that_cannot_be_are_named(options, sentence):
         open_driver("simulated", options)
 
 
+def test_a_body_is_asked_for_its_own_sizes_alone():
+    """A ring has no length and a bar no relief: what it does not take is not looked at."""
+    for body in ("sphere", "punch", "ring"):
+        assert open_driver("simulated", {"body": body, "length": 1.0, "period": 1.0}).shape
+    with pytest.raises(SceneError, match="'length' must be a fifth of the pitch"):
+        open_driver("simulated", {"body": "two bodies", "length": 1.0})
+    with pytest.raises(SceneError, match="'period' must be a fifth of the pitch"):
+        open_driver("simulated", {"body": "textured", "cover": "bumpy", "period": 1.0})
+
+
 def test_a_face_that_leaves_the_array_is_named():
     away = clean(body="bar", length=16e-3)
     with pytest.raises(PhysicsError, match="left the array"):
