@@ -134,7 +134,7 @@ def event_text(event: "Event") -> str:
     if event.direction is not None:
         parts.append(f"direction {degrees(event.direction):6.1f}°")
     if event.sense:
-        parts.append(event.turn().replace("from x to y", "x → y").replace("from y to x", "y → x"))
+        parts.append(event.turn(" → "))
     return "  ".join([*parts, *event.further()])
 
 

@@ -66,12 +66,7 @@ class FieldSaver:
     def add(self, moment: "FrameResult") -> None:
         """Keep a moment."""
         if self._path is not None:
-            self._record.add(
-                moment.number,
-                moment.frame.time,
-                moment.outputs,
-                load_is_bound=moment.load_is_bound,
-            )
+            self._record.add(moment)
 
     def write(self) -> Mapping[str, str]:
         """Write the file, and return its place for the summary."""

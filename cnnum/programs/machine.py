@@ -21,6 +21,10 @@ Made = TypeVar("Made")
 SATURATED = "saturated"
 """Channel in which a scene marks the taxels at an end of their range: 1, else 0."""
 
+REST = 16
+"""Frames at the start of a stream that are taken as rest: their mean is known to a quarter of the
+noise."""
+
 
 class LocalMemory:
     """A local memory of every cell (or of the frame, for a number) that outlives the frame."""

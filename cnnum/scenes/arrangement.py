@@ -67,23 +67,23 @@ def _wants_bumps(spec: SceneSpec) -> bool:
     return any(want == EVERYTHING or want.startswith(BUMP) for want in spec.wants)
 
 
-def events_of_everything(spec: SceneSpec, driver: Driver) -> tuple[str, ...]:
-    """Return the events that "everything" stands for: bumps only where the array has them.
+def events_of_everything(driver: Driver) -> tuple[str, ...]:
+    """Return the events that "everything" stands for: bumps only where the array has them."""
+    bumps = isinstance(getattr(driver, "bumps", None), BumpCover)
+    return tuple(name for name in EVENT_RULES if bumps or name != BUMP)
 
-    An array that knows that it has none, and a scene that asks for them by name, get a warning on
-    the logger "cnnum".
-    """
-    if isinstance(getattr(driver, "bumps", None), BumpCover):
-        return tuple(EVENT_RULES)
+
+def warn_of_no_bumps(spec: SceneSpec, driver: Driver) -> None:
+    """Say on the logger "cnnum" that a scene asks for bumps of an array that has none."""
     asked = [want for want in spec.wants if want.startswith(BUMP)]
-    if asked and hasattr(driver, "bumps"):
+    there = isinstance(getattr(driver, "bumps", None), BumpCover)
+    if asked and hasattr(driver, "bumps") and not there:
         logging.getLogger("cnnum").warning(
             "Scene '%s' wants '%s', and its array has no bumps: what is reported as the load on a "
             "bump means nothing there; set 'array.cover' to \"bumpy\", or leave it out.",
             spec.name,
             asked[0],
         )
-    return tuple(name for name in EVENT_RULES if name != BUMP)
 
 
 def _of_bumps(

@@ -98,11 +98,13 @@ class Event:
             parts.append(self.turn())
         return ", ".join([*parts, *self.further()])
 
-    def turn(self) -> str:
-        """Return the sense in words."""
+    def turn(self, arrow: str = "") -> str:
+        """Return the sense in words, or with an arrow between the axes."""
+        onwards = (self.sense or 0) > 0
         if self.kind == "grasp_squeeze":
-            return "outwards" if (self.sense or 0) > 0 else "inwards"
-        return "from x to y" if (self.sense or 0) > 0 else "from y to x"
+            return "outwards" if onwards else "inwards"
+        first, last = ("x", "y") if onwards else ("y", "x")
+        return f"{first}{arrow}{last}" if arrow else f"from {first} to {last}"
 
     def further(self) -> list[str]:
         """Return the strength and the gap before it in words, as far as they are known."""

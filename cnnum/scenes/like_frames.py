@@ -1,5 +1,6 @@
 """Frames like those of a scene, on which whole numbers measure the range of every value."""
 
+import math
 from itertools import islice
 
 import numpy as np
@@ -9,12 +10,17 @@ from cnnum.drivers.driver import Driver
 from cnnum.drivers.registry import DRIVERS, open_driver
 from cnnum.embedded.formats import is_integer
 from cnnum.errors import SceneError
+from cnnum.frame import BAD, Quality
 from cnnum.scenes.conversion import Conversion
 from cnnum.scenes.dead_cells import DeadCells
+from cnnum.scenes.saturation import Mask, Saturation, marked
 from cnnum.scenes.scene_file import SceneSpec
 
 MOST = 2000
 """Frames that are measured: with three axes of 8×8 taxels some seconds of work."""
+
+PASSED = BAD | Quality.REPEATED
+"""Flags of frames that a scene passes over: a saturated one, or one after a gap, counts."""
 
 PLAYED_AGAIN = frozenset(DRIVERS) - {"serial"}
 """Drivers whose frames are the same when they are opened again."""
@@ -26,6 +32,7 @@ def like_frames(
     driver: Driver,
     conversion: Conversion,
     dead: DeadCells | None,
+    at_ends: Saturation | None = None,
 ) -> Floats | None:
     """Return the frames that `engine.ranges` names, or the scene's own; None for real numbers.
 
@@ -39,6 +46,9 @@ def like_frames(
     conversion : Conversion
     dead : DeadCells or None
         Taxels that are filled from their neighbours.
+    at_ends : Saturation or None
+        Where the program reads which taxels stand at an end of their range, in one more channel:
+        what marks them.
 
     Returns
     -------
@@ -73,9 +83,19 @@ def like_frames(
                 f"{driver.shape[0]}×{driver.shape[1]} with {', '.join(driver.channels)}."
             )
         read = conversion.reader(conversion.channels)
-        good = (frame for frame in source.frames() if not frame.quality)
-        whole = (frame if dead is None else dead.without(frame) for frame in islice(good, MOST))
-        values = [read(frame) for frame in whole]
+        values, marks = list[Floats](), list[Mask | None]()
+        for frame in islice((one for one in source.frames() if not one.quality & PASSED), MOST):
+            whole = frame if dead is None else dead.without(frame)
+            values.append(read(whole) if dead is None else dead.filled(read(whole)))
+            seen = None if at_ends is None else at_ends.look(whole, math.inf)
+            if at_ends is not None:
+                at_ends.take(seen)
+            marks.append(None if seen is None else seen.found)
     if not values:
         raise SceneError(f"Scene '{spec.name}': 'engine.ranges' has no good frame to measure.")
-    return np.stack(values if dead is None else [dead.filled(one) for one in values])
+    if at_ends is None:
+        return np.stack(values)
+    # the last frame comes once more with all marks set: they are 0 or 1 in any recording
+    values.append(values[-1])
+    marks.append(np.ones(driver.shape, dtype=np.bool_))
+    return np.stack([marked(one, at_end) for one, at_end in zip(values, marks, strict=True)])

@@ -8,8 +8,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple, cast
 
-import numpy as np
-
 from cnnum.arrays import Floats, Shape, number_type
 from cnnum.drivers.driver import Driver
 from cnnum.drivers.registry import open_driver
@@ -30,16 +28,29 @@ from cnnum.graph.tracing import TraceStep, trace_steps
 from cnnum.plan import Plan
 from cnnum.programs.library import get_program
 from cnnum.safety.names import shown
-from cnnum.scenes.arrangement import bound, events_of_everything, refuse_unfit, unknown_want
+from cnnum.scenes.arrangement import (
+    bound,
+    events_of_everything,
+    refuse_unfit,
+    unknown_want,
+    warn_of_no_bumps,
+)
 from cnnum.scenes.bad_frames import BadFrames
 from cnnum.scenes.conversion import ByCalibration, Conversion, Reader, conversion_for, unit_of
 from cnnum.scenes.dead_cells import DeadCells
-from cnnum.scenes.events import EVENT_RULES, Event, EventDetector, EventRule, rules_that_fit
+from cnnum.scenes.events import (
+    EVENT_RULES,
+    Event,
+    EventDetector,
+    EventRule,
+    rules_that_fit,
+    titled,
+)
 from cnnum.scenes.frame_range import ANY, FrameRange, range_for
 from cnnum.scenes.histogram import Histogram
 from cnnum.scenes.like_frames import like_frames
 from cnnum.scenes.push_watch import PushWatch
-from cnnum.scenes.saturation import CHANNEL, Mask, Saturation
+from cnnum.scenes.saturation import CHANNEL, Mask, Saturation, marked
 from cnnum.scenes.scene_file import EVERYTHING, SceneSpec, read_scene, scene_names
 from cnnum.scenes.scene_record import SceneRecord
 from cnnum.scenes.strength_units import with_units
@@ -67,8 +78,8 @@ class FrameResult(NamedTuple):
     error : CnnumError or None
         The fault of a bad frame, which is passed over.
     saturated : (rows, cols) bool or None
-        Taxels at an end of their range because of a load: what is found of the load on them is
-        a lower bound. None where there is none.
+        Taxels at an end of their range because of a load, all of them where it is not known which:
+        what is found of the load on them is a lower bound. None where there is none.
     """
 
     number: int
@@ -132,12 +143,13 @@ class FramePath:
         try:
             looked_at = frame if self.dead is None else self.dead.without(frame)
             size = self.range.size(looked_at)
-            at_end = None if self.saturation is None else self.saturation.mask(looked_at, size)
+            seen = None if self.saturation is None else self.saturation.look(looked_at, size)
+            at_end = None if seen is None else seen.found
             values = self.read(looked_at)
             if self.dead is not None:
                 values = self.dead.filled(values)
             if self.marks:
-                values = _marked(values, at_end)
+                values = marked(values, at_end)
             outputs = self.stream.push_read(values, size)
         except FrameError as error:
             return self._bad(number, frame, error)
@@ -145,6 +157,8 @@ class FramePath:
             if not self.stream.frames:
                 raise
             return self._bad(number, frame, error)
+        if self.saturation is not None:
+            self.saturation.take(seen)
         bound = at_end is not None
         events = self.detector.update(frame.time, number, outputs, saturated=bound)
         spent = time.perf_counter() - started
@@ -227,13 +241,18 @@ class Scene(OfThisProcess):
             traced = program.trace(driver.shape, (*conversion.channels, CHANNEL))
             outputs = traced.outputs
             channels = (*conversion.channels, *([CHANNEL] if _reads_marks(traced) else []))
-            wants = _wants(spec, outputs, events_of_everything(spec, driver))
+            wants = _wants(spec, outputs, events_of_everything(driver))
+            warn_of_no_bumps(spec, driver)
             measured = unit_of(conversion, driver)
             rules = with_units(_rules(spec, wants, outputs), program, measured)
             fields = tuple(want for want in wants if want not in EVENT_RULES)
             needs = tuple(dict.fromkeys((*(n for rule in rules for n in rule.needs), *fields)))
             dead = DeadCells(spec.dead, driver.shape) if spec.dead else None
-            like = like_frames(spec, used.precision, driver, conversion, dead)
+            at_ends = None
+            if channels[-1] == CHANNEL:
+                limit = _end_of_range(driver, conversion)
+                at_ends = Saturation(driver.shape, limit, spec.dead, quiet=True)
+            like = like_frames(spec, used.precision, driver, conversion, dead, at_ends)
             plan = used.compile(program, driver.shape, needs, channels=channels, like=like)
             plan.warm_up()
         except BaseException:
@@ -343,7 +362,7 @@ class Scene(OfThisProcess):
             self.driver.shape,
             _end_of_range(self.driver, self.conversion),
             self.spec.dead,
-            [rule.kind for rule in rules if rule.shape],
+            [f"event of {titled(rule.phase, rule.kind)}" for rule in rules if rule.shape],
             quiet=quiet,
         )
         detector = EventDetector(rules)
@@ -394,13 +413,7 @@ class Scene(OfThisProcess):
             raise SceneError(f"'frames' is a whole number from 1 up, got {shown(frames)}.")
         record = SceneRecord(self.fields)
         for moment in self.results():
-            record.add(
-                moment.number,
-                moment.frame.time,
-                moment.outputs,
-                moment.events,
-                load_is_bound=moment.load_is_bound,
-            )
+            record.add(moment)
             if frames is not None and moment.number + 1 >= frames:
                 break
         return record
@@ -442,14 +455,6 @@ class Scene(OfThisProcess):
             arrival_p50_us=self._late.quantile(0.50) if self._late.total else None,
             arrival_p99_us=self._late.quantile(0.99) if self._late.total else None,
         )
-
-
-def _marked(values: Floats, at_end: Mask | None) -> Floats:
-    """Return values with the taxels at an end of their range as one more channel."""
-    marks = np.zeros((*values.shape[:2], 1))
-    if at_end is not None:
-        marks[..., 0] = at_end
-    return np.concatenate([values, marks], axis=2)
 
 
 def _reads_marks(graph: Graph) -> bool:

@@ -8,9 +8,7 @@ import numpy as np
 
 from cnnum.arrays import Floats
 from cnnum.programs import Program
-
-REST = 16
-"""Frames at the start that are taken as rest, as the programs take them."""
+from cnnum.programs.machine import REST
 
 EVERY = 4
 """One frame in this number is looked at."""

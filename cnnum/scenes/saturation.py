@@ -1,22 +1,87 @@
-"""Taxels at an end of their range: a load on them is a lower bound, and its shape is not known."""
+"""Taxels at an end of their range: a load on them is a lower bound, and its shape is not known.
+
+A broken taxel stands at an end of its range, too, and would hold back every release and every edge.
+It is told from a loaded one by its neighbours: a load that takes a taxel to its end reaches them
+through the cover. So a group of taxels at their end counts unless it has stood there from the first
+frame on, or for a while with no load around it. Whoever presses a single taxel of an array without
+a cover for longer than that finds the warning that names it.
+"""
 
 import logging
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cnnum.arrays import Shape
+from cnnum.arrays import Floats, Shape
 from cnnum.frame import Frame, Quality
+from cnnum.programs.machine import REST
 from cnnum.programs.machine import SATURATED as CHANNEL
 
-__all__ = ["CHANNEL", "Mask", "Saturation"]
+__all__ = ["CHANNEL", "Mask", "Saturation", "Seen", "marked"]
 
-REST = 16
-"""Frames at the start that the programs take as rest: a taxel at its end in all of them is stuck,
-and says nothing of any load."""
+ALONE = 1.0
+"""s for which a taxel stands at its end without a load around it until it is taken as broken."""
+
+REACHES = 0.02
+"""Share of the range by which a neighbour of a loaded taxel moves from its rest, at least: above
+the noise and the drift of an array that is of use, below what any cover passes on."""
 
 Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Past:
+    """What earlier frames leave behind.
+
+    Attributes
+    ----------
+    frames : int
+        Of the rest, at most `REST`.
+    total : (rows, cols, channels) float or None
+        Sum of their values; None before the first frame.
+    stuck : (rows, cols) bool
+        At their end in all frames so far.
+    since : (rows, cols) float, s
+        From when on a taxel has been at its end without a load around it; infinite where it is not.
+    broken : (rows, cols) bool
+        At their end ever since that lasted too long.
+    """
+
+    frames: int
+    total: Floats | None
+    stuck: Mask
+    since: Floats
+    broken: Mask
+
+    @property
+    def idle(self) -> bool:
+        """Whether a frame without a taxel at its end changes nothing."""
+        watched = self.stuck.any() or self.broken.any() or np.isfinite(self.since).any()
+        return self.frames >= REST and not watched
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Seen:
+    """What a frame shows, before it is known to be a good one.
+
+    Attributes
+    ----------
+    found : (rows, cols) bool or None
+        Taxels at their end because of a load, all of them where it is not known which; None where
+        there is none.
+    known : bool
+        Whether it is known which.
+    frame : Frame
+    past : object
+        For `Saturation.take`.
+    """
+
+    found: Mask | None
+    known: bool
+    frame: Frame
+    past: _Past
 
 
 class Saturation:
@@ -31,14 +96,9 @@ class Saturation:
     dead : sequence of (row, column)
         Taxels that are not looked at.
     withheld : sequence of str
-        Kinds of events that are not reported while a taxel stands at its end, for the sentence.
+        Events that are not reported while a taxel stands at its end, for the sentence.
     quiet : bool
         Whether nothing is said on the logger "cnnum".
-
-    Attributes
-    ----------
-    frames : int
-        With such a taxel, so far.
     """
 
     def __init__(
@@ -50,17 +110,16 @@ class Saturation:
         *,
         quiet: bool = False,
     ) -> None:
-        self.frames = 0
         self._limit, self._withheld = limit, tuple(dict.fromkeys(withheld))
         self._looked_at = np.ones(shape, dtype=np.bool_)
         for row, col in dead:
             self._looked_at[row, col] = False
-        self._stuck: Mask = np.zeros(shape, dtype=np.bool_)
-        self._rest = 0
-        self._said = quiet
+        none = np.zeros(shape, dtype=np.bool_)
+        self._past = _Past(0, None, none, np.full(shape, np.inf), none)
+        self._quiet, self._said, self._named = quiet, quiet, none
 
-    def mask(self, frame: Frame, size: float) -> Mask | None:
-        """Return the (rows, cols) taxels at their end, None where there is none.
+    def look(self, frame: Frame, size: float) -> Seen | None:
+        """Return what a frame shows, None where that is nothing; `take` keeps it in mind.
 
         Parameters
         ----------
@@ -69,53 +128,108 @@ class Saturation:
             A bound of the magnitudes of its values.
         """
         flagged = bool(frame.quality & Quality.SATURATED)
-        if not flagged and size < self._limit:
-            self._end_of_rest(stuck=False)
+        if not flagged and size < self._limit and self._past.idle:
             return None
-        at_end = self._at_end(frame, flagged) & self._looked_at
-        if self._rest < REST:
-            self._stuck = at_end if self._rest == 0 else self._stuck & at_end
-            self._rest += 1
-            if self._rest == REST:
-                self._end_of_rest(stuck=True)
-        found = at_end & ~self._stuck
-        if not found.any():
-            return None
-        self.frames += 1
-        if not self._said:
+        at_end, known = self._at_end(frame, flagged)
+        before, alone = self._past, self._alone(frame, at_end)
+        since = np.where(alone, np.minimum(before.since, frame.time), np.inf)
+        broken = at_end & (before.broken | (alone & (frame.time - since >= ALONE)))
+        stuck = at_end & before.stuck if before.frames else at_end
+        frames, total = before.frames, before.total
+        if frames < REST:
+            frames, total = frames + 1, frame.values if total is None else total + frame.values
+        found = at_end & ~stuck & ~(broken & alone)
+        past = _Past(frames, total, stuck, since, broken)
+        return Seen(found if found.any() else None, known, frame, past)
+
+    def take(self, seen: Seen | None) -> None:
+        """Keep in mind what a good frame shows, and say it where it is new."""
+        if seen is None:
+            return
+        settled = self._past.frames < REST <= seen.past.frames
+        self._past = seen.past
+        if self._quiet:
+            return
+        if settled:
+            self._name(seen.past.stuck, "since the first frame", known=seen.known)
+        self._name(seen.past.broken, "with no load around them", known=True)
+        if seen.found is not None and not self._said:
             self._said = True
-            logging.getLogger("cnnum").warning("%s", self.sentence(frame, int(found.sum())))
-        return found
+            logging.getLogger("cnnum").warning("%s", self._sentence(seen))
 
-    def _at_end(self, frame: Frame, flagged: bool) -> Mask:
-        """Return the taxels at their end, all of them where only that there are some is known."""
-        known = np.zeros(frame.shape, dtype=np.bool_)
+    def _at_end(self, frame: Frame, flagged: bool) -> tuple[Mask, bool]:
+        """Return the taxels at their end, all of them where it is not known which; and whether."""
+        found = np.zeros(frame.shape, dtype=np.bool_)
         if frame.saturated is not None:
-            known = known | frame.saturated
+            found = found | frame.saturated
         if self._limit < float("inf"):
-            known = known | (np.abs(frame.values) >= self._limit).any(axis=2)
-        return known if known.any() or not flagged else ~known
+            found = found | (np.abs(frame.values) >= self._limit).any(axis=2)
+        known = bool(found.any()) or not flagged
+        return (found if known else ~found) & self._looked_at, known
 
-    def _end_of_rest(self, *, stuck: bool) -> None:
-        """Take the rest as over; without a taxel at its end in all of it, none is stuck."""
-        if not stuck:
-            if self._rest < REST:
-                self._stuck = np.zeros_like(self._stuck)
-            self._rest = REST
-        elif self._stuck.any() and not self._said:
-            cells = ", ".join(f"[{row}, {col}]" for row, col in np.argwhere(self._stuck).tolist())
-            logging.getLogger("cnnum").warning(
-                "Taxels have stood at an end of their range since the first frame, and a load on "
-                "them is not seen: declare them dead with 'frames.dead = [%s]'.",
-                cells,
-            )
+    def _alone(self, frame: Frame, at_end: Mask) -> Mask:
+        """Return the taxels at their end around which no other one feels a load."""
+        past = self._past
+        if past.total is None or not at_end.any():
+            return np.zeros_like(at_end)
+        moved = np.abs(frame.values - past.total / past.frames).max(axis=2)
+        reach = self._limit if self._limit < float("inf") else float(moved[at_end].max())
+        others = self._looked_at & ~at_end
+        felt = _reached(others & (moved > REACHES * reach), at_end)
+        # where all are at their end, none says that there is no load
+        return at_end & ~felt & _reached(others, at_end)
 
-    def sentence(self, frame: Frame, count: int) -> str:
-        """Return the message of the first frame with such taxels."""
-        withheld = " and ".join(self._withheld)
-        more = f", and no event of {withheld} is reported from such frames" if withheld else ""
-        return (
-            f"In frame {frame.sequence} ({frame.time:.3f} s) {count} of {self._looked_at.size} "
-            f"taxels stand at an end of their range: the load on them is not less than what they "
-            f"read ('load_is_bound'){more}; press less, lower the gain, or take a thicker cover."
+    def _name(self, cells: Mask, how: str, *, known: bool) -> None:
+        """Name taxels that are broken, each once."""
+        new = cells & ~self._named
+        if not new.any():
+            return
+        self._named = self._named | new
+        which = ", ".join(f"[{row}, {col}]" for row, col in np.argwhere(new).tolist())
+        cure = f"declare them dead with 'frames.dead = [{which}]'"
+        if not known:
+            cure = "the array does not say which: find them with 'cnnum probe'"
+        logging.getLogger("cnnum").warning(
+            "Taxels have stood at an end of their range %s, and a load on them is not seen: %s.",
+            how,
+            cure,
         )
+
+    def _sentence(self, seen: Seen) -> str:
+        """Return the message of the first frame with such taxels."""
+        count = 0 if seen.found is None else int(seen.found.sum())
+        which = f"{count} of {self._looked_at.size} taxels" if seen.known else "some taxels"
+        unknown = "" if seen.known else " (it is not known which)"
+        withheld = " and ".join(self._withheld)
+        more = f", and no {withheld} is reported from such frames" if withheld else ""
+        return (
+            f"In frame {seen.frame.sequence} ({seen.frame.time:.3f} s) {which} are at the limit of "
+            f"their range{unknown}: the load on them is at least what they read "
+            f"('load_is_bound'){more}; press less, lower the gain, or take a thicker cover."
+        )
+
+
+def marked(values: Floats, at_end: Mask | None) -> Floats:
+    """Return values with the taxels at an end of their range as one more channel."""
+    marks = np.zeros((*values.shape[:2], 1))
+    if at_end is not None:
+        marks[..., 0] = at_end
+    return np.concatenate([values, marks], axis=2)
+
+
+def _reached(cells: Mask, group: Mask) -> Mask:
+    """Return the part of a group that hangs together with a neighbour of the cells."""
+    found = group & _around(cells)
+    while True:
+        more = group & _around(found)
+        if (more == found).all():
+            return found
+        found = more
+
+
+def _around(cells: Mask) -> Mask:
+    """Return the cells and their eight neighbours."""
+    rows, cols = cells.shape
+    wide = np.pad(cells, 1)
+    shifts = [wide[i : i + rows, j : j + cols] for i in range(3) for j in range(3)]
+    return np.asarray(np.logical_or.reduce(shifts), dtype=np.bool_)

@@ -5,7 +5,7 @@ import io
 from collections.abc import Callable, Iterable, Mapping
 from importlib import import_module
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,9 +13,11 @@ from cnnum.arrays import Floats
 from cnnum.errors import ReportError, SceneError, name_error
 from cnnum.safety.files import written
 from cnnum.scenes.event_list import EventList
-from cnnum.scenes.events import Event
 from cnnum.sharing import tables
 from cnnum.values import same
+
+if TYPE_CHECKING:
+    from cnnum.scenes.pipeline import FrameResult
 
 FIELD_AXES = ("row", "col")
 
@@ -41,24 +43,16 @@ class SceneRecord:
         self._bound: list[bool] = []
         self._values: dict[str, list[Floats]] = {name: [] for name in self.names}
 
-    def add(
-        self,
-        number: int,
-        time: float,
-        outputs: Mapping[str, Floats],
-        events: Iterable[Event] = (),
-        *,
-        load_is_bound: bool = False,
-    ) -> None:
+    def add(self, moment: "FrameResult") -> None:
         """Take in the results of a frame; without outputs, its events alone."""
-        self.events.extend(events)
-        if not outputs:
+        self.events.extend(moment.events)
+        if not moment.outputs:
             return
-        self._times.append(time)
-        self._numbers.append(number)
-        self._bound.append(load_is_bound)
+        self._times.append(moment.frame.time)
+        self._numbers.append(moment.number)
+        self._bound.append(moment.load_is_bound)
         for name, values in self._values.items():
-            values.append(np.array(outputs[name]))
+            values.append(np.array(moment.outputs[name]))
 
     @property
     def times(self) -> Floats:
@@ -79,7 +73,8 @@ class SceneRecord:
         return len(self._times)
 
     def _content(self) -> tuple[object, ...]:
-        return self.names, list(self.events), self._times, self._numbers, self._values
+        rows = self._times, self._numbers, self._bound
+        return self.names, list(self.events), *rows, self._values
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, SceneRecord):
@@ -107,16 +102,12 @@ class SceneRecord:
 
     def to_xarray(self) -> Any:
         """Return an `xarray.Dataset` with the axes time, row and col (extra `tables`)."""
-        coordinates = {
-            "time": (("time",), self.times),
-            "frame": (("time",), self.numbers),
-            "load_is_bound": (("time",), self.load_is_bound),
-        }
+        coordinates = {name: (("time",), values) for name, values in self.leading().items()}
         return tables.dataset(self.variables(), coordinates, {})
 
     def to_dataframe(self) -> Any:
         """Return a `pandas.DataFrame` with a row a frame and a column a cell (extra `tables`)."""
-        columns = self._leading_columns()
+        columns: dict[str, Any] = dict(self.leading())
         for name in self.names:
             columns |= tables.cell_columns(name, self[name])
         return tables.data_frame(columns)
@@ -142,7 +133,8 @@ class SceneRecord:
         with written(target, force=force) as file:
             WRITERS[target.suffix.lower()](file, self)
 
-    def _leading_columns(self) -> dict[str, Any]:
+    def leading(self) -> dict[str, np.ndarray]:
+        """Return the columns that come before the fields, by name."""
         return {"time": self.times, "frame": self.numbers, "load_is_bound": self.load_is_bound}
 
     def variables(self) -> dict[str, tuple[tuple[str, ...], Floats]]:
@@ -169,15 +161,13 @@ def suffix_of(target: Path) -> None:
 
 def _write_npz(file: IO[bytes], record: SceneRecord) -> None:
     fields = {name: record[name] for name in record.names}
-    leading = {"frame": record.numbers, "load_is_bound": record.load_is_bound}
-    np.savez_compressed(file, allow_pickle=False, time=record.times, **leading, **fields)
+    np.savez_compressed(file, allow_pickle=False, **record.leading(), **fields)
 
 
 def _write_csv(file: IO[bytes], record: SceneRecord) -> None:
     columns: dict[str, Any] = {
-        "time": record.times,
-        "frame": record.numbers,
-        "load_is_bound": record.load_is_bound.astype(np.int64),
+        name: values.astype(np.int64) if values.dtype == bool else values
+        for name, values in record.leading().items()
     }
     for name in record.names:
         columns |= tables.cell_columns(name, record[name])
@@ -192,10 +182,9 @@ def _write_csv(file: IO[bytes], record: SceneRecord) -> None:
 
 def _write_netcdf(file: IO[bytes], record: SceneRecord) -> None:
     netcdf: Any = import_module("scipy.io").netcdf_file
+    leading = record.leading()
     named: dict[str, tuple[tuple[str, ...], Any]] = {
-        "time": (("time",), record.times),
-        "frame": (("time",), record.numbers.astype(np.int32)),
-        "load_is_bound": (("time",), record.load_is_bound.astype(np.int32)),
+        **{name: (("time",), values) for name, values in leading.items()},
         **record.variables(),
     }
     made = io.BytesIO()  # it is closed with the file, so that it is read before
@@ -205,7 +194,7 @@ def _write_netcdf(file: IO[bytes], record: SceneRecord) -> None:
                 if axis not in whole.dimensions:
                     whole.createDimension(axis, size)
         for name, (axes, values) in named.items():
-            kind = "i4" if name in ("frame", "load_is_bound") else "f8"
+            kind = "i4" if name in leading and values.dtype.kind != "f" else "f8"
             whole.createVariable(name, kind, axes)[:] = values
         whole.variables["time"].units = "s"
         whole.flush()

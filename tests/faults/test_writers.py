@@ -23,6 +23,7 @@ from cnnum.drivers.registry import open_driver
 from cnnum.embedded.c.files import Exported
 from cnnum.embedded.c.vector import Vector
 from cnnum.errors import CnnumError, ReportError
+from cnnum.frame import Frame
 from cnnum.lab.bench import page as bench_page
 from cnnum.lab.bench.records import append_row
 from cnnum.lab.reproduce import page as reproduce_page
@@ -31,6 +32,7 @@ from cnnum.lab.stability import page as stability_page
 from cnnum.report import probe_picture, sweep_page, transient_page, write
 from cnnum.report.trace_page import write_trace_page
 from cnnum.safety import files
+from cnnum.scenes.pipeline import FrameResult
 from cnnum.scenes.scene_record import SceneRecord
 from cnnum.tactile.cover.fem import generate
 from cnnum.tactile.taxel import Calibration
@@ -66,7 +68,9 @@ def dataset():
 def fields(target, *, force):
     record = SceneRecord(["load"])
     for n in range(50):
-        record.add(n, 0.01 * n, {"load": np.full((3, 4), float(n))})
+        shown = Frame(np.zeros((3, 4, 1)), ("normal",), "N", n, 0.01 * n)
+        load = {"load": np.full((3, 4), float(n))}
+        record.add(FrameResult(n, shown, shown.values, load, (), 0.0))
     record.save(target, force=force)
 
 

@@ -1,6 +1,7 @@
 """Taxels at an end of their range: loads say that they are bounds, shapes are not reported."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,9 +10,11 @@ from cnnum.cli.root import main
 from cnnum.engine import Engine
 from cnnum.frame import FORCE_AXES, Frame, Quality
 from cnnum.programs.library import get_program
+from cnnum.programs.machine import REST
+from cnnum.scenes import like_frames
 from cnnum.scenes.events import EVENT_RULES, EventDetector
 from cnnum.scenes.pipeline import load_scene
-from cnnum.scenes.saturation import REST, Saturation
+from cnnum.scenes.saturation import Saturation
 
 TOUCH = [
     {"kind": "hold", "duration": 0.3},
@@ -48,7 +51,7 @@ def test_a_load_on_saturated_taxels_is_a_bound(gain, share, caplog):
         assert load < 1.04 * true
         assert moment.load_is_bound or load > 0.94 * true
     assert scene.summary().saturated == len(marked)
-    said = [record for record in caplog.records if "end of their range" in record.message]
+    said = [record for record in caplog.records if "limit of their range" in record.message]
     assert len(said) == 1
     assert "no event of edge is reported" in said[0].message
 
@@ -109,30 +112,37 @@ def frame(number, *cells, flagged=True, values=0.0, knows=True):
     )
 
 
+def mask(watch, shown, size=0.0):
+    """Return the taxels at their end in a frame that is taken in."""
+    seen = watch.look(shown, size)
+    watch.take(seen)
+    return None if seen is None else seen.found
+
+
 def test_a_taxel_that_is_stuck_from_the_start_is_named_and_bounds_nothing(caplog):
     watch = Saturation((4, 4))
     for number in range(REST + 4):
-        assert watch.mask(frame(number, (1, 2)), 0.0) is None
+        assert mask(watch, frame(number, (1, 2))) is None
     assert "declare them dead with 'frames.dead = [[1, 2]]'" in caplog.text
-    found = watch.mask(frame(30, (1, 2), (3, 3)), 0.0)
+    found = mask(watch, frame(30, (1, 2), (3, 3)))
     assert np.argwhere(found).tolist() == [[3, 3]]
     declared = Saturation((4, 4), dead=[(1, 2)])
-    assert declared.mask(frame(0), 0.0) is None
-    assert declared.mask(frame(1, (1, 2)), 0.0) is None
+    assert mask(declared, frame(0)) is None
+    assert mask(declared, frame(1, (1, 2))) is None
 
 
 def test_without_a_mask_every_taxel_is_doubted():
     """Of a driver that says only that there is one, all of them may be it."""
     watch = Saturation((4, 4))
-    assert watch.mask(frame(0), 0.0) is None
-    assert watch.mask(frame(1, (0, 0), knows=False), 0.0).all()
+    assert mask(watch, frame(0)) is None
+    assert mask(watch, frame(1, (0, 0), knows=False)).all()
     # a calibration's limit knows which, and needs no flag
     limited = Saturation((4, 4), limit=2.4)
-    assert limited.mask(frame(0), 0.0) is None
+    assert mask(limited, frame(0)) is None
     values = np.ones((4, 4, 3))
     values[2, 1, 0] = -2.5
     high = frame(1, (0, 0), flagged=False, values=values, knows=False)
-    assert np.argwhere(limited.mask(high, 2.5)).tolist() == [[2, 1]]
+    assert np.argwhere(mask(limited, high, 2.5)).tolist() == [[2, 1]]
 
 
 def test_a_release_waits_until_all_taxels_are_within_their_range():
@@ -216,3 +226,106 @@ def test_a_program_that_goes_through_all_channels_meets_no_marks():
 
     cnnum.program(look).trace((4, 4), (*FORCE_AXES, "saturated"))
     assert seen == [FORCE_AXES]
+
+
+def far(cells=(), loaded=(), number=0, nan=False):
+    """Return a frame of 6×6 taxels with some at their end of 1 V, and some that feel a load."""
+    values = np.zeros((6, 6, 3))
+    for cell in cells:
+        values[cell] = 1.0
+    for cell in loaded:
+        values[cell] = 0.2
+    if nan:
+        values[0, 0, 0] = np.nan
+    return Frame(values, FORCE_AXES, "V", number, 0.02 * number)
+
+
+def test_a_taxel_that_breaks_later_is_named_and_holds_nothing_back(caplog):
+    """It stands at its end with no load around it; a load that comes near makes it a bound."""
+    watch, bad = Saturation((6, 6), limit=1.0), (4, 4)
+    for number in range(40):
+        assert mask(watch, far(number=number)) is None
+    found = [mask(watch, far([bad], number=number), 1.0) for number in range(40, 120)]
+    doubted = [n for n, at_end in enumerate(found) if at_end is not None]
+    assert doubted == list(range(50))  # 1 s
+    assert "declare them dead with 'frames.dead = [[4, 4]]'" in caplog.text
+    # a load elsewhere is a load, and the broken taxel still none
+    assert mask(watch, far([bad], [(0, 0), (0, 1)], 120), 1.0) is None
+    here = mask(watch, far([bad, (0, 0)], [(0, 1), (1, 1)], 121), 1.0)
+    assert np.argwhere(here).tolist() == [[0, 0]]
+    assert mask(watch, far([bad], [(4, 3)], 122), 1.0)[bad]
+
+
+def test_a_held_load_stays_a_bound_however_long():
+    """Its neighbours feel it through the cover."""
+    watch = Saturation((6, 6), limit=1.0)
+    for number in range(40):
+        mask(watch, far(number=number))
+    for number in range(40, 400):
+        assert mask(watch, far([(2, 2), (2, 3)], [(2, 4)], number), 1.0).sum() == 2
+
+
+def test_a_frame_that_is_refused_changes_nothing(caplog):
+    """It neither counts as rest nor says anything: only what is taken in does."""
+    watch = Saturation((6, 6), limit=1.0)
+    for number in range(REST):
+        mask(watch, far(number=number))
+    for number in range(20, 200):
+        assert watch.look(far([(1, 1)], number=number, nan=True), 1.0).found[1, 1]
+    assert not caplog.text
+    assert mask(watch, far([(1, 1)], number=200), 1.0)[1, 1]
+
+
+def test_a_broken_taxel_lets_a_press_be_released(caplog):
+    """One that sticks after the rest held back each release and edge to the end of the run."""
+    script = [{"kind": "hold", "duration": 2.0}, *TOUCH[1:]]
+    scene = load_scene("contact", changes={"wants": WANTS, "array.script": script})
+    path, kinds = scene.path(), []
+    limit = scene.driver.calibration.limit
+    for number, whole in enumerate(scene.driver.frames()):
+        values = whole.values.copy()
+        if number > 40:
+            values[0, 7] = 1.1 * limit
+        spoilt = replace(whole, values=values)
+        kinds += [event.kind for event in path.step(number, spoilt).events]
+    assert kinds == ["contact", "release"]
+    assert "frames.dead = [[0, 7]]" in caplog.text
+
+
+def test_where_it_is_not_known_which_no_number_is_said(caplog):
+    watch = Saturation((4, 4), withheld=["event of edge"])
+    mask(watch, frame(0))
+    mask(watch, frame(1, (0, 0), knows=False))
+    assert "some taxels are at the limit of their range (it is not known which)" in caplog.text
+    assert "no event of edge is reported" in caplog.text
+
+
+def test_the_phase_that_is_withheld_is_named(caplog):
+    """Of a clipped pressure the incipient slip is not reported, and gross slip is."""
+    watch = load_scene("contact", changes={"wants": ["slip"], "program": {"name": "mindlin_slip"},
+                                           "program.parameters.depth": 0.667})  # fmt: skip
+    path = watch.path()
+    mask(path.saturation, replace(frame(0, values=9.0), values=np.full((8, 8, 3), 9.0)), 9.0)
+    mask(path.saturation, replace(frame(0), values=np.zeros((8, 8, 3))), 0.0)
+    mask(path.saturation, replace(frame(1), values=np.full((8, 8, 3), 9.0)), 9.0)
+    assert "no event of incipient slip is reported" in caplog.text
+
+
+@pytest.mark.parametrize("name", ["texture", "body_fit", "mindlin_slip"])
+def test_programs_that_read_the_marks_run_in_whole_numbers(name, monkeypatch):
+    """Their frames have one more channel than the array, in the frames that give ranges, too."""
+    parameters = {} if name == "texture" else {"program.parameters.depth": 0.667}
+    wants = {"texture": "friction", "body_fit": "sphere_fits", "mindlin_slip": "mindlin_holds"}
+    changes = {
+        "wants": [wants[name]],
+        "program": {"name": name},
+        "array.shape": [4, 4],
+        "engine.name": "reference",
+        "engine.precision": "q15",
+        **parameters,
+    }
+    monkeypatch.setattr(like_frames, "MOST", 40)
+    with load_scene("contact", changes=changes) as scene:
+        moment = next(iter(scene.results()))
+    assert moment.values.shape == (4, 4, 4)
+    assert np.isfinite(moment.outputs[wants[name]])

@@ -7,6 +7,7 @@ import pytest
 
 import cnnum
 from cnnum.frame import FORCE_AXES, Frame
+from cnnum.scenes.pipeline import FrameResult
 from cnnum.scenes.scene_record import SceneRecord
 from cnnum.sharing.colours import LIGHT, scale
 
@@ -165,11 +166,25 @@ def test_a_library_that_is_missing_is_named(monkeypatch):
         recording().to_xarray()
 
 
+def moment(number, outputs, saturated=None):
+    """Return the results of a frame."""
+    shown = Frame(np.zeros((2, 2, 1)), ("normal",), "N", number, 0.1 * number)
+    return FrameResult(number, shown, shown.values, outputs, (), 0.0, saturated=saturated)
+
+
+def test_records_that_differ_in_their_bounds_differ():
+    records = [SceneRecord(["load"]) for _ in range(3)]
+    for record, at_end in zip(records, (None, None, np.eye(2, dtype=bool)), strict=True):
+        record.add(moment(0, {"load": np.array(1.0)}, at_end))
+    assert records[0] == records[1]
+    assert records[0] != records[2]
+
+
 def test_a_scene_record_knows_its_fields():
     record = SceneRecord(["map", "number"])
     for n in range(3):
-        record.add(n, 0.1 * n, {"map": np.full((2, 2), n), "number": np.array(n)})
-    record.add(3, 0.3, {})
+        record.add(moment(n, {"map": np.full((2, 2), n), "number": np.array(n)}))
+    record.add(moment(3, {}))
     assert len(record) == 3
     assert record["map"].shape == (3, 2, 2)
     with pytest.raises(cnnum.CnnumError, match=r"Unknown field 'mpa' .did you mean 'map'"):

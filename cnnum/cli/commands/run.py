@@ -78,8 +78,9 @@ def command(
     if trace is None:
         return code
     number = trace_frame if trace_frame is not None else next(iter(eventful), 0)
-    # a driver runs once: the scene is opened again for its trace
-    _write_trace(trace, load_scene(scene, changes=changes, trust=trust), number, force)
+    if getattr(loaded.driver, "live", False):  # the frames of its pass are gone
+        loaded = load_scene(scene, changes=changes, trust=trust)
+    _write_trace(trace, loaded, number, force)
     click.echo(f"Written: {trace} (frame {number})", err=as_json)
     return code
 

@@ -1,6 +1,5 @@
 """`cnnum sweep`: an experiment over weights, sizes, noise and mismatch, here or on a cluster."""
 
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +8,9 @@ import click
 from cnnum.cli.options import force_option, json_option, to_write
 from cnnum.cli.output import Output, facts, number, quantity
 from cnnum.cli.progress import progress
+
+RUNS_FAILED = 1
+"""Exit code where all of them did."""
 
 
 @click.command("sweep")
@@ -36,7 +38,7 @@ def command(
     page: Path | None,
     force: bool,
     as_json: bool,
-) -> None:
+) -> int:
     """Run the sweep of the TOML file EXPERIMENT.
 
     Results go to the file of --output, or in the experiment's folder if none is given. A sweep that
@@ -88,8 +90,7 @@ def command(
         record["page"] = str(write_page(page, found.results, force=force))
     shown.record(record)
     shown.show(facts(_lines(record)))
-    if record["failed"] == wanted.runs:
-        sys.exit(1)
+    return RUNS_FAILED if record["failed"] == wanted.runs else 0
 
 
 def _lines(record: dict[str, Any]) -> list[tuple[str, str]]:

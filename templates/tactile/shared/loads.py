@@ -8,13 +8,10 @@ from dataclasses import dataclass
 
 from cnnum.frame import FORCE_AXES
 from cnnum.programs.fields import Field, maximum, sqrt, square, where
-from cnnum.programs.machine import FrameFields
+from cnnum.programs.machine import REST, FrameFields
 from cnnum.programs.several import total
 from cnnum.programs.transients import apply
 from cnnum.templating.library import get_template
-
-SETTLE = 16
-"""Frames at the start that are taken as rest: their mean is known to a quarter of the noise."""
 
 FORGET = 256.0
 """Frames over which rest and noise are followed: slower than any touch, faster than warming up."""
@@ -96,7 +93,7 @@ def loads_of(frame: FrameFields, push: float) -> Loads:
     sound = normal.healthy & ~_astray(normal, rest["normal"].value) & ~broken
     aside = abs(rest["shear_x"].value) + abs(rest["shear_y"].value)
     peak = where(sound, above, 0.0).max()
-    high = (count > float(SETTLE)) & (square(peak) > TOUCH**2 * normal.held)
+    high = (count > float(REST)) & (square(peak) > TOUCH**2 * normal.held)
     begins = high & frame.previous(high)
     contact = touched.latch(begins, square(peak) > LIFT**2 * normal.held)
     # a first touch must not become part of rest, nor its jump of the noise
@@ -137,7 +134,7 @@ def _broken(frame: FrameFields, touched: Field, normal: "_Noise", above: Field) 
     size = sqrt(change)
     around = (apply(get_template("smooth"), input=size) - 0.25 * size) / 0.75
     alone = change > BREAK * (square(around) + 1.0)
-    new = alone & normal.healthy & (lasts.value > float(SETTLE)) & ~broken.value
+    new = alone & normal.healthy & (lasts.value > float(REST)) & ~broken.value
     back = ~touched & (above < LIFT * sqrt(normal.held))
     return broken.latch(new, ~back)
 
