@@ -7,10 +7,8 @@ machine. And it must be no more than the file can honestly hold.
 
 import math
 import struct
-import tokenize
 import warnings
 import zipfile
-import zlib
 from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,7 +20,7 @@ from numpy.typing import NDArray
 from cnnum.errors import CodecError, RecordingError
 from cnnum.safety.memory import host_bytes
 from cnnum.safety.names import shown
-from cnnum.safety.reading import MEGABYTE, open_regular
+from cnnum.safety.reading import DAMAGE, MEGABYTE, open_regular
 
 SUFFIX = ".npy"
 
@@ -43,22 +41,6 @@ SPARED, MOST_FOLD = 256 * MEGABYTE, 64
 
 Values of 64 bits of which the lowest is noise take a 64th at best. Frames that never change are
 compressed further: these pass up to `SPARED` bytes, a recording without compression always."""
-
-# Errors of zipfile, zlib and NumPy on bytes of another kind.
-DAMAGE = (
-    zipfile.BadZipFile,
-    zlib.error,
-    struct.error,
-    EOFError,
-    ValueError,
-    TypeError,
-    AttributeError,
-    LookupError,
-    ArithmeticError,
-    RuntimeError,
-    SyntaxError,
-    tokenize.TokenError,
-)
 
 
 class _Bounded:

@@ -9,7 +9,7 @@ from cnnum.drivers.registry import open_driver
 from cnnum.errors import RecordingError
 from cnnum.recordings.recording import Recording, rate_of
 from cnnum.safety.names import shown
-from cnnum.safety.reading import names_something, open_regular
+from cnnum.safety.reading import DAMAGE, names_something, open_regular
 from cnnum.safety.values import as_path
 
 KIND = "kind.npy"
@@ -47,8 +47,6 @@ def _has_layout(file: Path) -> bool:
 
 def _is_own_archive(file: Path) -> bool:
     import zipfile
-
-    from cnnum.drivers.npz_archive import DAMAGE
 
     try:
         with open_regular(file) as held, zipfile.ZipFile(held) as archive:

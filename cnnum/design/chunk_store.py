@@ -2,9 +2,7 @@
 
 import contextlib
 import json
-import zipfile
-import zlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +11,7 @@ from numpy.typing import NDArray
 
 from cnnum.errors import TemplateFileError
 from cnnum.safety.files import DRAFT, make_folder, sentences, write_whole, written
-from cnnum.safety.reading import MEGABYTE, open_regular, read_text
+from cnnum.safety.reading import DAMAGE, MEGABYTE, open_regular, read_text
 
 MANIFEST = "manifest.json"
 
@@ -90,8 +88,18 @@ class ChunkStore:
         with written(self._file(task), error=TemplateFileError, force=True) as file:
             np.savez(file, allow_pickle=False, **figures)
 
-    def read(self, tasks: Sequence[tuple[int, int]]) -> Iterator[dict[str, NDArray[Any]]]:
+    def read(
+        self, tasks: Sequence[tuple[int, int]], figures: Collection[str], sentence: str
+    ) -> Iterator[dict[str, NDArray[Any]]]:
         """Yield the results of all tasks, in their order.
+
+        Parameters
+        ----------
+        tasks : sequence of (first, last)
+        figures : collection of str
+            Names of the arrays of numbers that every task has, one number a run.
+        sentence : str
+            Name of the array of texts, one a run.
 
         Raises
         ------
@@ -102,10 +110,16 @@ class ChunkStore:
             place = self._file(task)
             try:
                 with open_regular(place) as file, np.load(file, allow_pickle=False) as found:
-                    part = {name: found[name] for name in found.files}
-            except (OSError, ValueError, EOFError, zipfile.BadZipFile, zlib.error):
+                    part: dict[str, NDArray[Any]] = {n: found[n] for n in (*figures, sentence)}
+                if any(
+                    one.shape != (task[1] - task[0],) or one.dtype.kind not in kinds
+                    for name, one in part.items()
+                    for kinds in ("U" if name == sentence else "fiub",)
+                ):
+                    raise ValueError("expected a number or a text a run")
+            except (OSError, MemoryError, *DAMAGE):
                 raise TemplateFileError(
-                    f"'{place}' is damaged: remove it, and the same command makes it anew."
+                    f"'{place}' is damaged: remove it, and the same command recreates it."
                 ) from None
             yield part
 

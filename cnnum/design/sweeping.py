@@ -107,7 +107,7 @@ def sweep(
             return _swept(
                 experiment, ChunkStore(Path(folder), experiment.key), None, scheduler, done, begin
             )
-    _refuse(target, force=force)
+    refuse_results(target, force=force)
     store = ChunkStore(beside(target, ".parts"), experiment.key)
     return _swept(experiment, store, target, scheduler, done, begin, force=force)
 
@@ -136,7 +136,7 @@ def _swept(
         seconds.append(spent)
         if done is not None:
             done(len(tasks) - len(missing) + len(seconds), len(tasks))
-    results = _dataset(experiment, store.read(tasks))
+    results = _dataset(experiment, store.read(tasks, NAMES, REASON))
     if target is not None:
         _write(results, target, force=force)
         store.remove()
@@ -236,7 +236,14 @@ def _target(path: Path) -> Path:
     return path
 
 
-def _refuse(target: Path, *, force: bool) -> None:
+def refuse_results(target: Path, *, force: bool = False) -> None:
+    """Refuse results that could not be put in their place, before the work.
+
+    Raises
+    ------
+    TemplateFileError
+        If their folder is not there, or something is that may not be replaced.
+    """
     if target.suffix == ".nc":
         refuse_target(target, error=TemplateFileError, force=force)
     else:

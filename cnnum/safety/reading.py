@@ -3,6 +3,10 @@
 import errno
 import os
 import stat
+import struct
+import tokenize
+import zipfile
+import zlib
 from pathlib import Path
 from typing import IO
 
@@ -16,6 +20,22 @@ KINDS = (
 """Kinds of path that are no regular file: to read one could wait or go on for ever."""
 
 MEGABYTE = 1 << 20
+
+DAMAGE = (
+    zipfile.BadZipFile,
+    zlib.error,
+    struct.error,
+    EOFError,
+    ValueError,
+    TypeError,
+    AttributeError,
+    LookupError,
+    ArithmeticError,
+    RuntimeError,
+    SyntaxError,
+    tokenize.TokenError,
+)
+"""Errors of zipfile, zlib and NumPy where an array file or an archive of them is damaged."""
 
 # Reading a pipe must not wait for its writer; Windows has no such flag, but needs the other one.
 _FLAGS = (
@@ -54,7 +74,7 @@ def open_regular(path: Path, *, most: int | None = None) -> IO[bytes]:
         _refuse_other(path.stat(), most)  # before it is opened: opening a device can have effects
         handle = os.open(path, _FLAGS)
     except ValueError:  # a NUL, or letters that no file name can have
-        raise OSError(errno.EINVAL, "its name is none that a file can have") from None
+        raise OSError(errno.EINVAL, "the name is not a valid file name") from None
     try:
         _refuse_other(os.fstat(handle), most)  # another thing may have come to the path since
         return os.fdopen(handle, "rb")

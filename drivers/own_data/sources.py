@@ -15,7 +15,7 @@ from cnnum.drivers.own_data.layout import DataLayout
 from cnnum.drivers.text_table import read_table
 from cnnum.errors import CodecError, RecordingError
 from cnnum.safety.names import shown
-from cnnum.safety.reading import open_regular
+from cnnum.safety.reading import DAMAGE, open_regular
 
 Arrays = Mapping[str, NDArray[Any]]
 NUMBERS = "fiub"
@@ -41,8 +41,12 @@ def npy_array(path: Path, layout: DataLayout) -> Arrays:
             held = np.load(file, allow_pickle=False)
     except OSError as error:
         raise RecordingError(f"'{path}' cannot be read: {error.strerror or error}.") from None
-    except (ValueError, EOFError, SyntaxError, MemoryError) as error:
-        raise CodecError(f"'{path}' is no NumPy array: {str(error).rstrip('.')}.") from None
+    except (*DAMAGE, MemoryError) as error:
+        why = str(error).rstrip(".") or type(error).__name__
+        raise CodecError(f"'{path}' is no NumPy array: {why}.") from None
+    if not isinstance(held, np.ndarray):
+        held.close()
+        raise CodecError(f"'{path}' is no NumPy array but an archive: give it the suffix '.npz'.")
     return {VALUES: held}
 
 
