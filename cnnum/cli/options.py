@@ -30,14 +30,10 @@ def to_write(ctx: click.Context, _: click.Parameter, out: Path | None) -> Path |
 
     Raises
     ------
-    click.UsageError
-        If its folder is not there.
     ReportError
-        If it is no regular file, or there already and not to be replaced.
+        If its folder is not there, it is no regular file, or it exists and is not to be replaced.
     """
     if out is not None:
-        if not out.parent.is_dir():
-            raise click.UsageError(f"There is no folder '{out.parent}' to write '{out.name}' to.")
         refuse_target(out, force=bool(ctx.params.get("force")))
     return out
 
@@ -112,7 +108,9 @@ engine_options = together(
 """They choose an engine."""
 
 trust_option = click.option(
-    "--trust", is_flag=True, help="Let a driver run that the scene file names as 'module:Options'."
+    "--trust",
+    is_flag=True,
+    help="Allow the driver that the scene file names as 'module:Options' to run.",
 )
 """For commands that open scenes: such a driver is code."""
 

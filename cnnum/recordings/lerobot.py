@@ -109,7 +109,8 @@ def write_lerobot(
         parquet: Any = import_module("pyarrow.parquet")
     except ImportError:
         raise missing_extra("LeRobot's layout", "pyarrow", "lerobot") from None
-    refuse_folder(folder, error=RecordingError)
+    if folder.parent.is_dir():  # else it is made, and nothing is in the way
+        refuse_folder(folder, error=RecordingError)
     touch = packed(recording, fps)
     rows = len(touch.times)
     zeros, numbers = np.zeros(rows, np.int64), np.arange(rows)

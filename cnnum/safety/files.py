@@ -2,23 +2,32 @@
 
 Everything that is written goes through this module; a test of the house holds all others to it.
 A file is made as a draft beside its target, synced to the disk, and moved to its place in one step,
-so a full disk or a kill leaves the old file or none. The rules for every target:
+so a full disk or a kill leaves the old file or none. Three cases need more than one step, and a
+kill between two of them leaves a trace. On a file system without hard links a new name is claimed
+first, so that an empty file can stay. Of several files that belong together, some can be missing.
+And a folder that was about to be replaced can stay beside its place, under a name with `DRAFT` at
+its beginning.
+
+The rules for every target:
 
 * It is a regular file, or a name that is free. A device, a pipe, a socket or a folder is refused,
   and so are the streams of this process (``/dev/stdout``).
-* A file that is there is replaced only where the caller says so (``force``), or where it carries
-  the mark of a report that cnnum wrote (`MARKS`): such a page is made anew.
+* A file that is there is replaced only where the caller says so (``force``), or where it begins as
+  a report that cnnum wrote does (`MARKS`): such a page is written again. It is looked at once more
+  before it is replaced, and nothing that came while the draft was filled is ever replaced.
 * A replaced file keeps its mode, and its owner where the system allows it. A new one gets the mode
   that the user's umask leaves.
 * A link is followed: the file that it leads to is the one that is replaced. So a link to nowhere,
   too, needs `force`.
-* A folder is replaced only if it holds nothing but what such an output has.
+* A folder is replaced only if it holds nothing but what such an output has, which is looked at
+  again once the folder has been moved aside.
 """
 
 import contextlib
 import errno
 import hashlib
 import os
+import re
 import shutil
 import stat
 from collections.abc import Callable, Generator, Iterator, Mapping
@@ -29,15 +38,22 @@ from typing import IO
 from cnnum.errors import CnnumError, ReportError
 from cnnum.safety.reading import KINDS
 
-MARKS = (
-    b'<meta name="generator" content="cnnum">',
-    b"Software\0cnnum",
-    b'"command": "cnnum ',
+MARKS = re.compile(
+    rb"(?:"
+    rb"(?i:<!doctype html>)\s*<html lang=['\"]en['\"]>\s*(?:<head>)?\s*"
+    rb"<meta charset=['\"]utf-8['\"]>\s*"
+    rb'<meta name="generator" content="cnnum">'
+    rb"|\x89PNG\r\n\x1a\n(?s:.{25})\0\0\0\x0etEXtSoftware\0cnnum"
+    rb'|\{\n "command": "cnnum (?:[^"\\\n]|\\.)*",\n "environment": \{'
+    rb")"
 )
-"""One of them stands at the head of a page, a picture or the data of a report by cnnum."""
+"""How the pages, pictures and data of cnnum's reports begin.
+
+The words of a mark prove nothing where they stand further down, or alone: a user's own page may
+quote the tag, and a user's own JSON, such as the tasks of an editor, may hold such a command."""
 
 HEAD = 4096
-"""Bytes at whose place a mark stands."""
+"""Bytes that hold the whole beginning."""
 
 DRAFT = ".cnnum-"
 """Beginning of a draft's name, in the folder of its target."""
@@ -49,6 +65,7 @@ MOST_LINKS = 40
 """Links that lead to each other, as many as Linux follows."""
 
 _A_FOLDER = "a folder that exists, has room and may be written to"
+_A_FILE = "a file of that name exists"
 
 _NEW = os.O_RDWR | os.O_CREAT | os.O_EXCL
 _FLAGS = getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_BINARY", 0)
@@ -120,7 +137,9 @@ def write_files(
 ) -> None:
     """Write several files into a folder, which is made: all drafts first, then all moves.
 
-    The other arguments and the errors are those of `written`.
+    All places are looked at again before the first move. The other arguments and the errors are
+    those of `written`. A target that changes between two moves, or a kill, can leave some of the
+    files in their places without the others; each of them is whole.
     """
     with sentences(folder, error):
         make_folder(folder)
@@ -132,6 +151,8 @@ def write_files(
             file.flush()
             with sentences(folder / name, error):
                 os.fsync(file.fileno())
+        for name in files:
+            refuse_target(folder / name, error=error, force=force)
 
 
 def refuse_target(
@@ -169,8 +190,7 @@ def sentences(target: Path, error: type[CnnumError]) -> Generator[None, None, No
 def taken(target: Path, error: type[CnnumError] = ReportError) -> CnnumError:
     """Return the error for a file that is there already."""
     return error(
-        f"'{target}' is there already, and is not replaced unasked: choose another name, or give "
-        "--force (in Python force=True)."
+        f"'{target}' already exists; choose another name, or give --force (in Python force=True)."
     )
 
 
@@ -198,6 +218,9 @@ def draft(
             yield file
             file.flush()
             os.fsync(file.fileno())
+        if old is not None:  # another may have come to its place while the draft was filled
+            place_of(target)
+            old = _old(target, place, force=force)
         if private and old is not None:
             name.replace(place)
         else:
@@ -260,7 +283,7 @@ def place_of(target: Path) -> Path:
                     raise OSError(errno.EINVAL, f"it is {name}, expected a regular file")
         return target.resolve() if linked else target
     except (ValueError, RuntimeError):  # a NUL, letters that no name can have, a ring of links
-        raise OSError(errno.EINVAL, "its name is none that a file can have") from None
+        raise OSError(errno.EINVAL, "the name is not a valid file name") from None
 
 
 def _is_stream(target: Path) -> bool:
@@ -276,13 +299,12 @@ def _is_stream(target: Path) -> bool:
 
 
 def made_here(target: Path) -> bool:
-    """Return whether a file carries the mark of a report that cnnum wrote."""
+    """Return whether a file begins as a report that cnnum wrote does."""
     try:
         with target.open("rb") as file:
-            head = file.read(HEAD)
+            return MARKS.match(file.read(HEAD)) is not None
     except OSError:
         return False
-    return any(mark in head for mark in MARKS)
 
 
 def _old(target: Path, place: Path, *, force: bool) -> os.stat_result | None:
@@ -296,7 +318,7 @@ def _old(target: Path, place: Path, *, force: bool) -> os.stat_result | None:
     old = _status(place)
     there = old is not None or target.is_symlink()
     if there and not (force or made_here(place)):
-        raise FileExistsError(errno.EEXIST, "it is there already")
+        raise FileExistsError(errno.EEXIST, "it already exists")
     return old
 
 
@@ -323,6 +345,24 @@ def beside(target: Path, ending: str) -> Path:
         room = LONGEST_NAME - len(os.fsencode(digest + ending))
         name = os.fsencode(target.name)[:room].decode("utf-8", "ignore") + digest + ending
     return target.with_name(name)
+
+
+def named_after(folder: Path, name: str, ending: str) -> Path:
+    """Return the file of a thing with a name that a user gave, always in this very folder.
+
+    Letters become small ones. What is no letter, no digit and none of ``-.,+=()`` becomes "_", as
+    does a dot at the beginning. So two names may have the same file.
+
+    Parameters
+    ----------
+    folder : Path
+    name : str
+        One that is not empty.
+    ending : str
+        Of the file: ".toml".
+    """
+    kept = "".join(sign if sign.isalnum() or sign in "-.,+=()" else "_" for sign in name.lower())
+    return beside(folder / (f"_{kept[1:]}" if kept.startswith(".") else kept), ending)
 
 
 def create(path: Path) -> IO[bytes]:
@@ -387,7 +427,7 @@ def written_folder(
     CnnumError
         The leaf that was given. Then nothing has changed at `target`.
     """
-    refuse_folder(target, error=error, force=force, owns=owns)
+    replaces = refuse_folder(target, error=error, force=force, owns=owns)
     with sentences(target, error):
         name = target.parent / _draft_name()
         name.mkdir()
@@ -395,7 +435,7 @@ def written_folder(
             yield name
             for path in _files(name):
                 _sync(path)
-            _put_folder(name, target)
+            _put_folder(name, target, replaces=replaces, error=error, owns=owns)
         finally:
             shutil.rmtree(name, ignore_errors=True)
         sync_folder(target.parent)
@@ -407,40 +447,95 @@ def refuse_folder(
     error: type[CnnumError] = ReportError,
     force: bool = False,
     owns: Callable[[Path], bool] = lambda _: False,
-) -> None:
-    """Refuse a folder that could not be put in its place; arguments as of `written_folder`."""
+) -> bool:
+    """Refuse a folder that could not be put in its place; arguments as of `written_folder`.
+
+    Returns
+    -------
+    bool
+        Whether there is a folder that is to be replaced.
+    """
     with sentences(target, error):
+        if not target.parent.is_dir():
+            raise FileNotFoundError(errno.ENOENT, "no such folder")
         old = _status(target)
         if old is None:
-            return
+            return False
         if not stat.S_ISDIR(old.st_mode):
-            raise OSError(errno.ENOTDIR, "something that is no folder has its name")
+            raise OSError(errno.ENOTDIR, _A_FILE)
         if not any(target.iterdir()):
-            return
+            return False
         if not owns(target):
-            raise error(
-                f"'{target}' is a folder that holds other files, and is never emptied: choose "
-                "another name."
-            )
+            raise _of_others(target, error)
         if not force:
-            raise FileExistsError(errno.EEXIST, "it is there already")
+            raise FileExistsError(errno.EEXIST, "it already exists")
+        return True
 
 
-def _put_folder(name: Path, target: Path) -> None:
-    """Move a folder to its place; the old one goes when the new one is there."""
+def _of_others(target: Path, error: type[CnnumError]) -> CnnumError:
+    return error(
+        f"'{target}' is a folder that holds other files, and is never emptied: choose another name."
+    )
+
+
+def _put_folder(
+    name: Path,
+    target: Path,
+    *,
+    replaces: bool,
+    error: type[CnnumError],
+    owns: Callable[[Path], bool],
+) -> None:
+    """Move a folder to its place; the old one goes when the new one is there.
+
+    Raises
+    ------
+    CnnumError
+        If the old folder has got other files since it was looked at; it stays as it is.
+    OSError
+        If something came to a place that was free, or cannot be moved.
+    """
     old = _status(target)
-    if old is None:
-        name.rename(target)
+    if old is not None and stat.S_ISDIR(old.st_mode):
+        name.chmod(stat.S_IMODE(old.st_mode))
+    if not replaces:
+        _rename_to_free(name, target)
         return
-    name.chmod(stat.S_IMODE(old.st_mode))
     aside = target.parent / _draft_name()
     target.rename(aside)
     try:
-        name.rename(target)
+        if not (aside.is_dir() and owns(aside)):  # under this name no other program writes to it
+            raise _of_others(target, error)
+        _rename_to_free(name, target)
     except BaseException:
-        aside.rename(target)
+        try:
+            aside.rename(target)
+        except OSError:
+            raise error(
+                f"Something came to '{target}' while it was to be replaced: the folder that was "
+                f"there is kept as '{aside}'; move it to another name."
+            ) from None
         raise
     shutil.rmtree(aside, ignore_errors=True)
+
+
+def _rename_to_free(name: Path, target: Path) -> None:
+    """Move a folder to a name that is free, or to the place of an empty folder.
+
+    Raises
+    ------
+    FileExistsError
+        If a folder with files is there, or a file.
+    """
+    if os.name == "nt":  # where a rename replaces no folder, not even an empty one
+        with contextlib.suppress(OSError):
+            target.rmdir()
+    try:
+        name.rename(target)
+    except OSError as reason:
+        if reason.errno in (errno.ENOTEMPTY, errno.EEXIST, errno.ENOTDIR):
+            raise FileExistsError(errno.EEXIST, "it already exists") from None
+        raise
 
 
 def _files(folder: Path) -> Iterator[Path]:
@@ -463,9 +558,9 @@ def make_folder(folder: Path) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except FileExistsError:
-        raise OSError(errno.ENOTDIR, "something that is no folder has its name") from None
+        raise OSError(errno.ENOTDIR, _A_FILE) from None
     except ValueError:
-        raise OSError(errno.EINVAL, "its name is none that a file can have") from None
+        raise OSError(errno.EINVAL, "the name is not a valid file name") from None
 
 
 def sync_folder(folder: Path) -> None:
@@ -485,16 +580,11 @@ def _link(name: Path, place: Path) -> None:
     except FileExistsError:
         raise
     except (OSError, NotImplementedError):  # a file system without hard links
-        _copy(name, place)
-    name.unlink()
-
-
-def _copy(name: Path, place: Path) -> None:
-    with name.open("rb") as source, place.open("xb") as copy:
+        os.close(os.open(place, _NEW | _FLAGS, 0o600))  # claims the name, which nobody else has
         try:
-            shutil.copyfileobj(source, copy)
-            copy.flush()
-            os.fsync(copy.fileno())
+            name.replace(place)
         except BaseException:
             place.unlink()
             raise
+    else:
+        name.unlink()

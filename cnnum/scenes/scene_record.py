@@ -10,7 +10,7 @@ from typing import IO, TYPE_CHECKING, Any
 import numpy as np
 
 from cnnum.arrays import Floats
-from cnnum.errors import ReportError, SceneError, name_error
+from cnnum.errors import SceneError, name_error
 from cnnum.safety.files import written
 from cnnum.scenes.event_list import EventList
 from cnnum.sharing import tables
@@ -144,19 +144,15 @@ class SceneRecord:
 
 
 def suffix_of(target: Path) -> None:
-    """Refuse a file of an unknown kind, or in a folder that is not there, before the work.
+    """Refuse a file of an unknown kind, before the work.
 
     Raises
     ------
     UnknownNameError
         If its suffix is none of `WRITERS`.
-    ReportError
-        If its folder is not there.
     """
     if target.suffix.lower() not in WRITERS:
         raise name_error("kind of file", target.suffix or target.name, WRITERS)
-    if not target.parent.is_dir():
-        raise ReportError(f"There is no folder '{target.parent}' to write '{target.name}' to.")
 
 
 def _write_npz(file: IO[bytes], record: SceneRecord) -> None:

@@ -346,7 +346,7 @@ def test_a_folder_of_others_and_a_file_that_is_there_are_kept(tmp_path):
     one = small(axes={"mismatch": (0.0,)}, draws=2)
     sweep(one, path)
     before = path.read_bytes()
-    with pytest.raises(TemplateFileError, match="is there already"):
+    with pytest.raises(TemplateFileError, match="already exists"):
         sweep(one, path)
     assert path.read_bytes() == before
     sweep(one, path, force=True)

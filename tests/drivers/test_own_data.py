@@ -38,7 +38,7 @@ def test_a_recording_comes_back_bit_for_bit(values, suffix, tmp_path):
     assert back.quality.tolist() == [0, 0, 0, 1, 0, 0, 0]
     assert (back.unit, back.axes) == ("N", ("shear_x", "shear_y", "normal"))
     assert back.rate == pytest.approx(75.0)  # of a CSV file, by its times
-    with pytest.raises(CnnumError, match="is there already, and is not replaced unasked"):
+    with pytest.raises(CnnumError, match="already exists; choose another name"):
         whole.save(tmp_path / f"own.{suffix}")
 
 

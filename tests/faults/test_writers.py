@@ -1,6 +1,7 @@
 """Every writer of the project on a full disk, over files of others, and where no file can be."""
 
 import contextlib
+import dataclasses
 import os
 import resource
 import shutil
@@ -25,11 +26,11 @@ from cnnum.embedded.c.vector import Vector
 from cnnum.errors import CnnumError, ReportError
 from cnnum.frame import Frame
 from cnnum.lab.bench import page as bench_page
-from cnnum.lab.bench.records import append_row
+from cnnum.lab.bench.records import append_row, data_text
 from cnnum.lab.reproduce import page as reproduce_page
 from cnnum.lab.scoring import page as scoring_page
 from cnnum.lab.stability import page as stability_page
-from cnnum.report import probe_picture, sweep_page, transient_page, write
+from cnnum.report import gallery, html, probe_picture, sweep_page, transient_page, write
 from cnnum.report.trace_page import write_trace_page
 from cnnum.safety import files
 from cnnum.scenes.pipeline import FrameResult
@@ -82,7 +83,7 @@ def transient_to(target, *, force):
 def sweep_to(target, *, force):
     from cnnum.design import sweeping
 
-    sweeping._refuse(target, force=force)
+    sweeping.refuse_results(target, force=force)
     sweeping._write(dataset(), target, force=force)
 
 
@@ -292,7 +293,7 @@ def in_the_way(kind, target):
     """Put something at a target, and return what the error must say."""
     if kind == "file":
         target.write_bytes(PRECIOUS)
-        return "is there already"
+        return "already exists"
     if kind == "folder":
         target.mkdir()
         (target / "mine").write_bytes(PRECIOUS)
@@ -376,7 +377,7 @@ def test_a_link_is_followed_and_a_long_name_is_taken(faults, folder):
         real, link = folder / "real", folder / f"link{suffix}"
         real.write_bytes(PRECIOUS)
         link.symlink_to(real)
-        if problem := refused(call, link, force=False, why="is there already"):
+        if problem := refused(call, link, force=False, why="already exists"):
             faults.lose(f"{name} over a link: {problem}")
         call(link, force=True)
         if not link.is_symlink() or real.read_bytes() == PRECIOUS:
@@ -424,14 +425,242 @@ def test_a_zarr_folder_of_its_own_is_replaced_as_a_whole(tmp_path):
     pytest.importorskip("zarr", reason="the extra 'zarr' is not installed")
     target = tmp_path / "out.zarr"
     sweep_to(target, force=False)
-    assert "is there already" not in refused(sweep_to, target, force=True)
-    assert refused(sweep_to, target, force=False, why="is there already") == ""
+    assert "already exists" not in refused(sweep_to, target, force=True)
+    assert refused(sweep_to, target, force=False, why="already exists") == ""
     before = tree(tmp_path)
     with full_disk():
         assert refused(sweep_to, target, force=True) == ""
     assert tree(tmp_path) == before
     (target / "flipped" / "mine").write_bytes(PRECIOUS)
     assert refused(sweep_to, target, force=True, why="holds other files") == ""
+
+
+@contextlib.contextmanager
+def meanwhile(change):
+    """Change something while a writer brings its draft to the disk, just before it is moved."""
+    real, done = os.fsync, []
+
+    def fsync(handle):
+        if not done:
+            done.append(True)
+            change()
+        real(handle)
+
+    with mock.patch.object(os, "fsync", fsync):
+        yield
+    assert done, "nothing was brought to the disk"
+
+
+def come(kind, target):
+    """Put something of others in the place of whatever is there."""
+    if target.is_dir():
+        shutil.rmtree(target)
+    target.unlink(missing_ok=True)
+    if kind == "link":
+        target.with_name("elsewhere").write_bytes(PRECIOUS)
+        target.symlink_to(target.with_name("elsewhere"))
+    else:
+        in_the_way(kind, target)
+
+
+def without_drafts(folder):
+    return {name: what for name, what in tree(folder).items() if files.DRAFT not in str(name)}
+
+
+REPORTS = {
+    ".html": b'<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
+    b'<meta name="generator" content="cnnum"><title>ours',
+    ".png": b"\x89PNG\r\n\x1a\n" + bytes(25) + b"\0\0\0\x0etEXtSoftware\0cnnum1234",
+}
+"""Beginnings of reports that may be written again without being asked."""
+
+
+def test_what_comes_while_a_writer_works_is_kept(faults, folder):
+    """A file, link, folder or pipe that comes to its place while a writer works stays as it is."""
+    # a recorder's own file stands there from the first frame on
+    names = [name for name in WRITERS if not name.startswith("cnnum record")]
+    cases = [
+        (name, kind, ours)
+        for name in names
+        for kind in ("file", "link", "folder", "pipe")
+        for ours in (False, True)
+        if not ours or WRITERS[name][0] in REPORTS
+    ]
+    for name, kind, ours in faults.each(cases, short=70):
+        suffix, call = WRITERS[name]
+        target, after = folder / f"out{suffix}", []
+        if ours:
+            target.write_bytes(REPORTS[suffix])
+
+        def change(kind=kind, target=target, after=after):
+            come(kind, target)
+            after.append(without_drafts(folder))
+
+        with meanwhile(change):
+            problem = refused(call, target, force=False)
+        if problem or tree(folder) != after[0]:
+            faults.lose(f"{name}, a {kind}: {problem or 'changed it'}")
+        for each in folder.iterdir():
+            shutil.rmtree(each) if each.is_dir() and not each.is_symlink() else each.unlink()
+
+
+def test_folders_and_files_that_come_while_a_folder_is_filled_are_kept(faults, folder):
+    """What comes to a folder's place, or into the old folder, while a new one is filled stays."""
+    target = folder / "out"
+
+    def owns(place):
+        return all(path.name == "own" for path in place.iterdir())
+
+    def add(name):
+        return lambda: (target / name).write_bytes(PRECIOUS)
+
+    changes = {
+        **{kind: partial(come, kind, target) for kind in ("file", "link", "folder", "pipe")},
+        "one of ours": lambda: (target.mkdir(exist_ok=True), add("own")()),
+        "a file in it": lambda: (target.mkdir(exist_ok=True), add("mine")()),
+    }
+    cases = [(old, change) for old in ("", "empty", "own") for change in changes]
+    for old, change in faults.each(cases, short=len(cases)):
+        if old:
+            target.mkdir()
+        if old == "own":
+            (target / "own").write_bytes(b"older")
+        after = []
+
+        def happen(change=change, after=after):
+            changes[change]()
+            after.append(without_drafts(folder))
+
+        def call(_, *, force):
+            with files.written_folder(target, force=force, owns=owns) as draft:
+                (draft / "own").write_bytes(b"new")
+
+        with meanwhile(happen):
+            problem = refused(call, target, force=old == "own")
+        replaced = (old, change) == ("own", "one of ours")  # as --force says
+        if replaced != (problem == "wrote") or (not replaced and tree(folder) != after[0]):
+            faults.lose(f"{change} over {old or 'nothing'}: {problem or tree(folder).keys()}")
+        for each in folder.iterdir():
+            shutil.rmtree(each) if each.is_dir() and not each.is_symlink() else each.unlink()
+
+
+def test_of_several_files_none_is_moved_if_one_may_not_be(faults, folder):
+    """Files that belong together are looked at again before the first of them is moved."""
+    for name, kind in faults.each([(n, k) for n in ("a.c", "b.h") for k in KINDS], short=10):
+        after = []
+
+        def change(name=name, kind=kind, after=after):
+            come(kind, folder / name)
+            after.append(without_drafts(folder))
+
+        with meanwhile(change):
+            problem = refused(export_to, folder, force=False)
+        if problem or tree(folder) != after[0]:
+            faults.lose(f"{name}, a {kind}: {problem or tree(folder).keys()}")
+        come("file", folder / name)
+        (folder / name).unlink()
+
+
+OTHERS_LIKE_OURS = {
+    "tasks.json": b'{\n  "version": "2.0.0",\n  "tasks": [\n    {"command": "cnnum run x"}\n  ]\n}',
+    "launch.json": b'{"command": "cnnum view", "args": []}',
+    "one_space.json": b'{\n "command": "cnnum view",\n "args": []\n}\n',
+    "quoted.html": b"<!doctype html><html lang='en'><head><meta charset='utf-8'><title>How to mark"
+    b' a page</title><body><pre><meta name="generator" content="cnnum"></pre>',
+    "notes.html": b'<meta name="generator" content="cnnum">',
+    "other.png": b"\x89PNG\r\n\x1a\n" + bytes(25) + b"\0\0\0\x12tEXtSoftware\0cnnumerator",
+    "notes.txt": b"Software\0cnnum",
+}
+"""Files of users with a mark of ours in them, or a part of one."""
+
+
+def test_a_mark_in_a_users_own_file_makes_it_no_report(faults, folder):
+    """A user's page, picture or JSON with words of our mark in it is not replaced unasked."""
+    for name in faults.each(list(OTHERS_LIKE_OURS), short=len(OTHERS_LIKE_OURS)):
+        target = folder / name
+        target.write_bytes(OTHERS_LIKE_OURS[name])
+        write = partial(files.write_whole, content=b"ours")
+        if problem := refused(write, target, force=False, why="already exists"):
+            faults.lose(f"{name}: {problem}")
+
+
+def test_every_report_is_written_again_unasked(folder):
+    """The marks are those of the reports as they are."""
+    reports = {
+        name: WRITERS[name]
+        for name in ("trace", "probe --picture", *(f"transient {kind}" for kind in (".html",)))
+    }
+    for suffix, call in reports.values():
+        for _ in range(2):
+            call(folder / f"out{suffix}", force=False)
+        (folder / f"out{suffix}").unlink()
+    pages = {
+        "gallery": lambda: gallery.gallery_page([]),
+        "document": lambda: html.document("t", "", "", "", "{}"),
+        "reproduce": lambda: reproduce_page.page(()),
+        "stability": lambda: stability_page.page(()),
+        "data": lambda: data_text("cnnum bench latency --note 'a \"b\"'", [], "d", []),
+    }
+    for name, text in pages.items():
+        (folder / name).write_text(text())
+        assert files.made_here(folder / name), name
+
+
+def test_without_hard_links_a_file_is_claimed_first(tmp_path, monkeypatch):
+    """Where a name cannot be linked: whole or not there, and never over another."""
+
+    def refuse(*_):
+        raise PermissionError(1, "Operation not permitted")
+
+    monkeypatch.setattr(Path, "hardlink_to", refuse)
+    target = tmp_path / "out"
+    with umask(0o027):
+        files.write_whole(target, LONG)
+    assert (target.read_text(), stat.S_IMODE(target.stat().st_mode)) == (LONG, 0o640)
+    with pytest.raises(ReportError, match="already exists"):
+        files.write_whole(target, b"other")
+    new = tmp_path / "new"
+    with (
+        pytest.raises(ReportError, match="already exists"),
+        meanwhile(lambda: new.write_bytes(PRECIOUS)),
+    ):
+        files.write_whole(new, b"ours")
+    assert new.read_bytes() == PRECIOUS
+    monkeypatch.setattr(Path, "replace", mock.Mock(side_effect=OSError(5, "Input/output error")))
+    with pytest.raises(ReportError, match="Input/output error"):
+        files.write_whole(tmp_path / "none", b"ours")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["new", "out"]
+
+
+NAMES = ("{0}/x", "../../x", "..", ".hidden", "a/b", "/", "a:b", "x" * 80, "δ" * 80, "A b")
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_templates_name_leads_to_no_other_folder(name, folder):
+    """Whatever a template in a file of others is called, it is written where the user says."""
+    outside, inside = folder / "outside", folder / "a" / "b"
+    outside.mkdir()
+    inside.mkdir(parents=True)
+    others = [outside / "x.toml", folder / "x.toml"]
+    for each in others:
+        each.write_bytes(PRECIOUS)
+    name = name.format(outside)
+    given, spec = folder / "given.toml", folder / "spec.toml"
+    cnnum.save_template(dataclasses.replace(cnnum.get_template("EDGE"), name=name), given)
+    spec.write_text(f'name = "{name}"\n[design]\nrule = "c > 0"\ndraws = 1\n')
+    for words in (
+        ("import", given, "--to", inside / "import", "--force"),
+        ("design", spec, "--output", inside / "design", "--force"),
+    ):
+        before = set(tree(folder))
+        done = CliRunner().invoke(main, ["templates", *map(str, words)])
+        assert done.exit_code == 0, done.output
+        made = Path("a", "b", words[0])
+        (file,) = set(tree(folder)) - before - {made}
+        assert file.parent == made
+        assert not file.name.startswith(".")
+        assert cnnum.load_template(folder / file).name == name
+    assert {each.read_bytes() for each in others} == {PRECIOUS}
 
 
 OUTPUTS = {

@@ -92,7 +92,7 @@ def test_a_journal_that_was_left_is_not_touched(scans, tmp_path):
             with pytest.raises(RecordingError, match="cnnum recover"):
                 Recorder(target, driver, force=force)
         (tmp_path / "link.mcap").symlink_to(tmp_path / "nowhere")
-        with pytest.raises(RecordingError, match="is there already"):
+        with pytest.raises(RecordingError, match="already exists"):
             Recorder(tmp_path / "link.mcap", driver)
     assert journal_of(target).read_bytes() == b"precious"
     assert not (tmp_path / "nowhere").exists()
@@ -111,7 +111,7 @@ def test_a_file_is_put_in_its_place_and_never_over_another(recorded, tmp_path, m
     before = out.read_bytes()
     with open_driver("npz", {"path": out}) as driver:
         assert driver.total_frames == 20
-    with pytest.raises(RecordingError, match="is there already"):
+    with pytest.raises(RecordingError, match="already exists"):
         export(look(recorded), out)
     assert out.read_bytes() == before
     out.write_text("old")
@@ -122,7 +122,7 @@ def test_a_file_is_put_in_its_place_and_never_over_another(recorded, tmp_path, m
 
 def test_a_file_that_comes_during_the_export_is_kept(recorded, tmp_path):
     out = tmp_path / "out.csv"
-    with pytest.raises(RecordingError, match="is there already"):  # noqa: PT012, SIM117
+    with pytest.raises(RecordingError, match="already exists"):  # noqa: PT012, SIM117
         with written(out, error=RecordingError) as file:
             file.write(b"ours")
             out.write_text("theirs")

@@ -217,7 +217,7 @@ def test_the_file_is_written_whole_and_nothing_beside_it(
 ) -> None:
     target = tmp_path / "report.html"
     target.write_text("before")
-    with pytest.raises(ReportError, match="is there already"):
+    with pytest.raises(ReportError, match="already exists"):
         write_demo_report(target, record, data.checks, data.work_precision, data.plans)
     assert target.read_text() == "before"
     write_demo_report(target, record, data.checks, data.work_precision, data.plans, force=True)

@@ -52,7 +52,7 @@ def command(
     from cnnum.lab.embedded.streams import made, vector_streams
 
     size = shape_of(shape)
-    require_room(out, program, force=force)
+    ours = require_room(out, program, force=force)
     wanted = None if needs is None else tuple(name.strip() for name in needs.split(","))
     found = made(program, size, precision, method, wanted)
     about = (
@@ -64,7 +64,7 @@ def command(
         longer = found.export(vector_streams(size, LONG), about)
         if len(longer.vector.still) < len(exported.vector.still):
             exported = longer
-    exported.write(out, force=True)  # what is in the way was looked for before the work
+    exported.write(out, force=force or ours)
     vector = exported.vector
     output = Output(as_json)
     output.record(
@@ -97,24 +97,31 @@ def command(
     return 0
 
 
-def require_room(out: Path, program: str, *, force: bool) -> None:
+def require_room(out: Path, program: str, *, force: bool) -> bool:
     """Refuse a folder that cannot be made or written, before the work of a minute.
+
+    Returns
+    -------
+    bool
+        Whether it holds an earlier export of this program, which is replaced.
 
     Raises
     ------
     click.UsageError
         If a file is in its way, its place takes no files, or it holds such files of other work.
     """
-    from cnnum.embedded.c.files import in_the_way
+    from cnnum.embedded.c.files import in_the_way, is_export
 
     there = next(place for place in (out, *out.absolute().parents) if place.exists())
     if not (there.is_dir() and os.access(there, os.W_OK | os.X_OK)):
         raise click.UsageError(f"'{out}' cannot be written: '{there}' takes no new files.")
-    if not force and (other := in_the_way(out, program)):
+    ours = is_export(out, program)
+    if not (force or ours) and (other := in_the_way(out, program)):
         raise click.UsageError(
             f"'{out}' has a file '{other}' that no export of '{program}' wrote: choose another "
             "folder, or give --force."
         )
+    return ours
 
 
 def shape_of(text: str) -> tuple[int, int]:

@@ -53,15 +53,16 @@ def command(
             raise click.UsageError("'--out' writes the page of the rows; leave out '--mutants'.")
         return _mutants(chosen, as_json)
     rows: list[Row] = []
-    if out is not None and not out.parent.is_dir():
-        raise click.UsageError(f"There is no folder '{out.parent}' to write '{out.name}' to.")
     if out is not None:
         from cnnum.errors import RecordingError
         from cnnum.lab.reproduce.page import target_of
-        from cnnum.safety.files import refuse_target
+        from cnnum.safety.files import refuse_folder, refuse_target
 
-        if out.suffix.lower() == ".html" or out.exists():
-            refuse_target(target_of(out), error=RecordingError, force=force)
+        page = target_of(out)
+        if page == out or out.exists():
+            refuse_target(page, error=RecordingError, force=force)
+        else:
+            refuse_folder(out, error=RecordingError)
     with until_stopped() as stop, progress("items", len(chosen), as_json=as_json) as steps:
         for row in run(chosen):
             rows.append(row)

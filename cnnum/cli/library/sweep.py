@@ -13,11 +13,21 @@ RUNS_FAILED = 1
 """Exit code where all of them did."""
 
 
+def _to_write(ctx: click.Context, _: click.Parameter, output: Path | None) -> Path | None:
+    """Return the file or folder to write, refusing before the work one that cannot be written."""
+    if output is not None:
+        from cnnum.design.sweeping import refuse_results
+
+        refuse_results(output, force=bool(ctx.params.get("force")))
+    return output
+
+
 @click.command("sweep")
 @click.argument("experiment", type=click.Path(path_type=Path, dir_okay=False))
 @click.option(
     "--output",
     type=click.Path(path_type=Path),
+    callback=_to_write,
     help="Results: a .nc or .zarr.",
 )
 @click.option("--scheduler", help="Address of a Dask scheduler, as in tcp://host:8786.")
@@ -51,8 +61,6 @@ def command(
     from cnnum.design.sweeping import failures, sweep
     from cnnum.templating.checks.intervals import wilson
 
-    if output is not None and not output.parent.is_dir():
-        raise click.UsageError(f"There is no folder '{output.parent}' to write '{output.name}' to.")
     wanted = load_experiment(experiment)
     if engine is not None:
         wanted = replace(wanted, engine=engine)

@@ -103,7 +103,7 @@ def check(
     passed = f"{len(results) - failed} of {len(results)} passed. The checks took {total}."
     output.show(_table(results), passed, *_notes(results))
     for sentence in refused:
-        click.echo(sentence, err=True)
+        click.echo(visible(sentence), err=True)
     if stop.stopped:
         return stop.say(len(results), len(jobs), "checks", as_json=as_json)
     for item in left_out:

@@ -24,18 +24,22 @@ def import_files(files: tuple[str, ...], folder: str, force: bool, as_json: bool
     FILES are `.tem` files of the CNN Software Library, MatCNN's temlib.m, or CNNSim's files.
     """
     from cnnum.errors import TemplateFileError
-    from cnnum.safety.files import make_folder, refuse_target, sentences
+    from cnnum.safety.files import make_folder, named_after, refuse_target, sentences
     from cnnum.templating.files import load_entries, save_entry
 
     output, target, found = Output(as_json), Path(folder), dict[Path, tuple[str, "Entry"]]()
     for file in files:
         for entry in load_entries(file):
             name = entry.template.name
-            path = target / f"{name.lower().replace(' ', '_')}.toml"
+            path = named_after(target, name, ".toml")
             if path in found:
+                other, first = found[path]
                 raise TemplateFileError(
-                    f"'{file}' and '{found[path][0]}' both hold a template '{name}': expected "
-                    "names that differ, as each is a file of its own; import them to two folders."
+                    f"'{file}' and '{other}' both hold a template '{name}': expected names that "
+                    f"differ, as each is a file of its own; import them to two folders."
+                    if first.template.name == name
+                    else f"The templates '{first.template.name}' of '{other}' and '{name}' of "
+                    f"'{file}' would both be the file '{path.name}': import them to two folders."
                 )
             found[path] = file, entry
     with sentences(target, TemplateFileError):

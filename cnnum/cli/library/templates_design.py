@@ -63,17 +63,25 @@ def _design(name: str, engine: "Engine", folder: Path, output: Output, force: bo
     from cnnum.design.designing import designed
     from cnnum.design.spec import load_spec
     from cnnum.errors import TemplateFileError
-    from cnnum.safety.files import make_folder, sentences
+    from cnnum.safety.files import make_folder, named_after, refuse_target, sentences
     from cnnum.templating.files import save_entry
 
+    spec = load_spec(name)
+    with sentences(folder, TemplateFileError):
+        make_folder(folder)
+    if not spec.split:  # the files of a sequence are known when it is
+        path = named_after(folder, spec.name, ".toml")
+        refuse_target(path, error=TemplateFileError, force=force)
+    found = {
+        named_after(folder, one.entry.template.name, ".toml"): one for one in designed(spec, engine)
+    }
+    for path in found:  # all are looked at before one is written
+        refuse_target(path, error=TemplateFileError, force=force)
     columns = (">examples", ">margin", ">relative", ">at most", ">worst case", ">flips at", "file")
     shown = table("Template", *columns)
-    for one in designed(load_spec(name), engine):
+    for path, one in found.items():
         proof, template = one.entry.proof, one.entry.template
         assert proof is not None
-        path = folder / f"{template.name.lower()}.toml"
-        with sentences(folder, TemplateFileError):
-            make_folder(folder)
         save_entry(one.entry, path, force=force)
         output.record({"template": template.name, "file": str(path), **asdict(proof)})
         rates = ", ".join(

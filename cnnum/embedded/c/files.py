@@ -42,7 +42,7 @@ class Exported:
     vector: Vector
 
     def write(self, folder: Path, *, force: bool = False) -> None:
-        """Write the files into a folder, all or none.
+        """Write the files into a folder, as `cnnum.safety.files.write_files` does.
 
         Raises
         ------
@@ -73,11 +73,26 @@ def identifier(name: str) -> str:
 
 def in_the_way(folder: Path, program: str) -> str | None:
     """Return a file that an export would replace, though no export of this program wrote it."""
+    if is_export(folder, program):
+        return None
+    return next((place.name for place in _places(folder, program) if _is_there(place)), None)
+
+
+def is_export(folder: Path, program: str) -> bool:
+    """Return whether a folder holds an export of this program, with no link in a file's place."""
+    makefile, name = folder / "Makefile", identifier(program)
+    if any(place.is_symlink() for place in _places(folder, program)) or not makefile.is_file():
+        return False
+    return _rule(name) in makefile.read_bytes().decode("utf-8", "replace")
+
+
+def _places(folder: Path, program: str) -> list[Path]:
     name = identifier(program)
-    there = [one for one in (f"{name}.c", f"{name}.h", *OTHERS) if (folder / one).exists()]
-    makefile = folder / "Makefile"
-    own = makefile.is_file() and _rule(name) in makefile.read_bytes().decode("utf-8", "replace")
-    return there[0] if there and not own else None
+    return [folder / one for one in (f"{name}.c", f"{name}.h", *OTHERS)]
+
+
+def _is_there(place: Path) -> bool:
+    return place.is_symlink() or place.exists()
 
 
 def _rule(name: str) -> str:

@@ -69,7 +69,7 @@ def test_probe_draws_what_it_found(call, records, tmp_path):
     assert picture.read_bytes().startswith(b"\x89PNG")
     refused = call("probe", "simulated", "--frames", 60, "--picture", tmp_path / "no" / "a.png")
     assert refused.exit_code == 2
-    assert "There is no folder" in refused.stderr
+    assert "there is no folder" in refused.stderr
 
 
 def test_figures_leave_out_repeats_bad_scans_and_few_of_them():

@@ -81,7 +81,7 @@ def test_json_has_a_record_a_field(call, records, scene, engine):
     [
         ("demo", "out.npz", "wants events and no field, so there is nothing to save"),
         ("edges", "out.wav", "Unknown kind of file '.wav': expected one of '.npz', '.csv', '.nc'"),
-        ("edges", "no/out.npz", "There is no folder 'no'"),
+        ("edges", "no/out.npz", "there is no folder 'no'"),
     ],
 )
 def test_what_cannot_be_saved_is_said_before_the_work(call, scene_name, file, said):

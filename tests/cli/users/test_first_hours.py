@@ -163,7 +163,7 @@ def test_a_template_designer(hour, tmp_path):
         assert "Written" in hour.does(*run, "--transient", f"hole.{suffix}")
         assert (tmp_path / f"hole.{suffix}").stat().st_size > 100
     wrong("Unknown kind of picture '.mp4'", *run, "--transient", "hole.mp4")
-    wrong("There is no folder 'no'", *run, "--transient", "no/hole.gif")
+    wrong("there is no folder 'no'", *run, "--transient", "no/hole.gif")
     wrong("--transient HOLE.html", *run)
     for said, text in (
         ("'A' must have rows of equal length", MINE.replace("[0, 1, 0]", "[1]")),
@@ -241,7 +241,7 @@ def test_an_embedded_engineer(hour, tmp_path):
     wrong("give --trust", "plan", "scene.toml", *FAST)
     assert "frames" in hour.does("probe", "pad:Options", "--frames", 20)
     assert "40 frames" in hour.does("record", "pad:Options", "tape.mcap")
-    wrong("is there already", "record", "pad:Options", "tape.mcap")
+    wrong("already exists", "record", "pad:Options", "tape.mcap")
     wrong("Unknown kind of recording '.wav'", "record", "pad:Options", "tape.wav")
     wrong("expected one of the drivers", "probe", "nothing")
     (summary,) = of_kind(hour.does("run", "scene.toml", *OWN, "--json"), "summary")

@@ -144,5 +144,5 @@ def test_a_folder_that_is_not_there_is_said_before_the_work(call, command):
     began = time.monotonic()
     done = call(*command.split(), "no/such/page.html")
     assert (done.exit_code, done.stdout) == (2, "")
-    assert "There is no folder 'no/such'" in done.stderr
+    assert "there is no folder 'no/such'" in done.stderr
     assert time.monotonic() - began < 5.0  # all of either takes many times as long

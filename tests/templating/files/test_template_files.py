@@ -230,7 +230,7 @@ def test_bytes_that_are_no_text_are_refused(tmp_path: Path) -> None:
 def test_saving_replaces_the_file_whole_and_leaves_nothing_else(tmp_path: Path) -> None:
     path = write(tmp_path, GOOD)
     template = Template("other", A=np.ones((3, 3)))
-    with pytest.raises(TemplateFileError, match="is there already"):
+    with pytest.raises(TemplateFileError, match="already exists"):
         save_template(template, path)
     assert path.read_text(encoding="utf-8") == GOOD
     save_template(template, path, aliases=["Another"], force=True)
