@@ -46,7 +46,8 @@ def follow(
         Is called when the scene has ended by itself; its results, by name, go into the
         summary.
     keep : callable, optional
-        The same, but called however the scene has ended.
+        The same, but called however the scene has ended, if there is anything to keep: not where
+        the whole source lies before `begin`.
     """
     from cnnum.scenes.gaps import GapWatch
     from cnnum.scenes.scene_file import EVERYTHING
@@ -85,7 +86,8 @@ def follow(
     finally:
         # also after an error: the summary before it is not lost
         if not isinstance(sys.exc_info()[1], BrokenPipeError):
-            more |= keep() if keep is not None else {}
+            if keep is not None and not _shows_nothing(scene):
+                more |= keep()
             summarise(scene, output, more)
     return code
 
@@ -94,11 +96,16 @@ def _refuse_nothing_shown(scene: "Scene", begin: float) -> None:
     """Say that the whole source lies before the part that was asked for."""
     from cnnum.errors import SceneError
 
-    if scene.last_before is not None and not scene.summary().frames:
+    if _shows_nothing(scene):
         raise SceneError(
-            f"No frame is left from {begin:g} s on: the last one of scene '{scene.spec.name}' is "
-            f"at {scene.last_before.time:g} s."
+            f"No frame is left from {begin:g} s on: the last frame of scene '{scene.spec.name}' "
+            f"comes {scene.seconds_before:g} s after its first."
         )
+
+
+def _shows_nothing(scene: "Scene") -> bool:
+    """Return whether frames ran silently, and none after them."""
+    return scene.last_before is not None and not scene.summary().frames
 
 
 def _saturated_text(count: int) -> str:

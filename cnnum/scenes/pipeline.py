@@ -220,6 +220,7 @@ class Scene(OfThisProcess):
     _passes: int = 0
     _before: int = 0
     _last_before: Frame | None = None
+    _seconds_before: float = 0.0
     _saturated: int = 0
 
     @classmethod
@@ -286,6 +287,7 @@ class Scene(OfThisProcess):
                 moment = way.step(number, frame)
                 if frame.time - first < begin - SAME_TIME:
                     self._before, self._last_before = self._before + 1, frame
+                    self._seconds_before = frame.time - first
                     if moment.values is not None:
                         self.push.look(moment.values)
                     continue
@@ -313,7 +315,7 @@ class Scene(OfThisProcess):
             self.bad, self._micros, self._late = BadFrames(), Histogram(), Histogram()
             self._begun = self._repeated = self._before = self._saturated = 0
             self._last_before = None
-            self._longest_gap = 0.0
+            self._longest_gap = self._seconds_before = 0.0
         self._passes += 1
         own = self._passes
         try:
@@ -391,6 +393,11 @@ class Scene(OfThisProcess):
     def last_before(self) -> Frame | None:
         """The last frame that ran silently, None where none did."""
         return self._last_before
+
+    @property
+    def seconds_before(self) -> float:
+        """Time from the first frame to the last one that ran silently, s; 0 where none did."""
+        return self._seconds_before
 
     @property
     def fields(self) -> tuple[str, ...]:

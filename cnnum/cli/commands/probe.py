@@ -18,6 +18,7 @@ from cnnum.cli.output import Output, facts, number, quantity
 from cnnum.cli.progress import progress
 from cnnum.cli.signals import stoppable
 from cnnum.cli.source import limited, open_source
+from cnnum.safety.names import visible
 
 if TYPE_CHECKING:
     from cnnum.cli.probe_figures import Cell, ProbeFigures
@@ -73,7 +74,7 @@ def command(
             marks = [cell[:2] for cell in (*figures.dead, *figures.stuck, *figures.noisy)]
             maps = {"rest": figures.rest, "noise": figures.deviation, "drift a min": figures.slope}
             draw(picture, maps, figures.channels, driver.unit, marks, force=force)
-            click.echo(f"Written: {picture}", err=as_json)
+            click.echo(visible(f"Written: {picture}"), err=as_json)
     return 130 if stopped else 0
 
 

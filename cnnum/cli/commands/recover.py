@@ -34,6 +34,8 @@ def command(file: Path, out: Path | None, force: bool, budget: float, as_json: b
     from cnnum.recordings.reader import look
     from cnnum.safety.files import beside, refuse_target
 
+    if not file.name:  # "." or "/"
+        raise RecordingError(f"'{file}' is a folder, expected a recording.")
     target = beside(file.with_suffix(""), ".recovered.mcap") if out is None else out
     suffix_of(target)
     if target.exists() and file.exists() and target.samefile(file):

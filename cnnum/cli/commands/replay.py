@@ -44,7 +44,7 @@ DEFAULT = "demo"
     "--from",
     "begin",
     type=click.FloatRange(min=0.0),
-    help="Show nothing before, s; it runs all the same.",
+    help="Start showing at this time (s); earlier frames are still processed.",
 )
 @click.option("--to", "end", type=click.FloatRange(min=0.0), help="Leave out all after, s.")
 @force_option

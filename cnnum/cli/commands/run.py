@@ -18,6 +18,7 @@ from cnnum.cli.options import (
 )
 from cnnum.cli.output import Output
 from cnnum.cli.progress import COMPILING, busy
+from cnnum.safety.names import visible
 
 if TYPE_CHECKING:
     from cnnum.scenes.pipeline import FrameResult, Scene
@@ -81,7 +82,7 @@ def command(
     if getattr(loaded.driver, "live", False):  # the frames of its pass are gone
         loaded = load_scene(scene, changes=changes, trust=trust)
     _write_trace(trace, loaded, number, force)
-    click.echo(f"Written: {trace} (frame {number})", err=as_json)
+    click.echo(visible(f"Written: {trace} (frame {number})"), err=as_json)
     return code
 
 

@@ -190,7 +190,17 @@ def test_a_part_that_is_not_there_is_said(call, scene, tmp_path):
     assert call("record", scene, tape).exit_code == 0
     done = call("replay", tape, "--scene", scene, "--from", 7)
     assert done.exit_code == 2
-    assert "No frame is left from 7 s on: the last one of scene 'tap' is at 0.995 s" in done.stderr
+    said = "No frame is left from 7 s on: the last frame of scene 'tap' comes 0.995 s after"
+    assert said in done.stderr
+    saved = tmp_path / "none.npz"
+    asked = ("--set", "wants=['load_normal']", "--save", saved)
+    done = call("replay", tape, "--scene", scene, "--from", 7, *asked)
+    assert (done.exit_code, said in done.stderr, saved.exists()) == (2, True, False)
+    late = tmp_path / "late.npz"
+    with np.load(tape) as held:
+        np.savez(late, **{**held, "time": held["time"] + 1.7e9})
+    done = call("replay", late, "--scene", scene, "--from", 7)
+    assert (done.exit_code, said in done.stderr) == (2, True)
     done = call("replay", tape, "--scene", scene, "--from", 7, "--to", 6)
     assert done.exit_code == 2
     assert "'--to 6' lies before '--from 7'" in done.stderr
