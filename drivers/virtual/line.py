@@ -2,12 +2,17 @@
 
 import contextlib
 import os
+import re
 from pathlib import Path
 
 from cnnum.errors import NotSupportedError, PortError
 
 WAITING = 1 << 22
 """Bytes that wait for the reader, as in a device's own buffer; more are not taken."""
+
+
+TERMINALS = r"/dev/(pts/|ttys)\d+"
+"""Names of pseudo-terminals: of Linux, and of macOS."""
 
 
 class VirtualLine:
@@ -119,7 +124,10 @@ class VirtualLine:
 
 
 def _foreign(link: Path) -> bool:
-    """Return whether something has a name that is no link to a terminal: it is not ours."""
+    """Return whether something that is no link to a pseudo-terminal has this name.
+
+    Ports of devices lie beside them: "/dev/ttyUSB0", "/dev/ttyS0" and "/dev/tty.usbmodem1".
+    """
     if link.is_symlink():
-        return not str(link.readlink()).startswith(("/dev/pts/", "/dev/tty"))
+        return not re.fullmatch(TERMINALS, str(link.readlink()))
     return link.exists()
