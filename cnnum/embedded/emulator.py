@@ -195,7 +195,8 @@ class Emulator:
         whole = np.broadcast_to(value, np.broadcast_shapes(value.shape, (1, self._cells)))
         if self.single and statement.how == "+" and whole.dtype == np.float64:
             # one after the other, each rounded, as in the loop over cells
-            whole = np.concatenate([self.values[name] + 0.0 * whole[..., :1], whole], axis=-1)
+            before = np.broadcast_to(self.values[name], (*whole.shape[:-1], 1))
+            whole = np.concatenate([before, whole], axis=-1)
             added = np.add.accumulate(whole.astype(np.float32), axis=-1)
             self.values[name] = added[..., -1:].astype(np.float64)
         else:

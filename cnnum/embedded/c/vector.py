@@ -69,7 +69,7 @@ class Vector:
             found.append("No answer shows whether the memory is cleared.")
         seen = self.flipped - sum(self.unseen.values())
         found.append(
-            f"Of {self.flipped} constants with another sign ({self.constants} there are), {seen} "
+            f"Of {self.flipped} constants with another sign (of {self.constants} in all), {seen} "
             "change an answer."
         )
         if self.unseen:

@@ -97,12 +97,13 @@ def _start(work: TransientWork, layer: int) -> Array | None:
 def propagated(work: TransientWork, scheme: Propagator) -> dict[int, Array]:
     """Write x(t) = state · x₀ + drive · w + constant."""
     found = dict[int, Array]()
-
-    def ends(layer: int, state: Quantity) -> None:
-        found.update(work.answers(layer, state))
-
-    _dense(work, scheme, _sources(work), ends)
+    _dense(work, scheme, _sources(work), _answering(work, found))
     return found
+
+
+def _answering(work: TransientWork, found: dict[int, Array]) -> Ends:
+    """Return the function that writes the answers of a layer from its state, and keeps them."""
+    return lambda layer, state: found.update(work.answers(layer, state))
 
 
 def _dense(
@@ -168,11 +169,7 @@ def around_torus(work: TransientWork, scheme: Circulant) -> dict[int, Array]:
 def through_modes(work: TransientWork, scheme: Spectral) -> dict[int, Array]:
     """Write x(t) = Rᵀ [factors · (R s Cᵀ)] C + constant, summed over starts and drives s."""
     found = dict[int, Array]()
-
-    def ends(layer: int, state: Quantity) -> None:
-        found.update(work.answers(layer, state))
-
-    _modal(work, scheme, _sources(work), ends)
+    _modal(work, scheme, _sources(work), _answering(work, found))
     return found
 
 
@@ -234,15 +231,16 @@ def rests(work: TransientWork, solver: Solver) -> Quantity:
 
     to.body.append(ir.declare(moves, 0))
     begun = [("state", n, one.array) for n, one in enumerate(rates)]
-    if isinstance(scheme, Propagator):
+    if isinstance(scheme, Decay):
+        decayed = scheme.kept.tolist()
+    else:
+        assert isinstance(scheme, Propagator | Spectral)
         decayed = np.abs(scheme.state).sum(axis=1).reshape(len(rates), -1).max(axis=1).tolist()
+    if isinstance(scheme, Propagator):
         _dense(work, scheme.still(), begun, ends)
     elif isinstance(scheme, Spectral):
-        decayed = np.abs(scheme.state).sum(axis=1).reshape(len(rates), -1).max(axis=1).tolist()
         _modal(work, scheme.still(), begun, ends, "e")
     else:
-        assert isinstance(scheme, Decay)
-        decayed = scheme.kept.tolist()
         for layer, one in enumerate(rates):
             with to.within() as body:
                 ends(layer, to.arithmetic.weighted([(decayed[layer], to.item(one.array))], FINE))
