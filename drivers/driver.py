@@ -59,13 +59,17 @@ class Counters:
 class Driver(Protocol):
     """A source of frames: an array at a port, a recording, a simulation.
 
-    Six attributes more are used where a driver has them. ``calibration`` is a
+    Further attributes are used where a driver has them. ``calibration`` is a
     `cnnum.tactile.taxel.Calibration`, ``pitch`` is the distance of the taxels, m, and ``pads`` the
     number of skins that lie side by side in the columns. ``bumps`` is the
     `cnnum.tactile.cover.BumpCover` over the taxels, whose geometry goes to the programs that undo
     it. ``full_scale`` is the largest magnitude that a value can have. A frame with a larger one is
     a bad frame. ``live`` is true where frames that were taken are gone, so that a second pass over
-    a scene is refused; without it each call of `frames` begins at the first frame.
+    a scene is refused; without it each call of `frames` begins at the first frame. ``total_frames``
+    is the number of frames to come, for a bar of progress. ``verified`` is false where the packets
+    of a protocol have no checksum, and ``clock`` compares the device's clock with the host's: its
+    ``drift`` is the part that the host's gains. ``tap`` is a method that takes a function, or
+    None to end it; the function is called with bytes as they come from a port and the time, ns.
     """
 
     @property

@@ -84,7 +84,7 @@ def _imported(name: str, near: Path | None) -> ModuleType:
     try:
         return import_module(name)
     except ModuleNotFoundError as error:
-        remedy = "install it anew" if near is None else f"install it, or put it at '{near}'"
+        remedy = "reinstall it" if near is None else f"install it, or put it at '{near}'"
         raise SceneError(
             f"The driver module '{name}' cannot be imported ({error}): {remedy}."
         ) from None

@@ -130,8 +130,9 @@ def _refuse_code(spec: SceneSpec, scene: str | Path, changes: Mapping[str, objec
     for key, name in (("array", spec.driver), ("engine.ranges", (spec.ranges or {}).get("driver"))):
         if isinstance(name, str) and ":" in name and name not in named:
             raise SceneError(
-                f"Scene '{scene}': its driver {shown(name)} in '{key}' is code of its own, which "
-                "runs as you do: read that module, then give --trust (in Python trust=True)."
+                f"Scene '{scene}': its driver {shown(name)} in '{key}' is custom code, which "
+                "would run with your permissions: read that module, then give --trust (in Python "
+                "trust=True)."
             )
 
 

@@ -59,7 +59,7 @@ def _size(name: str, array: Any) -> int:
     if array.external is not None or array.is_virtual:
         raise ValueError(f"the numbers of the array '{name}' lie in other files")
     if array.dtype.kind not in NUMBERS:
-        raise ValueError(f"the array '{name}' holds no numbers but the type '{array.dtype}'")
+        raise ValueError(f"the array '{name}' must hold numbers, got the type '{array.dtype}'")
     cells = math.prod(int(n) for n in array.shape)
     chunk = math.prod(int(n) for n in array.chunks or ())
     return max(cells, chunk) * int(array.dtype.itemsize)

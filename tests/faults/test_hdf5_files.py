@@ -82,7 +82,7 @@ ATTACKS = {
     empty: "is empty",
     large: "more than the file can hold",
     large_chunk: "more than the file can hold",
-    text: "holds no numbers",
+    text: "must hold numbers",
 }
 
 

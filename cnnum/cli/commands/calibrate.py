@@ -107,7 +107,7 @@ def _facts(fit: "CalibrationFit", points: int) -> list[tuple[str, str]]:
     ]
     if rows := _outliers(fit):
         listed = ", ".join(map(str, rows[:LISTED])) + (", …" if len(rows) > LISTED else "")
-        pairs.append(("outliers", f"{len(rows)}, which hardly count: rows {listed}"))
+        pairs.append(("outliers", f"{len(rows)}, given little weight: rows {listed}"))
     if fit.field is not None:
         pairs.append(("W", quantity(fit.field.width, "m")))
     return pairs

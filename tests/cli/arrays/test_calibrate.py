@@ -54,7 +54,7 @@ def test_spikes_are_named_by_their_rows(call, scan, tmp_path):
     assert record["outliers"] == [17, 40, 300]
     assert record["alpha_normal"] == pytest.approx(ALPHA_N, rel=1e-3)
     out.unlink()
-    assert "3, which hardly count: rows 17, 40, 300" in call("calibrate", scan, *options).stdout
+    assert "3, given little weight: rows 17, 40, 300" in call("calibrate", scan, *options).stdout
 
 
 def test_scan_without_a_column_gets_one_sentence(call, tmp_path):

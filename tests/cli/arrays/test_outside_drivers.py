@@ -120,7 +120,7 @@ def test_no_scene_runs_code_unasked(command, name, place, tmp_path, call, monkey
     assert not {module for module in new if "evil" in module or module == "this"}
     replaced = place == "array" and command in ("run --set", "replay")  # by the user's own array
     assert result.exit_code == (0 if replaced else 2)
-    assert replaced or "is code of its own" in result.stderr
+    assert replaced or "is custom code" in result.stderr
 
 
 def test_a_name_that_the_user_gives_is_trusted(folder, call):
@@ -135,5 +135,5 @@ def test_a_name_that_the_user_gives_is_trusted(folder, call):
 def test_an_entry_point_is_never_looked_for_beside_a_scene(folder, monkeypatch):
     point = outside.EntryPoint("my-pad", "my_pad:PadOptions", outside.GROUP)
     monkeypatch.setattr(outside, "entry_points", lambda group: [point])
-    with pytest.raises(SceneError, match="install it anew"):
+    with pytest.raises(SceneError, match="reinstall it"):
         open_driver("my-pad", {"port": "none"}, base=folder)
