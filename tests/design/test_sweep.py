@@ -18,6 +18,7 @@ from scipy.special import erfc
 from cnnum import Chip, Engine, get_template
 from cnnum.design import sweep
 from cnnum.design.changed_weights import biases_of, weights_of
+from cnnum.design.chunk_store import ChunkStore
 from cnnum.design.experiment import Experiment, load_experiment
 from cnnum.design.run_task import _case, run_task
 from cnnum.design.sweeping import failures
@@ -332,6 +333,33 @@ def test_a_damaged_manifest_is_a_sentence(tmp_path, content):
     with pytest.raises(TemplateFileError, match=r"manifest.json' is damaged"):
         sweep(small(), tmp_path / "out.nc")
     assert (folder / "manifest.json").read_bytes() == content
+
+
+@pytest.mark.parametrize("damage", ["cut", "text", "objects", "missing", "shape", "encrypted"])
+def test_a_damaged_part_is_a_sentence(tmp_path, damage):
+    store = ChunkStore(tmp_path / "parts", "key")
+    store.begin(2)
+    good = {"a": np.zeros(2), "why": np.array(["", "x"])}
+    store.write((0, 2), good)
+    (part,) = store.read([(0, 2)], ("a",), "why")
+    assert part["why"].tolist() == ["", "x"]
+    place = next((tmp_path / "parts").glob("*.npz"))
+    whole = bytearray(place.read_bytes())
+    others = {
+        "objects": {**good, "a": np.array([1, None])},
+        "missing": {"a": good["a"]},
+        "shape": {**good, "a": np.zeros((2, 1))},
+    }
+    if damage in others:
+        np.savez(place, **others[damage])
+    else:
+        whole[6] |= damage == "encrypted"
+        whole[whole.index(b"PK\1\2") + 8] |= damage == "encrypted"
+        place.write_bytes(
+            b"hello" if damage == "text" else whole[: 300 if damage == "cut" else None]
+        )
+    with pytest.raises(TemplateFileError, match=r"npz' is damaged: remove it"):
+        list(store.read([(0, 2)], ("a",), "why"))
 
 
 def test_a_folder_of_others_and_a_file_that_is_there_are_kept(tmp_path):

@@ -297,6 +297,25 @@ def test_slip_runs_on_a_line_at_a_thousand_scans_a_second(
     assert process.poll() is None
 
 
+@pytest.mark.parametrize(
+    ("target", "ours"),
+    [
+        *((f"/dev/{name}", False) for name in ("ttyUSB0", "ttyS0", "tty.usbmodem1", "ptmx")),
+        *((f"/dev/{name}", True) for name in ("pts/999999", "ttys999")),
+    ],
+)
+def test_a_link_to_a_port_is_the_users(tmp_path: Path, target: str, ours: bool) -> None:
+    """A name that the user gave to a port stays; a link that another line left is taken."""
+    link = tmp_path / "array"
+    link.symlink_to(target)
+    if ours:
+        VirtualLine(link).close()
+        return
+    with pytest.raises(PortError, match="no link to a pseudo-terminal"):
+        VirtualLine(link)
+    assert str(link.readlink()) == target
+
+
 @pytest.mark.parametrize("protocol", ["open", "pts2", "m0404s", "robotiq-tsf85", "3d-vitac"])
 def test_what_sends_at_a_port_is_guessed(tmp_path: Path, protocol: str) -> None:
     with offered(tmp_path / "tty", protocol):

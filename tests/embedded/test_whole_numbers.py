@@ -15,7 +15,7 @@ from cnnum.embedded.emulator import Emulator
 from cnnum.embedded.formats import Format, fitting, is_integer, precision_named
 from cnnum.embedded.program import IntegerProgram
 from cnnum.errors import NotSupportedError, UnknownNameError
-from cnnum.kernels import Integer, Name
+from cnnum.kernels import Accumulate, Integer, Name
 
 WORDS = st.integers(-(2**30), 2**30 - 1)
 FRACTIONS = st.integers(0, 30)
@@ -24,6 +24,18 @@ FRACTIONS = st.integers(0, 30)
 def value_of(expression):
     """The emulator's value of an expression without variables."""
     return int(Emulator(IntegerProgram("none", (1, 1), {}, (), {})).value(expression))
+
+
+def test_a_sum_in_single_precision_is_that_of_a_loop():
+    """Also where a cell is infinite, as in C."""
+    emulator = Emulator(IntegerProgram("none", (1, 3), {}, (), {}), single=True)
+    for cells in ([1.0, np.inf, 2.0], [np.inf, 1.0, 2.0], [1e8, 1.0, -1e8]):
+        emulator.values = {"sum": np.full((1, 1), 1.0), "cells": np.array([cells])}
+        wanted = np.float32(1.0)
+        for one in cells:
+            wanted += np.float32(one)
+        emulator.accumulate(Accumulate(Name("sum"), "+", Name("cells")))
+        assert emulator.values["sum"].tolist() == [[float(wanted)]]
 
 
 def exact(quantity):

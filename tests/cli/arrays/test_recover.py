@@ -84,6 +84,14 @@ def test_what_cannot_be_recovered_is_one_sentence(call, torn, tmp_path, name, sa
     assert not (tmp_path / "x.csv").exists()
 
 
+@pytest.mark.parametrize("folder", [".", "/", "..", "{}"])
+def test_a_folder_is_no_recording(call, tmp_path, monkeypatch, folder):
+    monkeypatch.chdir(tmp_path)
+    result = call("recover", folder.format(tmp_path))
+    assert (result.exit_code, result.stderr.count("\n")) == (2, 1)
+    assert list(tmp_path.iterdir()) == []
+
+
 @pytest.mark.filterwarnings("always::cnnum.errors.RecordingWarning")
 def test_replay_says_what_it_cannot_read(call, torn):
     result = call("replay", torn, "--set", 'wants=["contact"]', "--engine", "numba")
