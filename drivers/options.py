@@ -10,6 +10,7 @@ from typing import Any, Literal, TypeVar, Union, cast, get_args, get_origin, get
 
 from cnnum.errors import ArrayError, SceneError
 from cnnum.recordings.recording import channel_names
+from cnnum.renamed import by_new_names
 from cnnum.safety.names import shown
 from cnnum.safety.reading import read_text
 from cnnum.safety.toml_reading import LARGEST as LARGEST_FILE
@@ -43,6 +44,7 @@ def read_options(record: type[Record], table: Mapping[str, object], base: Path) 
         outside its range.
     """
     hints = get_type_hints(record)
+    table = by_new_names(table, getattr(record, "RENAMED", {}))
     known = {field.name: field for field in fields(cast(Any, record)) if field.init}
     for key in table:
         if key not in known:
@@ -185,8 +187,8 @@ def require(key: str, holds: bool, expected: str, value: object) -> None:
         raise _wrong(key, expected, value)
 
 
-def require_axes(axes: Sequence[str]) -> None:
-    """Refuse names of axes that name no channels.
+def require_channels(channels: Sequence[str]) -> None:
+    """Refuse names that are no channels'.
 
     Raises
     ------
@@ -194,6 +196,6 @@ def require_axes(axes: Sequence[str]) -> None:
         With the sentence of `channel_names`.
     """
     try:
-        channel_names(axes, len(axes))
+        channel_names(channels, len(channels))
     except ArrayError as error:
         raise SceneError(str(error)) from None

@@ -92,7 +92,7 @@ def load_recording(path: str | Path, *, budget: float = 1.0) -> Recording:
         np.stack([frame.values for frame in frames]),
         rate=rate or rate_of(times) or 1.0,
         unit=unit,
-        axes=channels,
+        channels=channels,
         times=times,
         truth={n: [f.truth.get(n, np.nan) if f.truth else np.nan for f in frames] for n in names},
         quality=[int(frame.quality) for frame in frames],

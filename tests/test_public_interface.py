@@ -70,7 +70,7 @@ def saved(template, path):
 TAKES = {
     "run": lambda t, _: ENGINE.run(t, input=PICTURE).output,
     "analyse": lambda t, _: cnnum.analyse(t),
-    "stability_bound": lambda t, _: cnnum.stability_bound("euler", t, (8, 8)),
+    "stability_bound": lambda t, _: cnnum.stability_bound(t, (8, 8), "euler"),
     "TemplateBatch": lambda t, _: cnnum.TemplateBatch(t, z=[-1.0, -0.5]),
     "save_template": lambda t, path: saved(t, path / f"{type(t).__name__}.toml"),
 }

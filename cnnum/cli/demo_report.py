@@ -72,7 +72,7 @@ class DemoReport(Closing):
     def write(self) -> dict[str, str]:
         """Measure, write the report, and return its place for the summary."""
         self._journal.close(index=True)
-        wants = dict.fromkeys((self._scene.spec.wants, ("contact",)))
+        wants = dict.fromkeys((self._scene.spec.needs, ("contact",)))
         checks = _checks(self._scene.engine)
         total = len(wants) + len(checks) + len(LADDERS)
         with progress("report", total, as_json=self._as_json) as steps:
@@ -90,7 +90,7 @@ class DemoReport(Closing):
     def _cost(self, wants: tuple[str, ...]) -> PlanCost:
         """Measure a plan on the frames of the scene, with no simulation at the same time."""
         options = {"path": str(self._frames)}
-        spec = replace(self._scene.spec, driver="mcap", driver_options=options, wants=wants)
+        spec = replace(self._scene.spec, driver="mcap", driver_options=options, needs=wants)
         return PlanCost.measure(", ".join(wants), Scene.of(spec, self._scene.engine))
 
     def _climb(self, name: str) -> tuple[WorkPrecision, ...]:

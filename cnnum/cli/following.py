@@ -55,7 +55,7 @@ def follow(
     known = getattr(scene.driver, "total_frames", None)
     total = min((n for n in (frames, known) if n is not None), default=None)
     code, more, gaps = 0, dict[str, str](), GapWatch()
-    shown = scene.fields if output.as_json and EVERYTHING not in scene.spec.wants else ()
+    shown = scene.fields if output.as_json and EVERYTHING not in scene.spec.needs else ()
     try:
         with (
             stoppable(),
@@ -135,7 +135,7 @@ def _name_bad(scene: "Scene", output: Output, number: int) -> None:
 
 def event_text(event: "Event") -> str:
     """Return an event as a line of aligned columns."""
-    parts = [f"{event.t:9.3f} s  {event.title:<15}"]
+    parts = [f"{event.time:9.3f} s  {event.title:<15}"]
     if event.where is not None:
         parts.append(f"row {event.where[0]:4.1f}, column {event.where[1]:4.1f}")
     if event.direction is not None:

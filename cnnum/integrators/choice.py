@@ -301,7 +301,7 @@ class _Choice:
                 f"'{method.name}' runs linear couplings only: template '{self.template.name}' runs "
                 "with method='auto'."
             )
-        bound = stability_bound(method.name, self.template, self.shape)
+        bound = stability_bound(self.template, self.shape, method.name)
         step, forced = self._bounded(method.name, bound.step, bound.reason, self.spec.dt)
         count = max(1, _count(self.duration, step)) if self.duration > 0 else 0
         even = self.duration / count if count else step

@@ -1,14 +1,14 @@
 """How long a step of each method may be for a template on an array of given size."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cnnum.arrays import Floats, Shape, as_shape
+from cnnum.arrays import Floats, as_shape
 from cnnum.errors import name_error
 from cnnum.integrators.chebyshev import MAX_STAGES, chebyshev_method
 from cnnum.integrators.delays import delayed_rates, delayed_step
@@ -16,6 +16,7 @@ from cnnum.integrators.rosenbrock import IMPLICIT_METHODS, may_be_implicit
 from cnnum.integrators.schemes import CHEBYSHEV, LAYER_METHODS
 from cnnum.integrators.spectrum import Spectrum, spectrum
 from cnnum.integrators.tableau import TABLEAUX, ButcherTableau, LayerMethod
+from cnnum.renamed import warn_of
 from cnnum.templating.library import as_template
 from cnnum.templating.template import Template
 
@@ -50,16 +51,18 @@ class StabilityBound:
     reason: str
 
 
-def stability_bound(method: str, template: Template | str, shape: Shape) -> StabilityBound:
+def stability_bound(
+    template: Template | str, shape: Sequence[int] = (8, 8), method: str = "euler"
+) -> StabilityBound:
     """Return the longest stable step of a method.
 
     Parameters
     ----------
-    method : str
-        One of `METHODS`. Runge–Kutta–Chebyshev is taken at its most stages.
     template : Template or str
         One of your own, or one of the library's by its name.
     shape : (rows, cols)
+    method : str
+        One of `METHODS`. Runge–Kutta–Chebyshev is taken at its most stages.
 
     Raises
     ------
@@ -78,6 +81,9 @@ def stability_bound(method: str, template: Template | str, shape: Shape) -> Stab
     with any. With a delay, a mode depends on its past, too (`cnnum.integrators.delays`). Steps are
     whole parts of the delay, and only methods whose stages lie at ends of steps have any.
     """
+    if isinstance(shape, Template | str):  # the order of version 0.1
+        warn_of("stability_bound(method, template, shape)", "(template, shape, method)")
+        template, shape, method = cast("tuple[Any, Any, Any]", (shape, method, template))
     shape = as_shape(shape)
     template = as_template(template)
     if not isinstance(cast(object, method), str):

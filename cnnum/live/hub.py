@@ -74,7 +74,7 @@ class Hub:
                     self._events.append(event.record())
                     self.count += 1
                     if event.kind == "slip":
-                        self._slip = (event.t, event.phase or "gross")
+                        self._slip = (event.time, event.phase or "gross")
                     elif event.kind == "release":
                         self._slip = None
 

@@ -34,7 +34,7 @@ class Block(NamedTuple):
     inner: Sums
 
 
-def blocks(frame: FrameFields, rows: int, columns: int) -> list[Block]:
+def blocks(frame: FrameFields, rows: int, cols: int) -> list[Block]:
     """Return the equal blocks of an array, row by row.
 
     Raises
@@ -42,16 +42,16 @@ def blocks(frame: FrameFields, rows: int, columns: int) -> list[Block]:
     ProgramError
         If the array does not divide into as many rows and columns of blocks.
     """
-    if rows < 1 or columns < 1 or any(np.mod(frame.shape, (rows, columns))):
+    if rows < 1 or cols < 1 or any(np.mod(frame.shape, (rows, cols))):
         raise ProgramError(
             f"An array of {frame.shape[0]}×{frame.shape[1]} cells does not divide into "
-            f"{rows}×{columns} equal blocks."
+            f"{rows}×{cols} equal blocks."
         )
-    row, column = (np.arange(n) * k // n for n, k in zip(frame.shape, (rows, columns), strict=True))
-    number = row[:, np.newaxis] * columns + column
+    row, column = (np.arange(n) * k // n for n, k in zip(frame.shape, (rows, cols), strict=True))
+    number = row[:, np.newaxis] * cols + column
     around = np.pad(number, 1, mode="edge")
     alone = (around[2:, 1:-1] == around[:-2, 1:-1]) & (around[1:-1, 2:] == around[1:-1, :-2])
-    shares = [1.0 * (number == n) for n in range(rows * columns)]
+    shares = [1.0 * (number == n) for n in range(rows * cols)]
     cells = number.size // len(shares)
     return [Block(cells, one, _over(frame, one), _over(frame, one * alone)) for one in shares]
 

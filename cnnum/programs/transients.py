@@ -10,6 +10,7 @@ from cnnum.errors import ProgramError
 from cnnum.graph.graph import Graph
 from cnnum.graph.nodes import Node, Pick, RunSpec, Transient
 from cnnum.programs.fields import Field, as_field, graph_of, maximum, minimum
+from cnnum.renamed import renamed
 from cnnum.safety.values import expect
 from cnnum.templating.library import as_template
 from cnnum.templating.template import Duration, Template
@@ -212,13 +213,14 @@ def _template(template: object) -> Template:
     return as_template(template)
 
 
-def shift(field: Field, rows: int = 0, columns: int = 0, *, boundary: float | str = 0.0) -> Field:
-    """Return a map moved by whole cells: down by `rows`, to the right by `columns`.
+@renamed(columns="cols")
+def shift(field: Field, rows: int = 0, cols: int = 0, *, boundary: float | str = 0.0) -> Field:
+    """Return a map moved by whole cells: down by `rows`, to the right by `cols`.
 
     Parameters
     ----------
     field : Field
-    rows, columns : int
+    rows, cols : int
     boundary : float, "zero-flux" or "periodic"
         The value that moves in from beyond the rim.
 
@@ -228,18 +230,16 @@ def shift(field: Field, rows: int = 0, columns: int = 0, *, boundary: float | st
         If it is no field, or not moved by whole cells within the array.
     """
     expect("field", field, Field, ProgramError)
-    for name, cells, most in zip(
-        ("rows", "columns"), (rows, columns), field.graph.shape, strict=True
-    ):
+    for name, cells, most in zip(("rows", "cols"), (rows, cols), field.graph.shape, strict=True):
         if not isinstance(cells, Integral) or abs(cells) > most:
             raise ProgramError(
                 f"'{name}' of a shift must be a whole number of cells, at most the {most} of the "
                 f"array, got {cells!r:.60}."
             )
-    radius = max(abs(rows), abs(columns))
+    radius = max(abs(rows), abs(cols))
     kernel = np.zeros((2 * radius + 1, 2 * radius + 1))
-    kernel[radius - rows, radius - columns] = 1.0
-    name = f"shift {rows} down, {columns} right"
+    kernel[radius - rows, radius - cols] = 1.0
+    name = f"shift {rows} down, {cols} right"
     template = Template(
         name, np.zeros((1, 1)), kernel, boundary=boundary, duration="settle", output="linear"
     )

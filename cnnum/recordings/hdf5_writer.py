@@ -40,7 +40,7 @@ def write_hdf5(file: IO[bytes], contents: Contents) -> None:
         target.attrs.update(
             {
                 "kind": KIND,
-                "axes": list(layout.channels),
+                "channels": list(layout.channels),
                 "unit": layout.unit,
                 "rate": layout.rate,
                 "calibration": layout.calibration,

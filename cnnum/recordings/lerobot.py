@@ -159,7 +159,7 @@ def _write_meta(
         for name, values in columns.items()
     }
     features[TACTILE]["info"] = {
-        "axes": list(recording.axes),
+        "axes": list(recording.channels),
         "unit": recording.unit,
         "rate_hz": recording.rate,
     }

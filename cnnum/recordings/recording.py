@@ -20,6 +20,7 @@ from cnnum.recordings.export import export, suffix_of
 from cnnum.recordings.layout import Layout
 from cnnum.recordings.mcap_index import write_index
 from cnnum.recordings.reader import look
+from cnnum.renamed import renamed, warn_of
 from cnnum.safety.files import refuse_target, written
 from cnnum.safety.names import checked_name, shown
 from cnnum.safety.values import is_real
@@ -48,7 +49,7 @@ class Recording(ByContent):
     rate : float, Hz
     unit : str
         "count", "V", "N", "Pa", "strain"…
-    axes : sequence of str, optional
+    channels : sequence of str, optional
         Names of the channels in their order: "x", "y" and "z" are the shear to the right, the shear
         downwards and the normal load. Unless given, three channels are these, and one is "z".
     times : (frames,) float, s, optional
@@ -67,18 +68,19 @@ class Recording(ByContent):
     values: Floats
     rate: float
     unit: str
-    axes: tuple[str, ...]
+    channels: tuple[str, ...]
     times: Floats
     truth: Mapping[str, Floats] = field(default_factory=dict[str, Floats])
     quality: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
 
+    @renamed(axes="channels")
     def __init__(
         self,
         values: ArrayLike,
         *,
         rate: float,
         unit: str = "count",
-        axes: Sequence[str] | None = None,
+        channels: Sequence[str] | None = None,
         times: ArrayLike | None = None,
         truth: Mapping[str, ArrayLike] | None = None,
         quality: ArrayLike | None = None,
@@ -98,7 +100,7 @@ class Recording(ByContent):
             "values": read_only(array),
             "rate": float(rate),
             "unit": checked_name("a unit", unit, ArrayError),
-            "axes": channel_names(axes, array.shape[3]),
+            "channels": channel_names(channels, array.shape[3]),
             "times": read_only(_times(times, frames, rate)),
             "truth": {
                 checked_name("a truth", name, ArrayError): _per_frame(
@@ -114,21 +116,27 @@ class Recording(ByContent):
     def __len__(self) -> int:
         return len(self.values)
 
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """The old name of `channels`."""
+        warn_of("Recording.axes", "Recording.channels")
+        return self.channels
+
     def __repr__(self) -> str:
         frames, rows, cols, _ = self.values.shape
         return (
-            f"Recording({frames} frames of {rows}×{cols}, {', '.join(self.axes)} in {self.unit}, "
-            f"{self.rate:g} Hz, {self.times[-1] - self.times[0]:.3f} s)"
+            f"Recording({frames} frames of {rows}×{cols}, {', '.join(self.channels)} in "
+            f"{self.unit}, {self.rate:g} Hz, {self.times[-1] - self.times[0]:.3f} s)"
         )
 
     def _repr_html_(self) -> str:
         frames, rows, cols, _ = self.values.shape
         pairs = [
             ("frames", f"{frames} of {rows}×{cols} at {self.rate:g} Hz"),
-            ("axes", f"{', '.join(self.axes)} in {self.unit}"),
+            ("channels", f"{', '.join(self.channels)} in {self.unit}"),
             ("truth", ", ".join(self.truth) or "none"),
         ]
-        last = shown_maps(self.values[-1], self.axes, self.unit)
+        last = shown_maps(self.values[-1], self.channels, self.unit)
         shown = [html.picture(f"{name}, last frame", values) for name, values in last.items()]
         return html.facts("Recording", pairs, shown)
 
@@ -137,7 +145,7 @@ class Recording(ByContent):
         from cnnum.sharing import plots
 
         peaks = np.abs(self.values).max(axis=(1, 2))
-        named = {name: peaks[:, n] for n, name in enumerate(self.axes)}
+        named = {name: peaks[:, n] for n, name in enumerate(self.channels)}
         return plots.lines(self.times, named, ax, ("time (s)", f"largest magnitude ({self.unit})"))
 
     def to_xarray(self) -> Any:
@@ -145,13 +153,13 @@ class Recording(ByContent):
         variables: dict[str, Any] = {"values": (("time", "row", "col", "axis"), self.values)}
         variables["quality"] = (("time",), self.quality)
         variables |= {name: (("time",), values) for name, values in self.truth.items()}
-        coordinates = {"time": (("time",), self.times), "axis": (("axis",), list(self.axes))}
+        coordinates = {"time": (("time",), self.times), "axis": (("axis",), list(self.channels))}
         return tables.dataset(variables, coordinates, {"unit": self.unit, "rate": self.rate})
 
     def to_dataframe(self) -> Any:
         """Return a `pandas.DataFrame`: a row a frame, a column a channel (extra `tables`)."""
         columns: dict[str, Any] = {"time": self.times, "quality": self.quality}
-        for number, name in enumerate(self.axes):
+        for number, name in enumerate(self.channels):
             columns |= tables.cell_columns(name, self.values[..., number])
         return tables.data_frame(columns | dict(self.truth))
 
@@ -167,7 +175,7 @@ class Recording(ByContent):
             known = {name: float(self.truth[name][number]) for name in names}
             yield Frame(
                 values=values,
-                channels=self.axes,
+                channels=self.channels,
                 unit=self.unit,
                 sequence=number,
                 time=float(self.times[number]),
@@ -200,7 +208,7 @@ class Recording(ByContent):
             known.apply(self.values),
             rate=self.rate,
             unit=unit or self.unit,
-            axes=self.axes,
+            channels=self.channels,
             times=self.times,
             truth=self.truth,
             quality=self.quality,
@@ -247,8 +255,8 @@ class Recording(ByContent):
             write_index(file, layout)
 
 
-def channel_names(axes: Sequence[str] | None, count: int) -> tuple[str, ...]:
-    """Return the channels that axes stand for.
+def channel_names(names: Sequence[str] | None, count: int) -> tuple[str, ...]:
+    """Return the full names of channels.
 
     Raises
     ------
@@ -256,16 +264,16 @@ def channel_names(axes: Sequence[str] | None, count: int) -> tuple[str, ...]:
         If there are more or fewer than `count`, or one is there twice.
     """
     usual = {3: FORCE_AXES, 1: FORCE_AXES[2:]}
-    if axes is None and count in usual:
+    if names is None and count in usual:
         return usual[count]
-    names = [] if axes is None else [axes] if isinstance(axes, str) else list(axes)
-    found = tuple(AXES.get(name, name) for name in names)
+    given = [] if names is None else [names] if isinstance(names, str) else list(names)
+    found = tuple(AXES.get(name, name) for name in given)
     for name in found:
-        checked_name("an axis", name, ArrayError)
+        checked_name("a channel", name, ArrayError)
     if len(found) != count or len(set(found)) != count:
         raise ArrayError(
-            f"'axes' must name each of the {count} channels once, as in ('x', 'y', 'z'), got "
-            f"{shown(axes)}."
+            f"'channels' must name each of the {count} channels once, as in ('x', 'y', 'z'), got "
+            f"{shown(names)}."
         )
     return found
 

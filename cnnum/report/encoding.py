@@ -69,7 +69,7 @@ def as_tree(data: ReportData) -> dict[str, object]:
         },
         "scene": {
             "name": record.name,
-            "wants": list(record.wants),
+            "needs": list(record.needs),
             "shape": list(record.shape),
             "rate_hz": record.rate,
             "pitch_m": record.pitch,

@@ -26,7 +26,7 @@ class SceneRecord:
     Attributes
     ----------
     name : str
-    wants : tuple of str
+    needs : tuple of str
         The outputs that the scene wants.
     shape : (rows, cols)
     rate : float
@@ -56,7 +56,7 @@ class SceneRecord:
     """
 
     name: str
-    wants: tuple[str, ...]
+    needs: tuple[str, ...]
     shape: Shape
     rate: float
     pitch: float | None
@@ -117,7 +117,7 @@ class SceneRecorder:
         calibrated = isinstance(scene.conversion, ByCalibration)
         return SceneRecord(
             name=scene.spec.name,
-            wants=scene.spec.wants,
+            needs=scene.spec.needs,
             shape=scene.driver.shape,
             rate=scene.driver.rate,
             pitch=_pitch(scene),

@@ -74,7 +74,7 @@ def _no(words: str) -> Cell:
 
 
 def _when(event: TrueEvent | Event) -> Cell:
-    return Cell(f"{event.t:.3f} s", f"frame {event.frame}")
+    return Cell(f"{event.time:.3f} s", f"frame {event.frame}")
 
 
 def _frames(delay: int) -> str:

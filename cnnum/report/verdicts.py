@@ -71,7 +71,7 @@ class TrueEvent:
     ----------
     kind, phase : str
     frame : int
-    t : float, s
+    time : float, s
     direction : float or None
         rad; of a gross slip that of the sliding, of an incipient one that of the shear force.
     sense : int or None
@@ -81,7 +81,7 @@ class TrueEvent:
     kind: str
     phase: str
     frame: int
-    t: float
+    time: float
     direction: float | None = None
     sense: int | None = None
 
@@ -155,7 +155,7 @@ def true_events(record: SceneRecord) -> tuple[TrueEvent, ...]:
     found = (
         event
         for lane in LANES
-        if lane.want in record.wants and lane.flag in record.outputs
+        if lane.want in record.needs and lane.flag in record.outputs
         for event in _events_of(record, lane)
     )
     return tuple(sorted(found, key=lambda event: event.frame))
@@ -167,7 +167,7 @@ def _events_of(record: SceneRecord, lane: Lane) -> Iterator[TrueEvent]:
             kind=lane.kind,
             phase=lane.phase,
             frame=first,
-            t=float(record.times[first]),
+            time=float(record.times[first]),
             direction=_direction(record, lane, first),
             sense=int(np.sign(record.at("twist_rate", first))) if lane.kind == "twist" else None,
         )
@@ -206,7 +206,7 @@ def compare(record: SceneRecord) -> tuple[Verdict, ...]:
 def _pairs(truths: tuple[TrueEvent, ...], reports: list[Event]) -> dict[int, Event]:
     """Return a report for each truth, the nearest pairs first; none is used twice."""
     near = sorted(
-        (abs(event.t - truth.t), i, j)
+        (abs(event.time - truth.time), i, j)
         for i, truth in enumerate(truths)
         for j, event in enumerate(reports)
         if (event.kind, event.phase or "") == (truth.kind, truth.phase)
@@ -235,7 +235,7 @@ def _verdict(truth: TrueEvent | None, event: Event | None) -> Verdict:
 
 def _faults(truth: TrueEvent, event: Event, delay: int, turn: float | None) -> Iterator[str]:
     lane = next((lane for lane in LANES if lane.title == truth.title), LANES[0])
-    off = event.t - truth.t
+    off = event.time - truth.time
     if abs(delay) > MAX_DELAY and not -lane.early <= off <= lane.late:
         yield f"{abs(delay)} frames {'late' if delay > 0 else 'early'}"
     if truth.direction is not None and turn is None:

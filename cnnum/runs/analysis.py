@@ -184,7 +184,7 @@ def _analysed(transient: Transient, shape: Shape) -> Analysis:
         condition=_condition(template, shape),
         saturation=_saturation(template, found),
         largest=state_bound(template),
-        bounds={name: stability_bound(name, template, shape) for name in METHODS},
+        bounds={name: stability_bound(template, shape, name) for name in METHODS},
         method=solver.method,
         reason=solver.reason,
     )

@@ -64,7 +64,7 @@ def bound(program: Program, spec: SceneSpec, driver: Driver) -> Program:
 
 
 def _wants_bumps(spec: SceneSpec) -> bool:
-    return any(want == EVERYTHING or want.startswith(BUMP) for want in spec.wants)
+    return any(want == EVERYTHING or want.startswith(BUMP) for want in spec.needs)
 
 
 def events_of_everything(driver: Driver) -> tuple[str, ...]:
@@ -75,7 +75,7 @@ def events_of_everything(driver: Driver) -> tuple[str, ...]:
 
 def warn_of_no_bumps(spec: SceneSpec, driver: Driver) -> None:
     """Say on the logger "cnnum" that a scene asks for bumps of an array that has none."""
-    asked = [want for want in spec.wants if want.startswith(BUMP)]
+    asked = [want for want in spec.needs if want.startswith(BUMP)]
     there = isinstance(getattr(driver, "bumps", None), BumpCover)
     if asked and hasattr(driver, "bumps") and not there:
         logging.getLogger("cnnum").warning(

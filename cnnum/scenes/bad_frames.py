@@ -22,7 +22,7 @@ class BadFrame:
     ----------
     frame : int
         Its number, from 0.
-    t : float
+    time : float
         s, on the clock of the frames.
     why : str
     count : int
@@ -32,7 +32,7 @@ class BadFrame:
     """
 
     frame: int
-    t: float
+    time: float
     why: str
     count: int
     cells: tuple[tuple[int, int], ...] = ()
@@ -40,7 +40,7 @@ class BadFrame:
     def record(self) -> dict[str, object]:
         """Return it as a JSON object."""
         return {
-            "t": round(self.t, 6),
+            "t": round(self.time, 6),
             "kind": "bad_frame",
             "frame": self.frame,
             "why": self.why,
@@ -90,7 +90,7 @@ class BadFrames:
         ----------
         number : int
             Of the frame.
-        t : float
+        time : float
             s, on the clock of the frames.
         error : CnnumError
             The fault of the frame.

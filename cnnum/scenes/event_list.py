@@ -27,14 +27,16 @@ class EventList(list[Event]):
         return f"EventList({counted or 'empty'})"
 
     def _repr_html_(self) -> str:
-        rows = [(f"{event.t:.3f} s", event.title, str(event).partition(", ")[2]) for event in self]
+        rows = [
+            (f"{event.time:.3f} s", event.title, str(event).partition(", ")[2]) for event in self
+        ]
         return html.table(f"{len(self)} events", ("time", "event", "about"), rows)
 
     def plot(self, ax: object = None) -> object:
         """Draw a mark for every event over time, a row a kind, and return the axes."""
         from cnnum.sharing import plots
 
-        return plots.marks([event.title for event in self], [event.t for event in self], ax)
+        return plots.marks([event.title for event in self], [event.time for event in self], ax)
 
     def to_dataframe(self) -> Any:
         """Return a `pandas.DataFrame` with a row an event (extra `tables`)."""

@@ -7,6 +7,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from cnnum.renamed import warn_of
+
 Outputs = Mapping[str, NDArray[np.float64]]
 
 
@@ -21,7 +23,7 @@ class Event:
 
     Attributes
     ----------
-    t : float
+    time : float
         s, on the clock of the frames.
     kind : str
         "contact", "release", "edge", "slip", "twist"…
@@ -49,7 +51,7 @@ class Event:
         Whether the strength is a load that may be larger: a taxel stood at an end of its range.
     """
 
-    t: float
+    time: float
     kind: str
     frame: int
     phase: str | None = None
@@ -63,6 +65,12 @@ class Event:
     load_is_bound: bool = False
 
     @property
+    def t(self) -> float:
+        """The old name of `time`."""
+        warn_of("Event.t", "Event.time")
+        return self.time
+
+    @property
     def title(self) -> str:
         """Its phase, if it has one, and its kind."""
         return titled(self.phase, self.kind)
@@ -70,7 +78,7 @@ class Event:
     def record(self) -> dict[str, object]:
         """Return the event as a JSON object; missing values are left out."""
         values: dict[str, object] = {
-            "t": round(self.t, 6),
+            "t": round(self.time, 6),
             "kind": self.kind,
             "phase": self.phase,
             "where": self.where and [round(number, 3) for number in self.where],
@@ -89,7 +97,7 @@ class Event:
         return f"Event({', '.join(f'{name}={value!r}' for name, value in self.record().items())})"
 
     def __str__(self) -> str:
-        parts = [f"{self.t:8.3f} s  {self.title}"]
+        parts = [f"{self.time:8.3f} s  {self.title}"]
         if self.where:
             parts.append(f"at row {self.where[0]:.1f}, column {self.where[1]:.1f}")
         if self.direction is not None:
@@ -174,7 +182,7 @@ class EventRule:
         pair = self.direction if began else None
         strong = bool(self.strength) and began
         return Event(
-            t=t,
+            time=t,
             kind=kind,
             frame=frame,
             phase=self.phase or None,
@@ -300,7 +308,7 @@ class EventDetector:
 
         Parameters
         ----------
-        t : float, s
+        time : float, s
         frame : int
         outputs : mapping
         saturated : bool

@@ -17,7 +17,7 @@ class Gap:
 
     Attributes
     ----------
-    t : float
+    time : float
         s, of the first frame after it.
     frame : int
         Number of that frame.
@@ -29,7 +29,7 @@ class Gap:
         Gaps since the record before, this one among them.
     """
 
-    t: float
+    time: float
     frame: int
     seconds: float
     missing: int
@@ -39,7 +39,7 @@ class Gap:
         """Return it as a record of `--json`."""
         return {
             "kind": "gap",
-            "t": round(self.t, 6),
+            "t": round(self.time, 6),
             "frame": self.frame,
             "seconds": round(self.seconds, 6),
             "missing": self.missing,
@@ -49,7 +49,7 @@ class Gap:
     def __str__(self) -> str:
         many = f"{self.gaps} gaps, the longest" if self.gaps > 1 else "gap"
         scans = "scan" if self.missing == 1 else "scans"
-        return f"{self.t:9.3f} s  {many} {self.seconds:.3f} s, {self.missing} {scans} missing"
+        return f"{self.time:9.3f} s  {many} {self.seconds:.3f} s, {self.missing} {scans} missing"
 
 
 class GapWatch:

@@ -242,7 +242,7 @@ class Scene(OfThisProcess):
             traced = program.trace(driver.shape, (*conversion.channels, CHANNEL))
             outputs = traced.outputs
             channels = (*conversion.channels, *([CHANNEL] if _reads_marks(traced) else []))
-            wants = _wants(spec, outputs, events_of_everything(driver))
+            wants = _needs(spec, outputs, events_of_everything(driver))
             warn_of_no_bumps(spec, driver)
             measured = unit_of(conversion, driver)
             rules = with_units(_rules(spec, wants, outputs), program, measured)
@@ -334,7 +334,7 @@ class Scene(OfThisProcess):
         spec, shape = self.spec, self.driver.shape
         return (
             f"Scene('{spec.name}': {spec.driver}, {shape[0]}×{shape[1]} → {spec.program} → "
-            f"{', '.join(spec.wants)}; {self.engine.name} {self.engine.precision})"
+            f"{', '.join(spec.needs)}; {self.engine.name} {self.engine.precision})"
         )
 
     def _elsewhere(self) -> str:
@@ -402,7 +402,7 @@ class Scene(OfThisProcess):
     @property
     def fields(self) -> tuple[str, ...]:
         """Outputs of the program that the scene wants by name, apart from events."""
-        wanted = set(self.spec.wants)
+        wanted = set(self.spec.needs)
         known = self.plan.schedule.outputs
         return tuple(n for n in known if n in wanted and n not in EVENT_RULES) or tuple(
             known if EVERYTHING in wanted else ()
@@ -498,13 +498,13 @@ def _range(spec: SceneSpec, driver: Driver, conversion: Conversion, precision: s
     )
 
 
-def _wants(spec: SceneSpec, outputs: Collection[str], known: Collection[str]) -> tuple[str, ...]:
+def _needs(spec: SceneSpec, outputs: Collection[str], known: Collection[str]) -> tuple[str, ...]:
     """Return the outputs that a scene wants, by name where it wants everything."""
-    if EVERYTHING not in spec.wants:
-        for want in spec.wants:
+    if EVERYTHING not in spec.needs:
+        for want in spec.needs:
             if want not in EVENT_RULES and want not in outputs:
                 raise unknown_want(spec, want, outputs)
-        return spec.wants
+        return spec.needs
     events = (want for want in known if rules_that_fit([want], outputs))
     return tuple(dict.fromkeys((*events, *outputs)))
 

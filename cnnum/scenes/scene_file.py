@@ -8,13 +8,17 @@ from pathlib import Path
 from typing import Any, cast
 
 from cnnum.errors import SceneError, name_error
+from cnnum.renamed import by_new_names
 from cnnum.safety.names import LONGEST, checked_name, shown, tidied
 from cnnum.safety.reading import names_something, read_text
 from cnnum.safety.toml_reading import LARGEST, parse_toml
 from cnnum.tactile.array_calibration import KEYS, ArrayCalibration
 
 _TABLES = ("array", "frames", "calibration", "program", "engine")
-_KEYS = ("name", "wants", *_TABLES)
+_KEYS = ("name", "needs", *_TABLES)
+
+RENAMED = {"wants": "needs"}
+"""Old keys, which work for one more version."""
 
 
 EVERYTHING = "everything"
@@ -28,7 +32,7 @@ class SceneSpec:
     Attributes
     ----------
     name : str
-    wants : tuple of str
+    needs : tuple of str
         Events ("contact", "slip", "twist", "edge") and outputs of the program, or "everything";
         the rest of the program is left out.
     driver : str
@@ -58,7 +62,7 @@ class SceneSpec:
     """
 
     name: str
-    wants: tuple[str, ...]
+    needs: tuple[str, ...]
     driver: str
     driver_options: Mapping[str, object] = field(default_factory=dict[str, object])
     frame_range: float | None = None
@@ -76,9 +80,9 @@ class SceneSpec:
 
     def __post_init__(self) -> None:
         checked_name("a scene", self.name, SceneError)
-        if not self.wants:
-            raise SceneError(f"Scene '{self.name}': 'wants' must name at least one event or field.")
-        for want in self.wants:
+        if not self.needs:
+            raise SceneError(f"Scene '{self.name}': 'needs' must name at least one event or field.")
+        for want in self.needs:
             checked_name(f"a want of scene '{self.name}'", want, SceneError)
         for part in ("driver", "program", *(("engine",) if self.engine is not None else ())):
             checked_name(f"the {part} of scene '{self.name}'", getattr(self, part), SceneError)
@@ -113,10 +117,10 @@ def read_scene(
     """
     text, base = _found(scene)
     try:
-        table = parse_toml(text)
+        table = by_new_names(parse_toml(text), RENAMED)
     except ValueError as error:
         raise SceneError(f"Scene '{scene}' is not TOML: {error}.") from None
-    for key, value in (changes or {}).items():
+    for key, value in by_new_names(changes or {}, RENAMED).items():
         _set(table, key, value)
     spec = _spec(str(scene), table, base)
     if not trust:
@@ -202,7 +206,7 @@ def _spec(scene: str, table: dict[str, Any], base: Path) -> SceneSpec:
     calibration, engine = tables["calibration"], tables["engine"]
     return SceneSpec(
         name=_text(scene, table, "name", tidied(Path(scene).stem)[:LONGEST]),
-        wants=_wants(scene, table),
+        needs=_needs(scene, table),
         driver=_text(scene, array, "driver", None),
         driver_options={key: value for key, value in array.items() if key != "driver"},
         frame_range=_range(scene, tables["frames"].get("range")),
@@ -287,12 +291,12 @@ def _cells(scene: str, value: object) -> tuple[tuple[int, int], ...]:
     return tuple((cell[0], cell[1]) for cell in cast(list[list[int]], cells))
 
 
-def _wants(scene: str, table: Mapping[str, Any]) -> tuple[str, ...]:
-    value = table.get("wants", [])
+def _needs(scene: str, table: Mapping[str, Any]) -> tuple[str, ...]:
+    value = table.get("needs", [])
     if not isinstance(value, list) or not all(
         isinstance(v, str) for v in cast(list[object], value)
     ):
         raise SceneError(
-            f"Scene '{scene}': 'wants' must be a list of names, got {shown(cast(object, value))}."
+            f"Scene '{scene}': 'needs' must be a list of names, got {shown(cast(object, value))}."
         )
     return tuple(cast(list[str], value))

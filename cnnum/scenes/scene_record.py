@@ -217,5 +217,5 @@ def refuse_no_fields(names: tuple[str, ...], outputs: Iterable[str]) -> None:
         some = ", ".join(list(outputs)[:12])
         raise SceneError(
             f"The scene wants events and no field, so there is nothing to save: add a field to its "
-            f"'wants', as in {some}."
+            f"'needs', as in {some}."
         )

@@ -8,7 +8,7 @@ import numpy as np
 import cnnum
 
 SCENE = """
-wants = ["contact", "contact_map"]
+needs = ["contact", "contact_map"]
 [array]
 driver = "npz"
 path = "grip.npz"
@@ -26,7 +26,7 @@ tare = 20
 counts = np.random.default_rng(0).normal(16000.0, 3.0, (120, 4, 4, 3))
 counts[60:, 1:3, 1:3, 2] += 300.0
 with tempfile.TemporaryDirectory() as folder:
-    cnnum.Recording(counts, rate=60.0, axes=("x", "y", "z")).save(f"{folder}/grip.npz")
+    cnnum.Recording(counts, rate=60.0, channels=("x", "y", "z")).save(f"{folder}/grip.npz")
     Path(folder, "scene.toml").write_text(SCENE)
     record = cnnum.load_scene(f"{folder}/scene.toml", engine=cnnum.Engine("numba")).collect()
 print(record)

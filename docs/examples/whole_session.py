@@ -51,7 +51,7 @@ def main() -> None:
     with cnnum.get_scene("contact") as scene:
         record = scene.collect(frames=120)
         first: cnnum.Event = record.events[0]
-    print(f"{scene}\n{len(record)} frames, first event: {first.kind} at {first.t:.2f} s")
+    print(f"{scene}\n{len(record)} frames, first event: {first.kind} at {first.time:.2f} s")
 
 
 if __name__ == "__main__":

@@ -12,7 +12,11 @@ PAGE, PICTURE = ROOT / "docs" / "architecture.md", ROOT / "docs" / "house.svg"
 
 # A room may import from rooms on its own floor or below, never from above.
 FLOORS: list[dict[str, str]] = [
-    {"errors": "every error, one sentence each", "version": "the version of the package"},
+    {
+        "errors": "every error, one sentence each",
+        "version": "the version of the package",
+        "renamed": "old names that work for one more version",
+    },
     {
         "arrays": "number types, and the check of arrays from outside",
         "values": "equality by content, and objects that stay in their process",
@@ -121,7 +125,7 @@ def table() -> str:
     lines = ["| room | content | imports from |", "|---|---|---|"]
     for floor in reversed(FLOORS):
         for room, purpose in floor.items():
-            shown = graph[room] - {"errors", "arrays", "values"}
+            shown = graph[room] - {"errors", "arrays", "values", "renamed"}
             others = sorted(shown, key=lambda r: (-FLOOR[r], r))
             lines.append(f"| `{room}` | {purpose} | {', '.join(others)} |")
     return "\n".join(lines)

@@ -3,14 +3,14 @@
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cnnum.arrays import Floats, Shape
 from cnnum.drivers.codecs.checksums import CHECKS
-from cnnum.drivers.options import read_options_file, require, require_axes
+from cnnum.drivers.options import read_options_file, require, require_channels
 from cnnum.errors import CodecError
 from cnnum.recordings.recording import channel_names
 
@@ -29,10 +29,10 @@ class Descriptor:
     name : str
     shape : (rows, cols)
         Unless the user says another.
-    axes : tuple of str
+    channels : tuple of str
         Numbers of a taxel in their order; "x", "y", "z" are the shears and the normal load.
     planes : bool
-        Whether all taxels of an axis come together, and not all axes of a taxel.
+        Whether all taxels of a channel come together, and not all channels of a taxel.
     header, tail : str
         Bytes in hexadecimal; empty where there are none.
     cell : str
@@ -63,9 +63,11 @@ class Descriptor:
     baud : int
     """
 
+    RENAMED: ClassVar = {"axes": "channels"}
+
     name: str
     shape: tuple[int, int]
-    axes: tuple[str, ...] = ("z",)
+    channels: tuple[str, ...] = ("z",)
     planes: bool = False
     header: str = ""
     tail: str = ""
@@ -101,25 +103,25 @@ class Descriptor:
                 "a low and a high number", self.limits)  # fmt: skip
         found = bool(self.header or self.tail or self.request) or self.cell == "text"
         require("header", found, "given, or 'tail' or 'request': else no packet can be found", "")
-        holds = rows * cols * len(self.axes) <= MOST_BYTES // 8
+        holds = rows * cols * len(self.channels) <= MOST_BYTES // 8
         require("shape", holds, f"{MOST_BYTES // 8} numbers at most", list(self.shape))
-        require_axes(self.axes)
+        require_channels(self.channels)
 
     def at_end(self, raw: Floats) -> NDArray[np.bool_] | None:
-        """Return the cells of (rows, cols, axes) raw numbers at the end of the range, if any."""
+        """Return the cells of raw numbers, (rows, cols, channels), at the end of the range."""
         if self.full is None or not (raw >= self.full).any():
             return None
         return np.asarray((raw >= self.full).any(axis=-1))
 
     @property
-    def channels(self) -> tuple[str, ...]:
-        """Names of a frame's channels."""
-        return channel_names(self.axes, len(self.axes))
+    def names(self) -> tuple[str, ...]:
+        """The full names of the channels, as frames have them."""
+        return channel_names(self.channels, len(self.channels))
 
     @property
     def whole(self) -> tuple[int, int, int]:
-        """Rows, columns and axes."""
-        return (*self.shape, len(self.axes))
+        """Rows, columns and channels."""
+        return (*self.shape, len(self.channels))
 
     def raw(self, values: NDArray[np.generic]) -> Floats:
         """Return the numbers that a packet holds of a scan's values.

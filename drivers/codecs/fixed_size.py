@@ -33,7 +33,7 @@ class FixedSize:
         self._counter = len(self._header)
         self._time = self._counter + bytes_of(d.counter)
         self._cells = self._time + bytes_of(d.time)
-        self._dtype, self._count, self._channels = d.dtype, int(np.prod(d.whole)), d.channels
+        self._dtype, self._count, self._channels = d.dtype, int(np.prod(d.whole)), d.names
         self._check = self._cells + self._count * self._dtype.itemsize + d.unused
         width = CHECKS[d.check][0] if d.check != "none" else 0
         self._end = self._check + width

@@ -23,7 +23,7 @@ class TextRows:
         self._descriptor = descriptor
         rows, cols, axes = descriptor.whole
         self._rows, self._numbers = rows, cols * axes
-        self._channels = descriptor.channels
+        self._channels = descriptor.names
         self._longest = rows * (self._numbers * DIGITS + 2) + 2
 
     def look(self, data: bytearray, *, locked: bool, ended: bool) -> Found | Skip | None:

@@ -183,7 +183,7 @@ def described_wire(path: Path, asked: Asked) -> Wire:
         lambda: Decoder(form),
         form.encode,
         request=bytes.fromhex(known.request),
-        form=Form(known.shape, known.channels, known.unit, 0.0, FULL[known.cell] * known.scale),
+        form=Form(known.shape, known.names, known.unit, 0.0, FULL[known.cell] * known.scale),
         verified=known.check != "none",
     )
 

@@ -92,7 +92,7 @@ def _recording(path: Path, layout: DataLayout) -> Recording:
         shaped(path, layout, held[VALUES]),
         rate=rate,
         unit=layout.unit,
-        axes=layout.axes,
+        channels=layout.channels,
         times=None if times is None else times - times[0],
         truth={name: np.asarray(held[name], dtype=float) for name in layout.truth},
     )
@@ -120,7 +120,7 @@ class DataFile(Counting):
         super().__init__()
         self.recording = recording
         self.shape: Shape = recording.shape
-        self.channels = recording.axes
+        self.channels = recording.channels
         self.unit = recording.unit
         self.rate = recording.rate
         self.calibration = calibration

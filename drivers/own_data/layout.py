@@ -4,14 +4,14 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import ClassVar, Literal
 
-from cnnum.drivers.options import read_options_file, require, require_axes
+from cnnum.drivers.options import read_options_file, require, require_channels
 from cnnum.drivers.text_table import TextForm
 from cnnum.errors import SceneError
 from cnnum.recordings.recording import FASTEST, channel_names
 
-EXAMPLE = 'shape = [4, 4], axes = ["x", "y", "z"], rate = 60.0, unit = "count"'
+EXAMPLE = 'shape = [4, 4], channels = ["x", "y", "z"], rate = 60.0, unit = "count"'
 """The least that a layout says, for the sentence of an error."""
 
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
@@ -22,7 +22,7 @@ MOST_CELLS = 1 << 20
 MOST_SKIPPED = 1000
 """Lines before the numbers of a CSV file."""
 
-_PLACE = re.compile(r"\{(row|col|n|axis)\}")
+_PLACE = re.compile(r"\{(row|col|n|channel|axis)\}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,14 +32,14 @@ class DataLayout:
     Attributes
     ----------
     shape : (rows, cols)
-    axes : tuple of str
+    channels : tuple of str
         Names of a taxel's numbers in their order, as the file writes them. "x", "y" and "z" are the
         shear to the right, the shear downwards and the normal load.
     values : str or tuple of str
-        Of a CSV file a pattern of its columns, as in "t{n}_{axis}" or "r{row}c{col}{axis}", or all
-        columns row by row. Of other files the name of the array.
-    order : "axis-last" or "axis-first"
-        Of an array: (frames, rows, cols, axes), or (frames, axes, rows, cols).
+        Of a CSV file a pattern of its columns, as in "t{n}_{channel}" or "r{row}c{col}{channel}",
+        or all columns row by row. Of other files the name of the array.
+    order : "channels-last" or "channels-first"
+        Of an array: (frames, rows, cols, channels), or (frames, channels, rows, cols).
     first : int
         The first number that {row}, {col} and {n} stand for.
     unit : str
@@ -64,10 +64,16 @@ class DataLayout:
         Lines of a CSV file before that.
     """
 
+    RENAMED: ClassVar = {
+        "axes": "channels",
+        "order=axis-last": "channels-last",
+        "order=axis-first": "channels-first",
+    }
+
     shape: tuple[int, int]
-    axes: tuple[str, ...] = ("x", "y", "z")
+    channels: tuple[str, ...] = ("x", "y", "z")
     values: str | tuple[str, ...] = ""
-    order: Literal["axis-last", "axis-first"] = "axis-last"
+    order: Literal["channels-last", "channels-first"] = "channels-last"
     first: int = 0
     unit: str = "count"
     rate: float | None = None
@@ -94,17 +100,17 @@ class DataLayout:
         holds = len(self.separator) == 1 and self.separator not in '\r\n"' + self.decimal
         require("separator", holds, "one sign other than that of 'decimal'", self.separator)
         require("skip", 0 <= self.skip <= MOST_SKIPPED, f"0 to {MOST_SKIPPED}", self.skip)
-        require_axes(self.axes)
+        require_channels(self.channels)
 
     @property
-    def channels(self) -> tuple[str, ...]:
-        """Names of a frame's channels."""
-        return channel_names(self.axes, len(self.axes))
+    def names(self) -> tuple[str, ...]:
+        """The full names of the channels, as frames have them."""
+        return channel_names(self.channels, len(self.channels))
 
     @property
     def numbers(self) -> int:
         """Numbers of a frame."""
-        return self.shape[0] * self.shape[1] * len(self.axes)
+        return self.shape[0] * self.shape[1] * len(self.channels)
 
     @property
     def form(self) -> TextForm:
@@ -112,7 +118,7 @@ class DataLayout:
         return TextForm(self.separator, self.decimal, self.header, self.skip)
 
     def columns(self, header: tuple[str, ...]) -> tuple[str, ...]:
-        """Return the columns of a CSV file, row by row, the axes of a taxel together.
+        """Return the columns of a CSV file, row by row, the channels of a taxel together.
 
         Parameters
         ----------
@@ -129,14 +135,14 @@ class DataLayout:
         elif not self.header and not self.values:
             found = tuple(name for name in header if name not in {self.time, *self.truth})
         else:
-            pattern = self.values or "r{row}_c{col}_{axis}"
+            pattern = self.values or "r{row}_c{col}_{channel}"
             found = tuple(_named(pattern, place) for place in self._places())
         if len(set(found)) != self.numbers:
             rows, cols = self.shape
             raise SceneError(
-                f"'values' must name {rows}×{cols}×{len(self.axes)} = {self.numbers} different "
+                f"'values' must name {rows}×{cols}×{len(self.channels)} = {self.numbers} different "
                 f"columns, got {len(set(found))}: a pattern has {{row}} and {{col}}, or {{n}}, and "
-                "{axis}, as in 't{n}_{axis}'."
+                "{channel}, as in 't{n}_{channel}'."
             )
         return found
 
@@ -146,7 +152,7 @@ class DataLayout:
             for col in range(cols):
                 numbers = {"row": row, "col": col, "n": row * cols + col}
                 place = {key: str(number + self.first) for key, number in numbers.items()}
-                yield from ({**place, "axis": axis} for axis in self.axes)
+                yield from ({**place, "channel": name, "axis": name} for name in self.channels)
 
 
 def _named(pattern: str, place: dict[str, str]) -> str:

@@ -66,7 +66,7 @@ def read_own(table: TextTable) -> Recording:
         values,
         rate=rate_of(times) or 1.0,
         unit=unit,
-        axes=channels,
+        channels=channels,
         times=times,
         truth=_truth(table),
         quality=table.numbers([HEAD[2]])[:, 0],

@@ -102,8 +102,8 @@ def shaped(path: Path, layout: DataLayout, held: NDArray[Any]) -> Floats:
     """
     if held.dtype.kind not in NUMBERS:
         raise CodecError(f"'{path}' must hold numbers, got the type '{held.dtype}'.")
-    (rows, cols), count = layout.shape, len(layout.axes)
-    whole = (count, rows, cols) if layout.order == "axis-first" else (rows, cols, count)
+    (rows, cols), count = layout.shape, len(layout.channels)
+    whole = (count, rows, cols) if layout.order == "channels-first" else (rows, cols, count)
     fits = held.shape[1:] in {whole, (math.prod(whole),)}
     if count == 1:
         fits |= held.shape[1:] == (rows, cols)
@@ -113,4 +113,4 @@ def shaped(path: Path, layout: DataLayout, held: NDArray[Any]) -> Floats:
             f"{math.prod(whole)}) values by its layout, got {held.shape}."
         )
     values = held.reshape(len(held), *whole).astype(np.float64)
-    return np.moveaxis(values, 1, -1) if layout.order == "axis-first" else values
+    return np.moveaxis(values, 1, -1) if layout.order == "channels-first" else values

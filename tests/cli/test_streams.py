@@ -48,8 +48,8 @@ def test_tables_text_and_records_are_clean(capsys, monkeypatch, terminal):
 
 def test_names_in_files_and_of_files_are_clean(call, tmp_path):
     name = "\x1b]0;x\x07\u202e"
-    (tmp_path / f"{name}.toml").write_text("wants = 1")
-    (tmp_path / "scene.toml").write_text(f'wants = ["{chr(0x9B)}2J\u202e"]\n"\\u001bX" = 1\n')
+    (tmp_path / f"{name}.toml").write_text("needs = 1")
+    (tmp_path / "scene.toml").write_text(f'needs = ["{chr(0x9B)}2J\u202e"]\n"\\u001bX" = 1\n')
     for words in (("plan", tmp_path / f"{name}.toml"), ("plan", tmp_path / "scene.toml"),
                   ("replay", tmp_path / f"{name}.mcap"), ("plan", name), (name,)):  # fmt: skip
         done = call(*words)

@@ -201,7 +201,8 @@ def test_a_header_that_is_cut_by_a_chunk_keeps_its_packet(begun: int) -> None:
 def test_a_descriptor_of_your_own_is_read(tmp_path: Path) -> None:
     path = tmp_path / "mat.toml"
     path.write_text(
-        'name = "mat"\nshape = [2, 3]\naxes = ["x", "y", "z"]\nplanes = true\nheader = "5a 01"\n'
+        'name = "mat"\nshape = [2, 3]\nchannels = ["x", "y", "z"]\nplanes = true\n'
+        'header = "5a 01"\n'
         'cell = "i16"\nbyte_order = "big"\ncounter = "u16"\ntime = "u32"\ntime_unit = "ms"\n'
         'check = "crc16-modbus"\nscale = 0.5\nunit = "N"\ntail = "0a"\n'
     )

@@ -10,7 +10,7 @@ from cnnum.drivers.registry import open_driver
 from cnnum.errors import CnnumError
 
 AXES = ("x", "y", "z")
-LAYOUT = 'shape = [2, 3]\naxes = ["x", "y", "z"]\n'
+LAYOUT = 'shape = [2, 3]\nchannels = ["x", "y", "z"]\n'
 
 
 @pytest.fixture
@@ -28,7 +28,7 @@ def test_a_recording_comes_back_bit_for_bit(values, suffix, tmp_path):
     values[3, 0, 0, 0] = np.nan
     times = np.array([0.0, 0.01, 0.02, 0.05, 0.06, 0.07, 0.08])
     whole = cnnum.Recording(
-        values, rate=75.0, unit="N", axes=AXES, times=times, truth={"slip": times > 0.03},
+        values, rate=75.0, unit="N", channels=AXES, times=times, truth={"slip": times > 0.03},
         quality=[0, 0, 0, 1, 0, 0, 0],
     )  # fmt: skip
     back = cnnum.load_recording(whole.save(tmp_path / f"own.{suffix}"))
@@ -36,7 +36,7 @@ def test_a_recording_comes_back_bit_for_bit(values, suffix, tmp_path):
     assert np.array_equal(back.times, times)
     assert np.array_equal(back.truth["slip"], times > 0.03)
     assert back.quality.tolist() == [0, 0, 0, 1, 0, 0, 0]
-    assert (back.unit, back.axes) == ("N", ("shear_x", "shear_y", "normal"))
+    assert (back.unit, back.channels) == ("N", ("shear_x", "shear_y", "normal"))
     assert back.rate == pytest.approx(75.0)  # of a CSV file, by its times
     with pytest.raises(CnnumError, match="already exists; choose another name"):
         whole.save(tmp_path / f"own.{suffix}")
@@ -51,7 +51,7 @@ def saved(kind, values, folder):
         layout = "rate = 50.0\n"
     elif kind == "npz":
         np.savez(path, taxels=values.transpose(0, 3, 1, 2), ms=times, held=times > 1050)
-        layout = 'values = "taxels"\norder = "axis-first"\ntime = "ms"\ntime_unit = "ms"\n'
+        layout = 'values = "taxels"\norder = "channels-first"\ntime = "ms"\ntime_unit = "ms"\n'
         layout += 'truth = ["held"]\n'
     elif kind == "h5":
         h5py = pytest.importorskip("h5py")
@@ -59,10 +59,10 @@ def saved(kind, values, folder):
             file["trial/taxels"], file["trial/s"] = flat, times / 1000.0
         layout = 'values = "trial/taxels"\ntime = "trial/s"\n'
     else:
-        header = ["s", *(f"t{n}_{axis}" for n in range(1, 7) for axis in AXES)]
+        header = ["s", *(f"t{n}_{channel}" for n in range(1, 7) for channel in AXES)]
         rows = [[time, *row] for time, row in zip(times / 1e3, flat, strict=True)]
         path.write_text(table(header, [[float(v) for v in row] for row in rows]))
-        layout = 'values = "t{n}_{axis}"\nfirst = 1\ntime = "s"\n'
+        layout = 'values = "t{n}_{channel}"\nfirst = 1\ntime = "s"\n'
     path.with_suffix(".toml").write_text(LAYOUT + layout)
     return path
 
@@ -79,7 +79,7 @@ def test_files_of_others_are_read_by_their_layout(kind, values, tmp_path):
 
 def test_columns_by_a_list_and_one_axis(tmp_path):
     (tmp_path / "p.csv").write_text(table(["b", "a", "note"], [[1.0, 2.0, 9.0], [3.0, 4.0, 9.0]]))
-    layout = 'shape = [1, 2]\naxes = ["z"]\nvalues = ["a", "b"]\nrate = 10\n'
+    layout = 'shape = [1, 2]\nchannels = ["z"]\nvalues = ["a", "b"]\nrate = 10\n'
     (tmp_path / "q.toml").write_text(layout)
     driver = open_driver("file", {"path": "p.csv", "layout": "q.toml"}, base=tmp_path)
     frames = list(driver.frames())
@@ -106,7 +106,7 @@ def test_forms_of_csv_that_programs_write(name, tmp_path):
     text, more = FORMS[name]
     (tmp_path / "p.csv").write_text(text, newline="")
     named = "" if "header" in more else 'values = ["a", "b"]\n'
-    layout = f'shape = [1, 2]\naxes = ["z"]\nrate = 10\n{named}{more}'
+    layout = f'shape = [1, 2]\nchannels = ["z"]\nrate = 10\n{named}{more}'
     (tmp_path / "p.toml").write_text(layout)
     assert cnnum.load_recording(tmp_path / "p.csv").values.ravel().tolist() == [1.5, 2.0]
 
@@ -114,7 +114,7 @@ def test_forms_of_csv_that_programs_write(name, tmp_path):
 def test_an_empty_field_is_a_value_that_is_missing(tmp_path):
     (tmp_path / "p.csv").write_text("a,b\n1,2\n,2\n")
     (tmp_path / "p.toml").write_text(
-        'shape = [1, 2]\naxes = ["z"]\nrate = 10\nvalues = ["a", "b"]\n'
+        'shape = [1, 2]\nchannels = ["z"]\nrate = 10\nvalues = ["a", "b"]\n'
     )
     recording = cnnum.load_recording(tmp_path / "p.csv")
     assert np.array_equal(recording.values.ravel(), [1, 2, np.nan, 2], equal_nan=True)
@@ -123,11 +123,14 @@ def test_an_empty_field_is_a_value_that_is_missing(tmp_path):
 WRONG = {
     "no rate": ("", "'rate' must be given, or 'time'"),
     "unknown key": ("rat = 3\n", "Unknown option 'rat'"),
-    "wrong pattern": ('rate = 1\nvalues = "t{axis}"\n', "name 2×3×3 = 18 different columns, got 3"),
-    "missing column": ('rate = 1\nvalues = "q{n}_{axis}"\n', "'q0_x', found none of that name"),
-    "near column": ('rate = 1\nvalues = "t{n}_{axis}"\n', "found none of that name; near is 't"),
-    "no such time": ('values = "t{n}_{axis}"\nfirst = 1\ntime = "when"\n', "a column 'when'"),
-    "axis twice": ('rate = 1\naxes = ["x", "x", "z"]\n', "name each of the 3 channels once"),
+    "wrong pattern": (
+        'rate = 1\nvalues = "t{channel}"\n',
+        "name 2×3×3 = 18 different columns, got 3",
+    ),
+    "missing column": ('rate = 1\nvalues = "q{n}_{channel}"\n', "'q0_x', found none of that name"),
+    "near column": ('rate = 1\nvalues = "t{n}_{channel}"\n', "found none of that name; near is 't"),
+    "no such time": ('values = "t{n}_{channel}"\nfirst = 1\ntime = "when"\n', "a column 'when'"),
+    "axis twice": ('rate = 1\nchannels = ["x", "x", "z"]\n', "name each of the 3 channels once"),
     "no TOML": ("rate = \n", "is not TOML"),
     "pads": ("rate = 1\npads = 9\n", "'pads' must be 1 to the 3 columns"),
 }
@@ -137,7 +140,7 @@ WRONG = {
 def test_a_wrong_layout_is_one_sentence(name, values, tmp_path):
     more, said = WRONG[name]
     path = saved("csv", values, tmp_path)
-    layout = LAYOUT.replace('axes = ["x", "y", "z"]\n', "") if "axes" in more else LAYOUT
+    layout = LAYOUT.replace('channels = ["x", "y", "z"]\n', "") if "channels" in more else LAYOUT
     path.with_suffix(".toml").write_text(layout + more)
     with pytest.raises(CnnumError) as caught:
         cnnum.load_recording(path)
@@ -180,7 +183,7 @@ def test_a_missing_layout_says_how_to_write_one(tmp_path, values):
 def test_another_form_is_named(text, said, tmp_path):
     (tmp_path / "p.csv").write_text(text)
     (tmp_path / "p.toml").write_text(
-        'shape = [1, 2]\naxes = ["z"]\nrate = 10\nvalues = ["a", "b"]\n'
+        'shape = [1, 2]\nchannels = ["z"]\nrate = 10\nvalues = ["a", "b"]\n'
     )
     with pytest.raises(CnnumError) as caught:
         cnnum.load_recording(tmp_path / "p.csv")

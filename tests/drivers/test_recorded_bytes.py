@@ -29,7 +29,7 @@ def simulated(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("attached")
     scene = folder / "press.toml"
     scene.write_text(
-        'name = "press"\nwants = ["contact"]\n[array]\ndriver = "simulated"\nshape = [3, 3]\n'
+        'name = "press"\nneeds = ["contact"]\n[array]\ndriver = "simulated"\nshape = [3, 3]\n'
         'script = [{kind = "press", load = 1.0, duration = 0.2}]\n'
     )
     path = folder / "press.mcap"

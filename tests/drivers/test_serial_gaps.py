@@ -22,7 +22,7 @@ from cnnum.scenes.pipeline import FrameResult, Scene, load_scene
 RATE = 100.0
 SCENE = """
 name = "gaps"
-wants = ["contact"]
+needs = ["contact"]
 [array]
 driver = "serial"
 port = "{port}"

@@ -258,7 +258,7 @@ def test_slip_runs_on_a_line_at_a_thousand_scans_a_second(
     process = simulated("--rate", "1000", "--set", "rate=100")
     scene_file = tmp_path / "line.toml"
     scene_file.write_text(
-        f'name = "line"\nwants = ["contact", "slip"]\n[array]\ndriver = "serial"\ndepth = 100000\n'
+        f'name = "line"\nneeds = ["contact", "slip"]\n[array]\ndriver = "serial"\ndepth = 100000\n'
         f'port = "{tmp_path / "taxels"}"\n[program.parameters]\ndepth = 0.667\nunit = 1.305\n'
     )
     scene, late, kinds = load_scene(scene_file), Histogram(), set[str]()

@@ -62,7 +62,7 @@ def test_bounds_go_by_the_slopes_of_an_output_function():
     """A cell of weight a and slope d has the rate a d − 1: twice the slope, half the weight."""
     steep = OutputFunction("steep", lambda x: 2.0 * x, "R(2) * x", slope=(2.0, 2.0))
     own = [Template("own", [[a]], output=f) for a, f in ((-3.0, steep), (-6.0, "linear"))]
-    one, other = (stability.stability_bound("euler", each, (4, 4)).step for each in own)
+    one, other = (stability.stability_bound(each, (4, 4), "euler").step for each in own)
     assert one == pytest.approx(2.0 / 7.0) == pytest.approx(other)
 
 
@@ -171,7 +171,7 @@ def test_a_coupling_kind_of_ones_own_bounds_steps_and_stays_in_python(tmp_path, 
     """A slope of 4 and weights of 1 leave less than half of the step of a cell alone."""
     alone = Template("own", [[0.0]])
     own = Template("own", [[0.0]], nonlinear=[NonlinearCoupling([[1.0]], SHUNT, "y", "x")])
-    bounds = [stability.stability_bound("euler", each, (4, 4)).step for each in (alone, own)]
+    bounds = [stability.stability_bound(each, (4, 4), "euler").step for each in (alone, own)]
     assert bounds[1] < 0.5 * bounds[0]
     assert "coupling 1" in numbers_of(own)
     assert "table 1" not in numbers_of(own)

@@ -257,7 +257,7 @@ def test_template_files_bring_no_code(engine, tmp_path, field, evil):
 
 SCENE = """
 name = "NAME"
-wants = ["WANT"]
+needs = ["WANT"]
 [array]
 driver = "DRIVER"
 "OPTION" = 3
@@ -306,5 +306,5 @@ def test_scene_files_bring_no_code(tmp_path, name, key, evil):
 
 def test_a_scene_without_a_name_goes_by_its_file(tmp_path):
     path = tmp_path / "what's #1.toml"
-    path.write_text('wants = ["contact"]\n[array]\ndriver = "simulated"\n')
+    path.write_text('needs = ["contact"]\n[array]\ndriver = "simulated"\n')
     assert read_scene(path).name == "what_s _1"

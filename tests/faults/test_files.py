@@ -37,7 +37,7 @@ READERS = {
     "template.toml": load_template,
 }
 TOMLS = {
-    "scene.toml": b'name = "x"\nwants = ["contact"]\n[array]\ndriver = "simulated"\nseed = 3\n'
+    "scene.toml": b'name = "x"\nneeds = ["contact"]\n[array]\ndriver = "simulated"\nseed = 3\n'
     b'[program.parameters]\npush = -1.0\n[engine]\nprecision = "float64"\n',
     "calibration.toml": b'kind = "taxel calibration"\nalpha_normal = 0.1\nlimit = 5.0\n'
     b"offsets = [0.0, 0.1, 0.2, 0.3]\n[heat]\namplitude = 0.0\n",

@@ -20,7 +20,7 @@ h5py = pytest.importorskip("h5py", reason="the extra 'hdf5' is not installed")
 
 HERE = Path(__file__).parent
 FULL = os.environ.get("CNNUM_FAULTS") == "full"
-LAYOUT = 'shape = [2, 2]\naxes = ["x", "y", "z"]\nrate = 50.0\nunit = "N"\n'
+LAYOUT = 'shape = [2, 2]\nchannels = ["x", "y", "z"]\nrate = 50.0\nunit = "N"\n'
 SHAPE = (20, 2, 2, 3)
 
 
@@ -174,7 +174,7 @@ def test_a_full_disk_ends_a_file_and_not_the_process(faults, tmp_path):
     rng = np.random.default_rng(0)
     values = rng.normal(size=(2000, 4, 4, 3))
     axes = ("shear_x", "shear_y", "normal")
-    tape = cnnum.Recording(values, rate=100.0, unit="N", axes=axes).save(tmp_path / "tape.mcap")
+    tape = cnnum.Recording(values, rate=100.0, unit="N", channels=axes).save(tmp_path / "tape.mcap")
     contents, whole = look(tape), tmp_path / "whole.h5"
     export(contents, whole)
     size = whole.stat().st_size

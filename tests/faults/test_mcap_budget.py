@@ -165,6 +165,6 @@ def test_the_options_of_the_sentence_are_there(tmp_path):
 def test_recordings_of_our_own_are_far_below_the_budget(tmp_path):
     """Also the densest that another program can make of one: a tenth must do."""
     values = np.zeros((3000, 2, 2, 3))
-    recording = cnnum.Recording(values, rate=100.0, unit="N", axes=("x", "y", "z"))
+    recording = cnnum.Recording(values, rate=100.0, unit="N", channels=("x", "y", "z"))
     path = recording.save(tmp_path / "own.mcap")
     assert look(path, budget=0.1).frames == 3000

@@ -116,11 +116,11 @@ def test_programs(faults):
 
 
 KEYS = (
-    *("name", "wants", "array", "calibration", "program", "engine", "zz", "array.driver"),
+    *("name", "needs", "array", "calibration", "program", "engine", "zz", "array.driver"),
     *("calibration.file", "calibration.use", "calibration.zz", "program.name"),
     *("program.parameters", "engine.name", "engine.device", "engine.precision", "array.seed.x"),
 )
-SCENE = 'wants = ["contact"]\n[array]\ndriver = "simulated"\nseed = 1\n'
+SCENE = 'needs = ["contact"]\n[array]\ndriver = "simulated"\nseed = 1\n'
 
 
 def test_scenes(faults, tmp_path):

@@ -16,7 +16,7 @@ SECONDS = 20
 
 RECORDINGS = (".mcap", ".npz", ".npy", ".csv")
 PICTURE = ("templates", "show", "EDGE", "--transient", "{0}/t.html", "--input", "{1}")
-START = 'wants = ["contact"]\n[array]\ndriver = '
+START = 'needs = ["contact"]\n[array]\ndriver = '
 SCENES = (
     START + '"simulated"\n[calibration]\nfile = "{1}"\n',
     START + '"serial"\nport = "{0}/no"\ndescriptor = "{1}"\n',

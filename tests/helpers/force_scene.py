@@ -1,10 +1,10 @@
 """A scene of contacts in a file of one's own, whose counts grow with the force."""
 
 
-def force_scene(path, wants='"contact"'):
+def force_scene(path, needs='"contact"'):
     """The text of a scene file."""
     return f"""
-wants = [{wants}]
+needs = [{needs}]
 [array]
 driver = "file"
 path = "{path}"

@@ -104,7 +104,7 @@ def test_modes_are_not_claimed_where_they_are_not():
 def test_bounds_are_sharp_for_linear_arrays(boundary, method):
     """Just inside the bound the fastest mode dies out, just outside it grows."""
     template = Template("linear", EVEN, boundary=boundary, output="linear")
-    bound = stability_bound(method, template, (6, 7))
+    bound = stability_bound(template, (6, 7), method)
     assert bound.exact
     matrix = Network(template, (6, 7)).linear_system().matrix
     eigenvalues = np.linalg.eigvals(matrix)
@@ -123,7 +123,7 @@ def test_turning_modes_have_a_bound_too():
     """x' = −x + (neighbour differences): λ = −1 + 2i sin k; Euler holds where |1 + hλ| ≤ 1."""
     turning = np.array([[0, 0, 0], [1.0, 0, -1.0], [0, 0, 0]])
     template = Template("turning", turning, boundary="periodic", output="linear")
-    bound = stability_bound("euler", template, (4, 8))
+    bound = stability_bound(template, (4, 8), "euler")
     # the worst mode has λ = −1 + 2i: h = 2·1/(1 + 4)
     assert bound.step == pytest.approx(0.4, rel=1e-3)
     assert not spectrum(template, (4, 8)).real
@@ -172,7 +172,7 @@ def test_unknown_methods_are_named(solver_for):
     with pytest.raises(UnknownNameError, match="etd-rk2"):
         solver_for(get_template("EDGE"), (4, 4), method="leapfrog")
     with pytest.raises(UnknownNameError):
-        stability_bound("leapfrog", get_template("EDGE"), (4, 4))
+        stability_bound(get_template("EDGE"), (4, 4), "leapfrog")
 
 
 def test_spectral_solves_the_heat_equation():

@@ -221,7 +221,7 @@ def test_auto_never_steps_outside_the_stability_bound(solver_for, settle):
         template, rtol = network(rng), float(10.0 ** -rng.integers(1, 10))
         spec = {"rtol": rtol, "duration": "settle" if settle else 50.0}
         solver = solver_for(template, (5, 6), **spec)
-        bound = stability_bound(solver.method, template, (5, 6)).step
+        bound = stability_bound(template, (5, 6), solver.method).step
         taken.add(solver.method)
         if isinstance(solver.scheme, AdaptiveSteps):
             assert solver.scheme.first_step <= solver.scheme.longest <= bound

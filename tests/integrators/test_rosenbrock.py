@@ -124,7 +124,7 @@ def test_held_cells_stay_and_rest_is_found():
 
 def test_its_bound_and_its_refusals():
     plain = Template("plain", [[0.5]], duration=1.0)
-    assert stability_bound("rodas3", plain, SHAPE).step == np.inf
+    assert stability_bound(plain, SHAPE, "rodas3").step == np.inf
     late = DelayedCoupling(0.5, np.full((1, 1, 1, 1), 0.5), np.zeros((1, 1, 1, 1)))
     given = {"state": np.zeros(SHAPE), "method": "rodas3"}
     seen = given | {"input": np.zeros(SHAPE)}
@@ -132,7 +132,7 @@ def test_its_bound_and_its_refusals():
         Template("limited", [[0.5]], output="full-range", duration=1.0),
         Template("late", [[0.5]], [[1.0]], delayed=late, duration=1.0),
     ):
-        assert stability_bound("rodas3", other, SHAPE).step == 0.0
+        assert stability_bound(other, SHAPE, "rodas3").step == 0.0
         with pytest.raises(MethodError, match=r"'rodas3' runs plain couplings"):
             REFERENCE.run(other, **(seen if other.inputs else given))
     with pytest.raises(MethodError, match=r"'rodas3' chooses its own steps: leave dt out"):

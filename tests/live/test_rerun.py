@@ -15,7 +15,7 @@ from cnnum.cli.root import main
 
 SCENE = """
 name = "slide"
-wants = ["contact"]
+needs = ["contact"]
 [array]
 driver = "simulated"
 rate = 240.0

@@ -264,7 +264,7 @@ def test_a_place_of_a_recording_has_the_rest_of_the_whole_one(tmp_path: Path) ->
     values[60:, 2:5, 2:5, 2] -= 1e-3
     path = tmp_path / "touch.npz"
     Recording(values, rate=100.0, unit="strain").save(path)
-    changes = {"wants": ["load_normal", "contact"], "array": {"driver": "npz", "path": str(path)}}
+    changes = {"needs": ["load_normal", "contact"], "array": {"driver": "npz", "path": str(path)}}
     scene = load_scene("demo", changes=changes)
     wanted = {moment.number: moment.outputs for moment in scene.results()}
     feed = RecordingFeed(scene)

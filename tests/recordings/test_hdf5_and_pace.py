@@ -29,14 +29,14 @@ def test_hdf5_holds_every_frame_and_its_facts(kept: Recording, tmp_path: Path) -
         np.testing.assert_array_equal(file["truth/slip"][:], kept.truth["slip"])
         np.testing.assert_array_equal(file["quality"][:], kept.quality)
         assert list(file["log_time"][:3]) == [0, 10_000_000, 20_000_000]
-        assert list(file.attrs["axes"]) == ["shear_x", "shear_y", "normal"]
+        assert list(file.attrs["channels"]) == ["shear_x", "shear_y", "normal"]
         assert (file.attrs["unit"], file.attrs["rate"]) == ("N", 100.0)
 
 
 def test_hdf5_is_read_again_with_a_layout(kept: Recording, tmp_path: Path) -> None:
     path = kept.save(tmp_path / "grip.hdf5")
     path.with_suffix(".toml").write_text(
-        'shape = [2, 3]\naxes = ["x", "y", "z"]\ntime = "time"\nunit = "N"\n'
+        'shape = [2, 3]\nchannels = ["x", "y", "z"]\ntime = "time"\nunit = "N"\n'
         'truth = ["truth/slip"]\n'
     )
     with open_driver("file", {"path": str(path)}) as driver:

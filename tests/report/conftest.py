@@ -48,11 +48,11 @@ def made_truth() -> dict[str, Any]:
 
 def made_events() -> tuple[Event, ...]:
     return (
-        Event(t=0.22, kind="contact", frame=22, where=(1.0, 2.0), strength=0.5),
-        Event(t=0.43, kind="slip", phase="incipient", frame=43, direction=0.42),
-        Event(t=0.48, kind="slip", phase="gross", frame=48, direction=0.6),
-        Event(t=0.80, kind="twist", frame=80, sense=-1),
-        Event(t=1.09, kind="release", frame=109),
+        Event(time=0.22, kind="contact", frame=22, where=(1.0, 2.0), strength=0.5),
+        Event(time=0.43, kind="slip", phase="incipient", frame=43, direction=0.42),
+        Event(time=0.48, kind="slip", phase="gross", frame=48, direction=0.6),
+        Event(time=0.80, kind="twist", frame=80, sense=-1),
+        Event(time=1.09, kind="release", frame=109),
     )
 
 
@@ -99,7 +99,7 @@ def record() -> SceneRecord:
     contact_map[5] = np.nan
     return SceneRecord(
         name="made & up",
-        wants=("contact", "slip", "twist"),
+        needs=("contact", "slip", "twist"),
         shape=SHAPE,
         rate=RATE,
         pitch=1.5e-3,

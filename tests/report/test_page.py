@@ -115,9 +115,14 @@ def test_event_rows_say_what_the_record_says(reader: Reader, data: ReportData) -
     for verdict in data.verdicts:
         assert verdict.truth is not None
         assert verdict.reported is not None
-        row = reader.row(verdict.title, f"{verdict.truth.t:.3f} s")
-        assert row[1].split() == [f"{verdict.truth.t:.3f}", "s", "frame", str(verdict.truth.frame)]
-        assert row[2].split()[0] == f"{verdict.reported.t:.3f}"
+        row = reader.row(verdict.title, f"{verdict.truth.time:.3f} s")
+        assert row[1].split() == [
+            f"{verdict.truth.time:.3f}",
+            "s",
+            "frame",
+            str(verdict.truth.frame),
+        ]
+        assert row[2].split()[0] == f"{verdict.reported.time:.3f}"
         assert row[2].split()[-1] == str(verdict.reported.frame)
         assert verdict.delay is not None
         assert int(row[3].split()[0].replace("−", "-")) == verdict.delay
@@ -129,7 +134,7 @@ def test_event_rows_say_what_the_record_says(reader: Reader, data: ReportData) -
 
 
 def test_a_failing_event_is_shown_as_failing(record: SceneRecord) -> None:
-    wrong = replace(record, events=(Event(t=0.6, kind="twist", frame=60, sense=1),))
+    wrong = replace(record, events=(Event(time=0.6, kind="twist", frame=60, sense=1),))
     reader = read(page(ReportData(wrong)))
     failed = {cells[0].strip(): cells for kind, cells in reader.rows if kind}
     assert failed.keys() == {"contact", "incipient slip", "gross slip", "twist", "release"}

@@ -47,7 +47,7 @@ def touch(frame: Any) -> Any:
 
 def opened() -> Scene:
     spec = SceneSpec(
-        "touch", wants=("contact",), driver="simulated", driver_options=OPTIONS, program="touch"
+        "touch", needs=("contact",), driver="simulated", driver_options=OPTIONS, program="touch"
     )
     driver: Any = open_driver("simulated", OPTIONS)
     conversion = ByCalibration(driver.calibration)

@@ -22,7 +22,7 @@ def test_contact_begins_and_ends_once():
         events += detector.update(frame * 0.1, frame, now)
     assert [(e.kind, e.frame) for e in events] == [("contact", 1), ("release", 4), ("contact", 6)]
     assert events[0].where == (2.0, 3.0)
-    assert events[0].t == 0.1
+    assert events[0].time == 0.1
 
 
 def test_flag_that_holds_from_the_start_is_an_event():

@@ -68,8 +68,8 @@ def test_localize_gives_the_load_on_every_bump():
     assert [event.kind for event in events] == ["bump", "bump_release"]
     touching = [n for n, truth in enumerate(truths) if truth["contact"]]
     # load begins as t^1.5: 6 standard deviations of the noise are reached in 20 ms
-    assert 0 <= events[0].t - moments[touching[0]].frame.time < 0.03
-    assert abs(events[1].t - moments[touching[-1]].frame.time) < 0.03
+    assert 0 <= events[0].time - moments[touching[0]].frame.time < 0.03
+    assert abs(events[1].time - moments[touching[-1]].frame.time) < 0.03
     assert events[0].unit == "N"
     first = moments[events[0].frame].outputs
     assert events[0].where == (float(first["bump_row"]), float(first["bump_column"]))
@@ -87,7 +87,7 @@ def test_a_flat_cover_has_no_bumps_to_report(caplog):
     whole = load_scene("tactile")
     assert not [rule for rule in whole.rules if rule.kind == "bump"]
     assert not caplog.records
-    load_scene("contact", changes={"wants": ["bump_count"]})
+    load_scene("contact", changes={"needs": ["bump_count"]})
     assert "has no bumps" in caplog.text
     caplog.clear()
     load_scene("localize")
@@ -142,9 +142,9 @@ def test_a_sphere_that_is_pulled_and_turned_is_reported(name):
     if ("contact", None) in events:
         begins, ends = events["contact", None], events["release", None]
         # a load that begins as t^1.5 leaves the noise after 20 ms
-        assert 0 <= begins.t - onset(moments, truths, "contact") < 0.03
+        assert 0 <= begins.time - onset(moments, truths, "contact") < 0.03
         last = max(m.frame.time for m, t in zip(moments, truths, strict=True) if t["contact"])
-        assert abs(ends.t - last) < 0.03
+        assert abs(ends.time - last) < 0.03
         # from (−0.9, −0.4) mm: one pitch is 1.5 mm, and one taxel is touched first
         assert np.abs(np.array(begins.where) - [3.5 - 0.4 / 1.5, 3.5 - 0.9 / 1.5]).max() < 0.6
         assert begins.unit == "N"
@@ -152,7 +152,7 @@ def test_a_sphere_that_is_pulled_and_turned_is_reported(name):
         slip, since = events["slip", "gross"], onset(moments, truths, "slip")
         assert slip.direction == pytest.approx(0.5, abs=0.03)
         # 0.3 mm of sliding, the aim of docs/scoring.md
-        assert 0 <= slip.t - since < 0.3e-3 / 0.8e-3
+        assert 0 <= slip.time - since < 0.3e-3 / 0.8e-3
     if ("twist", None) in events:
         twist, truth = events["twist", None], truths[events["twist", None].frame]
         assert twist.sense == np.sign(truth["twist_rate"]) == 1
@@ -187,12 +187,12 @@ BODIES = {
 @pytest.mark.one_in(3)
 @pytest.mark.parametrize("body", BODIES)
 def test_edges_follows_the_outline_of_every_flat_body(body):
-    wants = ["edge", "edges", "edge_to_right", "edge_to_below"]
-    scene, moments, truths = played("edges", wants=wants, **{"array.body": body}, **BODIES[body])
+    needs = ["edge", "edges", "edge_to_right", "edge_to_below"]
+    scene, moments, truths = played("edges", needs=needs, **{"array.body": body}, **BODIES[body])
     assert kinds_of(moments) == ["edge"]
     first = next(event for moment in moments for event in moment.events)
     # where it touches it has its edge, as soon as the load is clear of the noise
-    assert 0 <= first.t - onset(moments, truths, "contact") < 0.1
+    assert 0 <= first.time - onset(moments, truths, "contact") < 0.1
     held = [n for n, truth in enumerate(truths) if truth["normal_force"] > 0.9]
     for n in held[::40]:
         outline, places, cells = found_outline(scene, moments[n], truths[n])
@@ -219,15 +219,15 @@ def test_edges_is_silent_on_a_wide_sphere():
 @pytest.mark.one_in(2)
 @pytest.mark.parametrize("friction", [0.6, 0.25])
 def test_texture_measures_the_friction_and_the_roughness_of_a_face(friction):
-    wants = ["texture", "texture_friction", "texture_roughness"]
-    scene, moments, truths = played("texture", wants=wants, **{"array.friction": friction})
+    needs = ["texture", "texture_friction", "texture_roughness"]
+    scene, moments, truths = played("texture", needs=needs, **{"array.friction": friction})
     own = loads_on_bumps(scene.driver)
     true = friction_and_roughness(own[..., [0, 1, 2]], window=128)
     (event,) = (event for moment in moments for event in moment.events)
     assert event.kind == "texture"
     # a window of 128 frames after the slide began, less the few that the change may hide
     slides = onset(moments, truths, "slip")
-    assert 0.5 < event.t - slides < 128 / 200.0 + 0.1
+    assert 0.5 < event.time - slides < 128 / 200.0 + 0.1
     assert event.strength == pytest.approx(truths[event.frame]["friction"], rel=0.05)
     held = (k for k, t in enumerate(truths) if t["slip"] and t["normal_force"] > 1.99)
     n = max(held) - 2

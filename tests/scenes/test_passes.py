@@ -18,7 +18,7 @@ def numbers(record):
 @pytest.fixture(scope="module", params=["simulated", "npz", "mcap", "csv"])
 def scene(request, tmp_path_factory):
     """The same scene, of the simulated array and of recordings of it in three formats."""
-    changes = {"wants": ["contact", "load_normal"], "array.rate": 50}
+    changes = {"needs": ["contact", "load_normal"], "array.rate": 50}
     played = cnnum.load_scene("contact", changes=changes)
     if request.param == "simulated":
         return played
@@ -27,7 +27,7 @@ def scene(request, tmp_path_factory):
     cnnum.Recording(
         [read(frame) for frame in played.driver.frames()],
         rate=played.driver.rate,
-        axes=("x", "y", "z"),
+        channels=("x", "y", "z"),
         unit="strain",
     ).save(path)
     driver = "file" if request.param == "csv" else request.param

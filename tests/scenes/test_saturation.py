@@ -28,7 +28,7 @@ WANTS = ["contact", "edge", "load_normal", "edge_count"]
 
 def touched(gain):
     """Return a scene of a sphere that is pressed with 1 N, and its moments."""
-    changes = {"wants": WANTS, "array.script": TOUCH, "array.gain": gain}
+    changes = {"needs": WANTS, "array.script": TOUCH, "array.gain": gain}
     scene = load_scene("contact", changes=changes)
     return scene, list(scene.results())
 
@@ -79,7 +79,7 @@ def test_the_run_says_it_in_words_and_in_records(capsys):
 
 def test_fields_that_are_saved_say_which_loads_are_bounds(tmp_path):
     _, moments = touched(240.0)
-    changes = {"wants": WANTS, "array.script": TOUCH, "array.gain": 240.0}
+    changes = {"needs": WANTS, "array.script": TOUCH, "array.gain": 240.0}
     record = load_scene("contact", changes=changes).collect()
     bound = np.array([m.load_is_bound for m in moments])
     np.testing.assert_array_equal(record.load_is_bound, bound)
@@ -194,7 +194,7 @@ def test_laws_of_contact_are_not_asked_of_a_clipped_pressure(name, flag):
     scene = load_scene(
         "contact",
         changes={
-            "wants": [flag],
+            "needs": [flag],
             "program": {"name": name},
             "program.parameters.depth": 0.667,
             "array.script": script,
@@ -279,7 +279,7 @@ def test_a_frame_that_is_refused_changes_nothing(caplog):
 def test_a_broken_taxel_lets_a_press_be_released(caplog):
     """One that sticks after the rest held back each release and edge to the end of the run."""
     script = [{"kind": "hold", "duration": 2.0}, *TOUCH[1:]]
-    scene = load_scene("contact", changes={"wants": WANTS, "array.script": script})
+    scene = load_scene("contact", changes={"needs": WANTS, "array.script": script})
     path, kinds = scene.path(), []
     limit = scene.driver.calibration.limit
     for number, whole in enumerate(scene.driver.frames()):
@@ -302,7 +302,7 @@ def test_where_it_is_not_known_which_no_number_is_said(caplog):
 
 def test_the_phase_that_is_withheld_is_named(caplog):
     """Of a clipped pressure the incipient slip is not reported, and gross slip is."""
-    watch = load_scene("contact", changes={"wants": ["slip"], "program": {"name": "mindlin_slip"},
+    watch = load_scene("contact", changes={"needs": ["slip"], "program": {"name": "mindlin_slip"},
                                            "program.parameters.depth": 0.667})  # fmt: skip
     path = watch.path()
     mask(path.saturation, replace(frame(0, values=9.0), values=np.full((8, 8, 3), 9.0)), 9.0)
@@ -317,7 +317,7 @@ def test_programs_that_read_the_marks_run_in_whole_numbers(name, monkeypatch):
     parameters = {} if name == "texture" else {"program.parameters.depth": 0.667}
     wants = {"texture": "friction", "body_fit": "sphere_fits", "mindlin_slip": "mindlin_holds"}
     changes = {
-        "wants": [wants[name]],
+        "needs": [wants[name]],
         "program": {"name": name},
         "array.shape": [4, 4],
         "engine.name": "reference",

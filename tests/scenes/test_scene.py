@@ -7,7 +7,7 @@ from cnnum.scenes.scene_file import read_scene, scene_names
 
 GOOD = """
 name = "grasp"
-wants = ["contact", "slip"]
+needs = ["contact", "slip"]
 [array]
 driver = "simulated"
 seed = 3
@@ -28,7 +28,7 @@ def written(tmp_path, text):
 
 def test_scene_says_what_it_says(tmp_path):
     spec = read_scene(written(tmp_path, GOOD))
-    assert (spec.name, spec.wants, spec.driver) == ("grasp", ("contact", "slip"), "simulated")
+    assert (spec.name, spec.needs, spec.driver) == ("grasp", ("contact", "slip"), "simulated")
     assert spec.driver_options == {"seed": 3}
     assert spec.parameters == {"threshold": 2.0}
     assert (spec.engine, spec.precision) == (None, "float64")
@@ -36,22 +36,22 @@ def test_scene_says_what_it_says(tmp_path):
 
 
 def test_changes_are_set_over_the_file(tmp_path):
-    changes = {"array.seed": 9, "engine.name": "reference", "wants": ["twist"]}
+    changes = {"array.seed": 9, "engine.name": "reference", "needs": ["twist"]}
     spec = read_scene(written(tmp_path, GOOD), changes=changes)
-    assert (spec.driver_options["seed"], spec.engine, spec.wants) == (9, "reference", ("twist",))
+    assert (spec.driver_options["seed"], spec.engine, spec.needs) == (9, "reference", ("twist",))
 
 
 def test_scenes_that_come_along_can_be_read():
     assert {"demo", "contact"} <= set(scene_names())
     for name in scene_names():
-        assert read_scene(name).wants
+        assert read_scene(name).needs
 
 
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        (GOOD.replace("wants", "want"), "Unknown key 'want'"),
-        (GOOD.replace('["contact", "slip"]', '"contact"'), "'wants' must be a list"),
+        (GOOD.replace("needs", "want"), "Unknown key 'want'"),
+        (GOOD.replace('["contact", "slip"]', '"contact"'), "'needs' must be a list"),
         (GOOD.replace('["contact", "slip"]', "[]"), "at least one"),
         (GOOD.replace('driver = "simulated"', ""), "'driver' must be a string"),
         (GOOD.replace("[array]", "array = 3\n[arrays]"), "Unknown key 'arrays'"),

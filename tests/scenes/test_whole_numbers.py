@@ -26,7 +26,7 @@ def test_a_scene_gives_its_fields_in_whole_numbers(monkeypatch):
     monkeypatch.setattr(like_frames, "MOST", FRAMES)
     found = Scene.of(SPEC).collect(FRAMES)
     wanted = Scene.of(replace(SPEC, precision="float64")).collect(FRAMES)
-    for name in SPEC.wants:
+    for name in SPEC.needs:
         exact = wanted[name]
         assert np.abs(exact).max() > 0.0
         off = np.abs(found[name] - exact)
@@ -61,7 +61,7 @@ def test_what_has_no_ranges_is_refused_in_one_sentence(changes, words):
 
 def test_the_key_is_read(tmp_path):
     path = tmp_path / "scene.toml"
-    head = 'wants = ["contact"]\n[array]\ndriver = "simulated"\n[engine]\nprecision = "q15"\n'
+    head = 'needs = ["contact"]\n[array]\ndriver = "simulated"\n[engine]\nprecision = "q15"\n'
     path.write_text(head + '[engine.ranges]\ndriver = "npz"\npath = "press.npz"\n')
     assert read_scene(path).ranges == {"driver": "npz", "path": "press.npz"}
     path.write_text(head + "[engine.ranges]\npath = 3\n")

@@ -232,8 +232,8 @@ def test_surround_inhibition_is_the_covers(fast, run, depth):
 @pytest.mark.parametrize("name", ["edges", "tactile"])
 def test_rows_and_single_taxels_run_and_have_no_edge(numba, name, shape):
     """All of their taxels lie at the rim; a touch on them is one all the same."""
-    wants = ["edge_count", *(["contact"] if name == "tactile" else [])]
-    stream = numba.compile(get_program(name), shape, wants).stream()
+    needs = ["edge_count", *(["contact"] if name == "tactile" else [])]
+    stream = numba.compile(get_program(name), shape, needs).stream()
     rng = np.random.default_rng(4)
     for number in range(24):
         frame = 1e-3 * rng.normal(size=(*shape, 3))

@@ -197,7 +197,7 @@ def test_events_are_those_of_the_scene_that_wants_everything(name, scenes, all_e
     """The parts left out change nothing of the rest."""
     kinds = {"contact": {"contact", "release"}}.get(name, {name})
     thin, full = (
-        [(event.t, event.kind, event.phase) for event in events if event.kind in kinds]
+        [(event.time, event.kind, event.phase) for event in events if event.kind in kinds]
         for events in (scenes[name].events(), all_events)
     )
     assert thin

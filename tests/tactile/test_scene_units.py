@@ -15,7 +15,7 @@ SCENES = ("contact", "demo", "edges", "slip", "tactile", "twist")
 @pytest.fixture(scope="module")
 def demo():
     """Loads reported and true, (frames, 3), and the events of the first contact."""
-    scene = load_scene("demo", changes={"wants": ["contact", *LOADS]})
+    scene = load_scene("demo", changes={"needs": ["contact", *LOADS]})
     moments = [moment for moment in scene.results() if moment.values is not None]
     stated = np.array([[float(m.outputs[name]) for name in LOADS] for m in moments])
     true = np.array([[float(m.frame.truth[name]) for name in TRUE] for m in moments])

@@ -139,7 +139,7 @@ def test_the_ratio_of_a_bump_is_below_that_of_equal_displacements():
 
 SCENE = """
 name = "rubbed"
-wants = ["friction", "texture_known"]
+needs = ["friction", "texture_known"]
 [program]
 name = "texture"
 parameters = {{window = 16}}

@@ -92,11 +92,11 @@ def _scene(name: str, changes: dict[str, Any], trust: bool) -> "Scene":
     from cnnum.scenes.pipeline import load_scene
     from cnnum.scenes.scene_file import read_scene
 
-    wants = read_scene(name, changes=changes, trust=trust).wants
+    wants = read_scene(name, changes=changes, trust=trust).needs
     for more in SHOWN[:-1]:
         try:
             every = list(dict.fromkeys((*wants, *more)))
-            return load_scene(name, changes=changes | {"wants": every}, trust=trust)
+            return load_scene(name, changes=changes | {"needs": every}, trust=trust)
         except (SceneError, UnknownNameError):
             continue  # the program lacks one of them
     return load_scene(name, changes=changes, trust=trust)

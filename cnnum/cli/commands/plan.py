@@ -46,8 +46,8 @@ def command(
     if source:
         output.record({"scene": opened.spec.name, "source": text}, text)
         return
-    output.record(_record(opened.spec.name, opened.spec.wants, explanation))
-    _show(output, opened.spec.name, opened.spec.wants, explanation)
+    output.record(_record(opened.spec.name, opened.spec.needs, explanation))
+    _show(output, opened.spec.name, opened.spec.needs, explanation)
 
 
 def _show_ops(output: Output, plan: "Plan", lines: bool) -> None:
@@ -74,7 +74,7 @@ def _ops_row(name: str, group: "OpGroup") -> tuple[str, ...]:
 def _record(scene: str, wants: tuple[str, ...], plan: "Explanation") -> dict[str, object]:
     return {
         "scene": scene,
-        "wants": wants,
+        "needs": wants,
         "program": plan.program,
         "shape": plan.shape,
         "ops": plan.ops,

@@ -119,7 +119,7 @@ def report(
         "layers": template.layers,
         "inputs": template.inputs,
         "radius": template.radius,
-        "euler_step": stability_bound("euler", template, (8, 8)).step,
+        "euler_step": stability_bound(template, (8, 8), "euler").step,
         **_cost(template),
     }
     if template.check is None:

@@ -97,7 +97,7 @@ def judged(
     None where the method has no stable step, or its error is not followed.
     """
     template, maps, truth = known.template, known.maps, known.truth
-    bound = stability_bound(method, template, SHAPE).step
+    bound = stability_bound(template, SHAPE, method).step
     part = 10.0 ** rng.uniform(-2.0, 0.0)
     if not bound or (method == "etd-rk2" and template.output.limited):
         return None

@@ -114,8 +114,8 @@ def measure_scenes(
 
 def opened_scene(name: str, engine: Engine) -> Scene:
     """Return the scene with the wants of the named one, on the array of `WHOLE`."""
-    wants = list(read_scene(name).wants)
-    return load_scene(WHOLE, engine=engine, changes={"wants": wants})
+    wants = list(read_scene(name).needs)
+    return load_scene(WHOLE, engine=engine, changes={"needs": wants})
 
 
 def compared(frames: Sequence[Frame], every: int) -> list[Frame]:

@@ -57,7 +57,9 @@ def timeline(record: SceneRecord, verdicts: tuple[Verdict, ...], width: float) -
         parts += _panel(record, panel, time, y)
         y += PANEL + 12.0
     marks = [
-        line(time(v.truth.t), 16.0, time(v.truth.t), y - 12.0, "mark") for v in verdicts if v.truth
+        line(time(v.truth.time), 16.0, time(v.truth.time), y - 12.0, "mark")
+        for v in verdicts
+        if v.truth
     ]
     parts = [*marks, *parts, *_time_axis(time, y - 12.0, width)]
     label = f"Events, loads and radii of the scene {record.name} over time"
@@ -92,7 +94,7 @@ def _end(record: SceneRecord) -> float:
 
 
 def _lanes(record: SceneRecord) -> tuple[Lane, ...]:
-    return tuple(lane for lane in LANES if lane.want in record.wants)
+    return tuple(lane for lane in LANES if lane.want in record.needs)
 
 
 def _lane(
@@ -110,10 +112,10 @@ def _lane(
         yield box(x1, y + 26.5, x2 - x1, 3.0, "flag", f"{lane.title}, as the program saw it")
     for verdict in mine:
         if verdict.reported is not None:
-            yield from _marker(time(verdict.reported.t), y + 27.0, verdict, time.end)
+            yield from _marker(time(verdict.reported.time), y + 27.0, verdict, time.end)
     for event in record.events if not record.truth else ():
         if event.kind in (lane.kind, lane.ends) and (event.phase or "") == lane.phase:
-            yield _triangle(time(event.t), y + 27.0, "reported", str(event))
+            yield _triangle(time(event.time), y + 27.0, "reported", str(event))
 
 
 def _belongs(verdict: Verdict, lane: Lane) -> bool:
@@ -134,7 +136,7 @@ def _marker(x: float, y: float, verdict: Verdict, end: float) -> Iterator[str]:
     assert verdict.reported is not None
     style = "reported" if verdict.passed else "reported wrong"
     delay = "" if verdict.delay is None else f", {verdict.delay:+d} frames"
-    title = f"{verdict.title} reported at {verdict.reported.t:.3f} s{delay}: {verdict.text}"
+    title = f"{verdict.title} reported at {verdict.reported.time:.3f} s{delay}: {verdict.text}"
     yield _triangle(x, y, style, title)
     words = f"{verdict.delay or 0:+d}".replace("-", "−").replace("+0", "0")
     words = words if verdict.passed else verdict.text

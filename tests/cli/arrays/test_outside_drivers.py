@@ -21,7 +21,7 @@ def folder(tmp_path, monkeypatch):
     (code,) = re.findall(r"```python\n(.*?)```", PAGE.read_text(), re.DOTALL)
     (tmp_path / "my_pad.py").write_text(code)
     (tmp_path / "scene.toml").write_text(
-        'wants = ["gross_slip"]\n[array]\ndriver = "my_pad:PadOptions"\nport = "none"\n'
+        'needs = ["gross_slip"]\n[array]\ndriver = "my_pad:PadOptions"\nport = "none"\n'
         '[program]\nname = "slip"\n'
     )
     yield tmp_path
@@ -74,7 +74,7 @@ def test_an_entry_point_is_a_name(folder, monkeypatch):
 
 EVIL = "from pathlib import Path\nPath(__file__).with_name('ran').touch()\n"
 SCENE = """
-wants = ["gross_slip"]
+needs = ["gross_slip"]
 [array]
 driver = "{}"
 [program]

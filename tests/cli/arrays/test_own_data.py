@@ -9,7 +9,7 @@ import cnnum
 SCENE = force_scene("none.csv")
 
 SHORT = """
-wants = ["contact"]
+needs = ["contact"]
 [array]
 driver = "simulated"
 rate = 100.0
@@ -39,7 +39,7 @@ def replay(call, file, scene, *more):
 
 
 def test_every_kind_of_file_gives_the_same_events(call, records, counts, scene, tmp_path):
-    recording = cnnum.Recording(counts, rate=60.0, axes=("x", "y", "z"))
+    recording = cnnum.Recording(counts, rate=60.0, channels=("x", "y", "z"))
     files = [recording.save(tmp_path / f"own.{suffix}") for suffix in ("mcap", "npz", "csv")]
     np.save(tmp_path / "raw.npy", counts)
     (tmp_path / "raw.toml").write_text("shape = [4, 4]\nrate = 60.0\n")
@@ -80,7 +80,7 @@ def test_counts_have_no_scene_of_their_own(call, counts, tmp_path):
 @pytest.mark.parametrize(
     ("name", "setting", "said"),
     [
-        ("demo", "wants=['contact']", "the array gives counts, and 'unit' of"),
+        ("demo", "needs=['contact']", "the array gives counts, and 'unit' of"),
         ("scene.toml", "program.parameters.depth='1 mm'", "give 'pitch'"),
         ("scene.toml", "program.parameters={depth='1 mm', pitch='2 mm'}", "gives counts, and"),
         ("scene.toml", "program={name='surface_load'}", "'thickness' of the program"),

@@ -94,7 +94,7 @@ def test_a_folder_is_no_recording(call, tmp_path, monkeypatch, folder):
 
 @pytest.mark.filterwarnings("always::cnnum.errors.RecordingWarning")
 def test_replay_says_what_it_cannot_read(call, torn):
-    result = call("replay", torn, "--set", 'wants=["contact"]', "--engine", "numba")
+    result = call("replay", torn, "--set", 'needs=["contact"]', "--engine", "numba")
     assert result.exit_code == 0, result.stderr
     assert " 5 bytes at its end are not readable" in result.stderr
     assert "'cnnum recover'" in result.stderr

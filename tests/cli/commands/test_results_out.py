@@ -12,7 +12,7 @@ import pytest
 import cnnum
 
 SHORT = """
-wants = ["contact", "contact_map", "load_normal"]
+needs = ["contact", "contact_map", "load_normal"]
 [array]
 driver = "simulated"
 script = [{kind = "hold", duration = 0.15}, {kind = "press", duration = 0.15, load = 4.0}]
@@ -105,6 +105,6 @@ def test_what_was_seen_is_saved_when_a_run_is_stopped(scene, tmp_path):
 
 
 def test_a_scene_that_wants_everything_saves_everything(engine, scene):
-    changes = {"wants": ["everything"]}
+    changes = {"needs": ["everything"]}
     made = cnnum.load_scene(scene, engine=engine, changes=changes)
     assert set(made.fields) == set(made.offered)

@@ -15,7 +15,7 @@ from cnnum.drivers import open_driver
 
 SCENE = """
 name = "tap"
-wants = ["contact"]
+needs = ["contact"]
 
 [array]
 driver = "simulated"
@@ -92,7 +92,7 @@ def test_plan_of_the_scene(call, records, scene):
     assert "normal" in record["channels_read"]
     assert record["maps_read_back"] == []
     assert record["left_out"]
-    (everything,) = records(call("plan", scene, "--set", 'wants=["contact_map"]', "--json").stdout)
+    (everything,) = records(call("plan", scene, "--set", 'needs=["contact_map"]', "--json").stdout)
     assert everything["maps_read_back"] == ["contact_map"]
     text = call("plan", scene).stdout
     # those of a kind are one row, whose text goes over several lines
@@ -157,9 +157,9 @@ def test_replay_from_a_time_has_the_tare_of_the_whole(played, tmp_path):
     place = np.exp(-0.2 * ((np.mgrid[:8, :8] - 3.5) ** 2).sum(axis=0))
     values = 0.7 + load[:, np.newaxis, np.newaxis, np.newaxis] * place[..., np.newaxis] * [0, 0, 1]
     axes = ("shear_x", "shear_y", "normal")
-    cnnum.Recording(values, rate=200.0, unit="N", axes=axes).save(tape)
+    cnnum.Recording(values, rate=200.0, unit="N", channels=axes).save(tape)
     scene.write_text(
-        'name = "part"\nwants = ["contact"]\n[array]\ndriver = "npz"\n[program]\nname = "contact"\n'
+        'name = "part"\nneeds = ["contact"]\n[array]\ndriver = "npz"\n[program]\nname = "contact"\n'
         '[calibration]\ngain = 2.0\nunit = "N"\ntare = 20\n'
     )
     whole = played(scene, tape, 0.0)
@@ -193,7 +193,7 @@ def test_a_part_that_is_not_there_is_said(call, scene, tmp_path):
     said = "No frame is left from 7 s on: the last frame of scene 'tap' comes 0.995 s after"
     assert said in done.stderr
     saved = tmp_path / "none.npz"
-    asked = ("--set", "wants=['load_normal']", "--save", saved)
+    asked = ("--set", "needs=['load_normal']", "--save", saved)
     done = call("replay", tape, "--scene", scene, "--from", 7, *asked)
     assert (done.exit_code, said in done.stderr, saved.exists()) == (2, True, False)
     late = tmp_path / "late.npz"

@@ -77,8 +77,8 @@ def write_counts(path, separator=","):
 
 
 SCENE_MISTAKES = (
-    ("did you mean 'contact'", "wants=['contct']"),
-    ("load_normal", "wants=['wash']"),  # all that it has are listed
+    ("did you mean 'contact'", "needs=['contct']"),
+    ("load_normal", "needs=['wash']"),  # all that it has are listed
     ("give 'pitch'", f"{SETTING}depth=1 mm"),
     ("counts pitches", f"{SETTING}depth=1e-3"),
     ("'m', 'cm', 'mm', 'um'", f"{SETTING}depth=1 stone"),
@@ -120,7 +120,7 @@ def test_a_tactile_researcher(hour, tmp_path):
     wrong("name one of them ('first')", "replay", "trials", "--scene", "uskin_grasp")
     wrong("Unknown kind of file '.xlsx'", "run", "scene.toml", *FAST, "--save", "fields.xlsx")
     wrong("no folder 'no'", "run", "scene.toml", *FAST, "--save", "no/fields.npz")
-    no_field = ("--save", "fields.npz", "--set", "wants=['contact']")
+    no_field = ("--save", "fields.npz", "--set", "needs=['contact']")
     wrong("no field", "run", "scene.toml", *FAST, *no_field)
 
     with (tmp_path / "scene.toml").open("a") as file:
@@ -217,7 +217,7 @@ def test_an_embedded_engineer(hour, tmp_path):
     """With a driver of their own: its cost, before any hardware is chosen."""
     wrong = hour.mistakes_a_command
     (tmp_path / "pad.py").write_text(DRIVER)
-    scene = 'wants = ["contact"]\n[array]\ndriver = "pad:Options"\n[program]\nname = "contact"\n'
+    scene = 'needs = ["contact"]\n[array]\ndriver = "pad:Options"\n[program]\nname = "contact"\n'
     (tmp_path / "scene.toml").write_text(scene)
     (plan,) = map(json.loads, hour.does("plan", "scene.toml", *OWN, "--json").splitlines())
     assert plan["flops"] > 0

@@ -117,7 +117,7 @@ IN_PYTHON = {
     "push=0": (bound(push=0), "−1 where a push lowers the values, or .1"),
     "rate=-1": (bound(rate=-1), "frames a second .* got -1"),
     "unit=-5": (bound(unit=-5), "newtons.* got -5"),
-    "scene of a dict": (lambda: cnnum.load_scene({"wants": []}), "got dict"),
+    "scene of a dict": (lambda: cnnum.load_scene({"needs": []}), "got dict"),
 }
 
 
@@ -174,8 +174,8 @@ ON_THE_COMMAND_LINE = {
     "rate=-1": ("program.parameters.rate=-1", "frames a second"),
     "unit=-5": ("program.parameters.unit=-5", "newtons"),
     "unknown parameter": ("program.parameters.dept=1", "(did you mean 'depth'?)"),
-    "unknown want": ('wants=["slipp"]', "did you mean 'slip'"),
-    "unknown want, events": ('wants=["wash"]', "'contact', 'slip', 'twist', 'edge'"),
+    "unknown want": ('needs=["slipp"]', "did you mean 'slip'"),
+    "unknown want, events": ('needs=["wash"]', "'contact', 'slip', 'twist', 'edge'"),
 }
 
 

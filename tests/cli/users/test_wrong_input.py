@@ -22,7 +22,7 @@ def sentence(result) -> str:
         (["run", "demo", "--set", "array.seed"], "Expected KEY=VALUE"),
         (["run", "demo", "--set", "array.seed=many"], "must be a whole number, got 'many'"),
         (["run", "demo", "--set", 'array.driver="seral"'], "Unknown driver 'seral'"),
-        (["run", "demo", "--set", "wants=[]"], "must name at least one event"),
+        (["run", "demo", "--set", "needs=[]"], "must name at least one event"),
         (["plan", "demo", "--engine", "cuda"], "Unknown engine 'cuda': expected one of 'opencl'"),
         (["plan", "demo", "--precision", "half"], "Unknown precision 'half'"),
         (["plan", "demo", "--set", "program.name=nothing"], "Unknown program 'nothing'"),
@@ -53,7 +53,7 @@ def test_a_device_that_is_not_there(call, opencl, arguments):
 
 def test_scene_that_is_not_toml(call, tmp_path):
     scene = tmp_path / "torn.toml"
-    scene.write_text('name = "torn"\nwants = [')
+    scene.write_text('name = "torn"\nneeds = [')
     assert f"Scene '{scene}' is not TOML" in sentence(call("run", scene))
 
 

@@ -72,7 +72,7 @@ def test_the_steps_are_those_that_are_not_followed(engines, label, method):
     engine = engines[label]
     template = network(rng, OUTPUTS[number % (3 if method == "etd-rk2" else 4)])
     maps = frames(rng, template, 3, (5, 6)) | {"mask": rng.random((5, 6)) < 0.2}
-    dt = min(0.07, 0.9 * stability_bound(method, template, (5, 6)).step)
+    dt = min(0.07, 0.9 * stability_bound(template, (5, 6), method).step)
     how = {"method": method, "duration": 20 * dt, "dt": dt}
     plain = engine.run(template, **how, **maps)
     followed = engine.run(template, **how, estimate=True, **maps)
@@ -93,7 +93,7 @@ def test_engines_estimate_the_same(engines, method):
     rng = np.random.default_rng(23)
     template = network(rng, "standard")
     maps = frames(rng, template, 4, (6, 7))
-    dt = 0.5 * min(0.2, stability_bound(method, template, (6, 7)).step)
+    dt = 0.5 * min(0.2, stability_bound(template, (6, 7), method).step)
     plain, *others = (
         engine.run(template, method=method, dt=dt, estimate=True, **maps)
         for engine in (REFERENCE, engines["opencl-float64"], engines["numba-float64"])

@@ -35,7 +35,7 @@ def test_every_program_is_measured_and_slip_with_twist():
 
 
 def test_slip_and_twist_are_the_plan_of_a_scene_that_wants_both(opencl):
-    scene = load_scene("tactile", engine=opencl, changes={"wants": ["slip", "twist"]})
+    scene = load_scene("tactile", engine=opencl, changes={"needs": ["slip", "twist"]})
     scene.driver.close()
     plan = latency.BOTH.plan(opencl)
     assert set(plan.schedule.outputs) == set(scene.plan.schedule.outputs)

@@ -288,5 +288,5 @@ def _times(engine: Engine, later: float, number: int) -> Floats:
     with scene.driver:
         for place, frame in enumerate(scene.driver.frames()):
             moved = replace(frame, time=frame.time + later, sequence=frame.sequence + number)
-            found += [event.t for event in way.step(place + number, moved).events]
+            found += [event.time for event in way.step(place + number, moved).events]
     return np.array(found)
