@@ -114,7 +114,7 @@ class Frame(ByContent):
     monotonic_ns: int | None = None
     wall_ns: int | None = None
     calibration: str = ""
-    saturated: NDArray[np.bool_] | None = field(default=None, compare=False)
+    saturated: NDArray[np.bool_] | None = None
 
     def __post_init__(self) -> None:
         if not isinstance(cast(object, self.values), np.ndarray) or not isinstance(

@@ -1,9 +1,10 @@
 """Recordings as NumPy archives: written by `cnnum record`, read again as an array.
 
 An archive holds, a row a frame: ``values`` (frames, rows, cols, channels), ``sequence``, ``time``
-(s), ``quality`` (flags of `cnnum.frame.Quality`) and ``truth`` (frames, truths). Next to these it
-holds ``channels``, ``unit``, ``rate`` (Hz), ``truths`` (names) and ``calibration_*`` where the
-array had a calibration. ``kind`` marks it as one.
+(s), ``quality`` (flags of `cnnum.frame.Quality`), ``truth`` (frames, truths) and ``saturated``
+(frames, rows, cols), the taxels at an end of their range. Next to these it holds ``channels``,
+``unit``, ``rate`` (Hz), ``truths`` (names) and ``calibration_*`` where the array had a calibration.
+``kind`` marks it as one.
 """
 
 import math
@@ -20,7 +21,7 @@ from cnnum.drivers.driver import Counters, Counting
 from cnnum.drivers.npz_archive import read_arrays
 from cnnum.errors import CalibrationError, CodecError
 from cnnum.frame import Frame, Quality, Truth
-from cnnum.recordings.npz_writer import CALIBRATION, FRAMES, KIND
+from cnnum.recordings.npz_writer import CALIBRATION, FRAMES, KIND, MARKS
 from cnnum.safety.names import shown
 from cnnum.tactile.taxel import Calibration
 from cnnum.tactile.taxel.readout import Heat
@@ -39,7 +40,7 @@ _AXES = {
     **dict.fromkeys(("kind", "unit", "rate", *_SINGLE), 0),
     **dict.fromkeys(("channels", "truths", "calibration_heat"), 1),
 }
-_WANTED = frozenset((*_KEYS, *_PARTS))
+_WANTED = frozenset((*_KEYS, MARKS, *_PARTS))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -58,6 +59,8 @@ class Archive:
     truths : tuple of str
     truth : (frames, truths) float
     calibration : Calibration or None
+    saturated : (frames, rows, cols) bool or None
+        Taxels at an end of their range; None in archives of earlier versions.
     """
 
     values: Floats
@@ -70,6 +73,7 @@ class Archive:
     truths: tuple[str, ...]
     truth: Floats
     calibration: Calibration | None
+    saturated: NDArray[np.bool_] | None = None
 
     def __post_init__(self) -> None:
         frames = len(self.values)
@@ -82,6 +86,10 @@ class Archive:
         for name, shape in {**expected, "truth": (frames, len(self.truths))}.items():
             if getattr(self, name).shape != shape:
                 raise CodecError(f"'{name}' must be {shape}, got {getattr(self, name).shape}.")
+        if self.saturated is not None and self.saturated.shape != self.values.shape[:3]:
+            raise CodecError(
+                f"'{MARKS}' must be {self.values.shape[:3]}, got {self.saturated.shape}."
+            )
         if not frames:
             raise CodecError("there is no frame in it.")
 
@@ -97,7 +105,13 @@ class Archive:
             quality=Quality(int(self.quality[number])),
             truth=Truth(dict(known)) if self.truths else None,
             calibration=calibration,
+            saturated=self._marked(number),
         )
+
+    def _marked(self, number: int) -> NDArray[np.bool_] | None:
+        if self.saturated is None or not self.saturated[number].any():
+            return None
+        return np.asarray(self.saturated[number])
 
     def lost_before(self, number: int) -> int:
         """Return how many scans never arrived between a frame and the one before it."""
@@ -142,6 +156,7 @@ def _recording(held: Mapping[str, NDArray[Any]]) -> Archive:
         truths=tuple(str(name) for name in held["truths"]),
         truth=held["truth"].astype(np.float64, copy=False),
         calibration=_calibration(held),
+        saturated=held[MARKS] != 0 if MARKS in held else None,
     )
 
 

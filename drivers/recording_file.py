@@ -3,10 +3,12 @@
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cnnum.drivers.own_data.sources import READERS
 from cnnum.drivers.registry import open_driver
 from cnnum.errors import RecordingError
+from cnnum.frame import Frame
 from cnnum.recordings.recording import Recording, rate_of
 from cnnum.safety.names import shown
 from cnnum.safety.reading import DAMAGE, names_something, open_regular
@@ -96,4 +98,13 @@ def load_recording(path: str | Path, *, budget: float = 1.0) -> Recording:
         times=times,
         truth={n: [f.truth.get(n, np.nan) if f.truth else np.nan for f in frames] for n in names},
         quality=[int(frame.quality) for frame in frames],
+        saturated=_saturated(frames),
     )
+
+
+def _saturated(frames: list[Frame]) -> NDArray[np.bool_] | None:
+    """Return the marks of all frames, None where there is none."""
+    if all(frame.saturated is None for frame in frames):
+        return None
+    none = np.zeros(frames[0].shape, np.bool_)
+    return np.stack([none if frame.saturated is None else frame.saturated for frame in frames])

@@ -29,6 +29,7 @@ SCHEMA = Schema(
         b"uint32 quality\n"
         b"float64[] values\n"
         b"float64[] truth\n"
+        b"bool[] saturated\n"
     ),
 )
 """Of the messages: they are CDR, little-endian."""
@@ -86,6 +87,7 @@ class ChunkMaker:
         self._opening = built(opening)
         self._length = layout.message.itemsize - PREFIX.size
         self._tail = struct.Struct(f"<I4x{len(layout.truths)}d" if layout.truths else "<I")
+        self._taxels = layout.shape[0] * layout.shape[1]
 
     @property
     def count(self) -> int:
@@ -155,7 +157,7 @@ class ChunkMaker:
                 f"Scan {frame.sequence} cannot be recorded: {error}; check its driver."
             ) from None
         values = frame.values.astype("<f8", copy=False).tobytes()
-        return b"".join((head, values, self._truth(frame)))
+        return b"".join((head, values, self._truth(frame), self._marks(frame)))
 
     def _truth(self, frame: Frame) -> bytes:
         names = self.layout.truths
@@ -163,6 +165,13 @@ class ChunkMaker:
         if tuple(known) == names:
             return self._tail.pack(len(names), *known.values())
         return self._tail.pack(len(names), *(known.get(name, np.nan) for name in names))
+
+    def _marks(self, frame: Frame) -> bytes:
+        if not self.layout.marks:
+            return b""
+        at_end = frame.saturated
+        marks = bytes(self._taxels) if at_end is None else at_end.astype(np.bool_).tobytes()
+        return self._taxels.to_bytes(4, "little") + marks
 
 
 @dataclass(frozen=True, slots=True)

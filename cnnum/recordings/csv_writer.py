@@ -5,13 +5,18 @@ import io
 from collections.abc import Iterator
 from typing import IO
 
+import numpy as np
+
 from cnnum.frame import Frame
 from cnnum.recordings.layout import Layout
 from cnnum.recordings.reader import Contents
 
+MARKS = "saturated"
+"""The last column: the taxels at an end of their range, as in "r0_c3 r1_c3"."""
+
 
 def write_table(file: IO[bytes], contents: Contents) -> None:
-    """Write sequence, time, flags, then every cell's channels, then the ground truth.
+    """Write sequence, time, flags, then every cell's channels, the ground truth, and marks.
 
     Numbers stand in the shortest form that is read back as the same.
 
@@ -34,7 +39,14 @@ def _header(layout: Layout) -> list[str]:
         for col in range(cols)
         for channel in layout.channels
     ]
-    return ["sequence", "time (s)", "quality", *cells, *(f"truth {n}" for n in layout.truths)]
+    return [
+        "sequence",
+        "time (s)",
+        "quality",
+        *cells,
+        *(f"truth {n}" for n in layout.truths),
+        MARKS,
+    ]
 
 
 def _rows(contents: Contents) -> Iterator[list[object]]:
@@ -46,3 +58,5 @@ def _cells(frame: Frame) -> Iterator[object]:
     yield from (repr(value) for value in frame.values.ravel().tolist())
     if frame.truth:
         yield from frame.truth.values.values()
+    at_end = [] if frame.saturated is None else np.argwhere(frame.saturated).tolist()
+    yield " ".join(f"r{row}_c{col}" for row, col in at_end)

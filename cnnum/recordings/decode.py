@@ -129,14 +129,24 @@ def _rows(data: bytes, count: int, layout: Layout) -> NDArray[np.void]:
 
 def _fit(rows: Any, layout: Layout, ours: Any = True) -> bool:
     """Return whether all rows are `ours`, and as long as frames of this layout."""
-    expected = {
+    expected: dict[str, Any] = {
         "encoding": np.void(ENCODING),
         "length": layout.message.itemsize - PREFIX.size,
         "count": layout.values,
         "truths": len(layout.truths),
     }
+    if layout.marks:
+        expected["taxels"] = layout.shape[0] * layout.shape[1]
     fit = [(rows[name] == value).all() for name, value in expected.items()]
     return bool(np.all(ours) and all(fit))
+
+
+def marks_of(rows: NDArray[np.void], layout: Layout) -> NDArray[np.bool_]:
+    """Return (frames, rows, cols): the taxels at an end of their range, none if it is not known."""
+    if not layout.marks:
+        return np.zeros((len(rows), *layout.shape), np.bool_)
+    held: Any = rows
+    return np.asarray(held["saturated"] != 0)
 
 
 def frames_of(rows: NDArray[np.void], layout: Layout) -> Iterator[tuple[Frame, int]]:
@@ -146,7 +156,12 @@ def frames_of(rows: NDArray[np.void], layout: Layout) -> Iterator[tuple[Frame, i
     columns = ("sequence", "time", "quality", "log_time")
     truths = held["truth"].tolist() if layout.truths else [None] * len(rows)
     facts = zip(*(held[name].tolist() for name in columns), truths, strict=True)
-    for cells, (sequence, time, quality, log_time, truth) in zip(values, facts, strict=True):
+    marks = marks_of(rows, layout)
+    some: list[bool] = np.asarray(marks.any(axis=(1, 2))).tolist()
+    marked = (at_end if known else None for at_end, known in zip(marks, some, strict=True))
+    for cells, at_end, (sequence, time, quality, log_time, truth) in zip(
+        values, marked, facts, strict=True
+    ):
         known = None if truth is None else Truth(dict(zip(layout.truths, truth, strict=True)))
         frame = Frame(
             values=cells,
@@ -157,5 +172,6 @@ def frames_of(rows: NDArray[np.void], layout: Layout) -> Iterator[tuple[Frame, i
             quality=Quality(quality),
             truth=known,
             calibration=layout.calibration_id,
+            saturated=at_end,
         )
         yield frame, log_time

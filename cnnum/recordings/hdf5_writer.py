@@ -8,6 +8,7 @@ from typing import IO, TYPE_CHECKING, Any
 import numpy as np
 
 from cnnum.errors import missing_extra
+from cnnum.recordings.decode import marks_of
 from cnnum.recordings.reader import Contents
 
 if TYPE_CHECKING:
@@ -17,10 +18,11 @@ KIND = "cnnum recording 1"
 
 
 def write_hdf5(file: IO[bytes], contents: Contents) -> None:
-    """Write ``values`` (frames, rows, cols, channels), and numbers by frame.
+    """Write ``values`` (frames, rows, cols, channels), ``saturated``, and numbers by frame.
 
-    These are ``time`` (s), ``log_time`` (ns), ``sequence``, ``quality`` and ``truth/NAME``, a
-    number a frame. Attributes say the rest. A chunk of the recording at a time is held.
+    ``saturated`` (frames, rows, cols) are the taxels at an end of their range. The numbers are
+    ``time`` (s), ``log_time`` (ns), ``sequence``, ``quality`` and ``truth/NAME``. Attributes say
+    the rest. A chunk of the recording at a time is held.
 
     Raises
     ------
@@ -53,6 +55,7 @@ def write_hdf5(file: IO[bytes], contents: Contents) -> None:
             part = slice(at, at + len(rows))
             for name in ("values", "time", "log_time", "sequence", "quality"):
                 sets[name][part] = held[name]
+            sets["saturated"][part] = marks_of(rows, layout)
             for number, name in enumerate(layout.truths):
                 sets[f"truth/{name}"][part] = held["truth"][:, number]
             at += len(rows)
@@ -139,12 +142,14 @@ def _sets(target: Any, contents: Contents) -> dict[str, Any]:
         **{f"truth/{name}": np.float64 for name in layout.truths},
     }
     found = {name: target.create_dataset(name, (frames,), kind) for name, kind in kinds.items()}
-    found["values"] = target.create_dataset(
-        "values",
-        (frames, *layout.whole),
-        np.float64,
-        chunks=(min(256, frames), *layout.whole),
-        compression="gzip",
-        shuffle=True,
-    )
+    maps = (("values", layout.whole, np.float64), ("saturated", layout.shape, np.bool_))
+    for name, shape, kind in maps:
+        found[name] = target.create_dataset(
+            name,
+            (frames, *shape),
+            kind,
+            chunks=(min(256, frames), *shape),
+            compression="gzip",
+            shuffle=True,
+        )
     return found

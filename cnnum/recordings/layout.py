@@ -34,6 +34,9 @@ class Layout:
         Names of the ground truth; empty where there is none.
     calibration : str
         TOML text of the array's calibration; empty where it has none.
+    marks : bool
+        Whether the frames say which taxels stand at an end of their range; those of earlier
+        versions do not.
 
     Raises
     ------
@@ -47,6 +50,7 @@ class Layout:
     rate: float
     truths: tuple[str, ...] = ()
     calibration: str = ""
+    marks: bool = True
 
     def __post_init__(self) -> None:
         if min(*self.shape, len(self.channels)) < 1:
@@ -102,6 +106,8 @@ class Layout:
         ]
         if self.truths:
             fields += [("padding", "V4"), ("truth", "<f8", (len(self.truths),))]
+        if self.marks:
+            fields += [("taxels", "<u4"), ("saturated", "u1", self.shape)]
         form: np.dtype[np.void] = np.dtype(cast(Any, fields))
         return form
 
@@ -117,6 +123,7 @@ class Layout:
             "rate": repr(self.rate),
             "truths": json.dumps(self.truths, ensure_ascii=False),
             "calibration": self.calibration,
+            "marks": json.dumps(self.marks),
         }
 
     @classmethod
@@ -138,6 +145,7 @@ class Layout:
                 rate=float(held["rate"]),
                 truths=_names(held["truths"]),
                 calibration=held["calibration"],
+                marks=held.get("marks", "false") == "true",
             )
         except KeyError as error:
             raise CodecError(f"it has no {error}.") from None

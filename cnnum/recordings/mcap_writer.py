@@ -1,5 +1,6 @@
 """Recordings as MCAP files with an index, for other programs too: a chunk at a time."""
 
+from dataclasses import replace
 from typing import IO
 
 from cnnum.recordings.attachments import records
@@ -20,7 +21,8 @@ def write_mcap(file: IO[bytes], contents: Contents) -> None:
         If the recording can no longer be read.
     """
     file.write(beginning() + records(contents.held))
-    maker, raw = ChunkMaker(contents.layout), RawMaker()
+    layout = replace(contents.layout, marks=True)
+    maker, raw = ChunkMaker(layout), RawMaker()
     for frame, log_time in contents.stored():
         maker.add(frame, log_time)
         if maker.size >= CHUNK_BYTES:
@@ -33,4 +35,4 @@ def write_mcap(file: IO[bytes], contents: Contents) -> None:
             file.write(raw.take().chunk())
     if raw.count:
         file.write(raw.take().chunk())
-    write_index(file, contents.layout)
+    write_index(file, layout)

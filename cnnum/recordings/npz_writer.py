@@ -7,12 +7,16 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cnnum.recordings.decode import marks_of
 from cnnum.recordings.reader import Contents
 
 KIND = "cnnum recording 1"
 
 FRAMES = ("values", "sequence", "time", "quality", "truth")
 """Members with a row a frame."""
+
+MARKS = "saturated"
+"""Another one, (frames, rows, cols): taxels at an end of their range. It was not always there."""
 
 CALIBRATION = ("alpha_normal", "beta_ns", "limit", "offsets", "cross", "drift")
 """Fields of a calibration that are members; its depth and heat are, too."""
@@ -34,6 +38,8 @@ def write_archive(file: IO[bytes], contents: Contents) -> None:
             shape = (contents.frames, *shapes.get(name, ()))
             kind = np.dtype(np.int64 if name in ("sequence", "quality") else np.float64)
             _stream(archive, name, shape, kind, _columns(contents, name, kind))
+        marks = (marks_of(rows, layout).tobytes() for rows in contents.chunks())
+        _stream(archive, MARKS, (contents.frames, *layout.shape), np.dtype(np.bool_), marks)
 
 
 def _facts(contents: Contents) -> dict[str, Any]:

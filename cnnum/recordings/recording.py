@@ -58,6 +58,8 @@ class Recording(ByContent):
         The facts of every frame, by name.
     quality : (frames,) int, optional
         Flags of `cnnum.Quality`.
+    saturated : (frames, rows, cols) bool, optional
+        Taxels at an end of their range, where it is known which; their frames have the flag.
 
     Raises
     ------
@@ -72,6 +74,7 @@ class Recording(ByContent):
     times: Floats
     truth: Mapping[str, Floats] = field(default_factory=dict[str, Floats])
     quality: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
+    saturated: NDArray[np.bool_] | None = None
 
     @renamed(axes="channels")
     def __init__(
@@ -84,6 +87,7 @@ class Recording(ByContent):
         times: ArrayLike | None = None,
         truth: Mapping[str, ArrayLike] | None = None,
         quality: ArrayLike | None = None,
+        saturated: ArrayLike | None = None,
     ) -> None:
         array = numbers("values", values)
         array = array[..., np.newaxis] if array.ndim == 3 else array
@@ -95,7 +99,11 @@ class Recording(ByContent):
         if not (is_real(rate) and 0.0 < rate < FASTEST):
             raise ArrayError(f"The rate of a recording is above 0 Hz, below 1 MHz, got {rate!r}.")
         frames = len(array)
-        flags = np.zeros(frames) if quality is None else numbers("quality", quality)
+        given = np.zeros(frames) if quality is None else numbers("quality", quality)
+        flags: NDArray[np.int64] = _per_frame("quality", given, frames).astype(np.int64)
+        marks = _marks(saturated, array.shape[:3])
+        if marks is not None:
+            flags[marks.any(axis=(1, 2))] |= int(Quality.SATURATED)
         parts: dict[str, object] = {
             "values": read_only(array),
             "rate": float(rate),
@@ -108,7 +116,8 @@ class Recording(ByContent):
                 )
                 for name, row in (truth or {}).items()
             },
-            "quality": read_only(_per_frame("quality", flags, frames).astype(np.int64)),
+            "quality": read_only(flags),
+            "saturated": marks,
         }
         for name, value in parts.items():
             object.__setattr__(self, name, value)
@@ -152,6 +161,8 @@ class Recording(ByContent):
         """Return an `xarray.Dataset` with the axes time, row, col and axis (extra `tables`)."""
         variables: dict[str, Any] = {"values": (("time", "row", "col", "axis"), self.values)}
         variables["quality"] = (("time",), self.quality)
+        if self.saturated is not None:
+            variables["saturated"] = (("time", "row", "col"), self.saturated)
         variables |= {name: (("time",), values) for name, values in self.truth.items()}
         coordinates = {"time": (("time",), self.times), "axis": (("axis",), list(self.channels))}
         return tables.dataset(variables, coordinates, {"unit": self.unit, "rate": self.rate})
@@ -181,7 +192,13 @@ class Recording(ByContent):
                 time=float(self.times[number]),
                 quality=Quality(int(self.quality[number])),
                 truth=Truth(known) if names else None,
+                saturated=self._marked(number),
             )
+
+    def _marked(self, number: int) -> NDArray[np.bool_] | None:
+        if self.saturated is None or not self.saturated[number].any():
+            return None
+        return np.asarray(self.saturated[number])
 
     def calibrated(
         self,
@@ -212,6 +229,7 @@ class Recording(ByContent):
             times=self.times,
             truth=self.truth,
             quality=self.quality,
+            saturated=self.saturated,
         )
 
     def save(self, path: str | Path, *, force: bool = False) -> Path:
@@ -292,6 +310,15 @@ def _per_frame(name: str, values: ArrayLike, frames: int) -> Floats:
     if found.shape != (frames,):
         raise ArrayError(f"{name!r} must be one number a frame, ({frames},), got {found.shape}.")
     return found
+
+
+def _marks(saturated: ArrayLike | None, shape: tuple[int, ...]) -> NDArray[np.bool_] | None:
+    if saturated is None:
+        return None
+    found = numbers("saturated", saturated)
+    if found.shape != shape:
+        raise ArrayError(f"'saturated' must be a mark a taxel, {shape}, got {found.shape}.")
+    return read_only(found != 0.0) if found.any() else None
 
 
 def rate_of(times: Floats) -> float:

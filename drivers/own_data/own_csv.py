@@ -8,13 +8,16 @@ import numpy as np
 
 from cnnum.drivers.text_table import LARGEST, TextTable
 from cnnum.errors import CodecError, RecordingError
+from cnnum.recordings.csv_writer import MARKS
 from cnnum.recordings.recording import Recording, rate_of
+from cnnum.safety.names import shown
 from cnnum.safety.reading import open_regular
 
 HEAD = ("sequence", "time (s)", "quality")
 """The first columns."""
 
 TRUTH = "truth "
+_TAXEL = re.compile(r"r(\d{1,5})_c(\d{1,5})")
 _CELL = re.compile(r"r(\d{1,5})_c(\d{1,5})_(.{1,80}) \((.{1,80})\)")
 
 
@@ -70,7 +73,25 @@ def read_own(table: TextTable) -> Recording:
         times=times,
         truth=_truth(table),
         quality=table.numbers([HEAD[2]])[:, 0],
+        saturated=_saturated(table, rows, cols),
     )
+
+
+def _saturated(table: TextTable, rows: int, cols: int) -> np.ndarray | None:
+    """Return the marks of each frame; None where there is no column of them."""
+    if MARKS not in table.header:
+        return None
+    place, found = table.header.index(MARKS), np.zeros((len(table.rows), rows, cols), np.bool_)
+    for number, row in enumerate(table.rows):
+        for name in row[place].split():
+            cell = _TAXEL.fullmatch(name)
+            if cell is None or int(cell[1]) >= rows or int(cell[2]) >= cols:
+                raise CodecError(
+                    f"'{table.path}', line {table.lines[number]}: expected taxels of {rows}×{cols} "
+                    f"in the column '{MARKS}', as in 'r0_c3 r1_c3', got {shown(name)}."
+                )
+            found[number, int(cell[1]), int(cell[2])] = True
+    return found
 
 
 def _truth(table: TextTable) -> Mapping[str, np.ndarray]:

@@ -23,8 +23,10 @@ def scans() -> Scans:
                 unit="N",
                 sequence=n,
                 time=n / 100.0,
-                quality=Quality(n % 3),
+                quality=Quality(n % 3) | (Quality.SATURATED if n % 4 == 3 else Quality.GOOD),
                 truth=Truth({"load": n * 0.1, "ß": float("nan") if n == 1 else -0.0}),
+                # of every other one of these it is not known which taxels it is
+                saturated=rng.random(shape) < 0.7 if n % 8 == 3 else None,
             )
             for n in range(first, first + count)
         ]

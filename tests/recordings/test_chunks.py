@@ -2,6 +2,7 @@
 
 import struct
 import zlib
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from mcap_ros2.decoder import DecoderFactory
 from cnnum.errors import CodecError, RecordingError
 from cnnum.frame import Frame
 from cnnum.recordings.chunks import ChunkMaker, beginning
+from cnnum.recordings.export import export
 from cnnum.recordings.layout import MOST_VALUES, Layout
 from cnnum.recordings.reader import look
 
@@ -37,6 +39,23 @@ def test_an_independent_reader_finds_the_same_numbers(recorded, scans, whole):
         )
         assert seen.values == frame.values.ravel().tolist()
         np.testing.assert_array_equal(seen.truth, list(frame.truth.values.values()))
+        marks = np.zeros((2, 3)) if frame.saturated is None else frame.saturated
+        np.testing.assert_array_equal(np.reshape(seen.saturated, (2, 3)), marks)
+
+
+def test_recordings_without_marks_are_read(scans, tmp_path):
+    """Those of earlier versions have none, and `cnnum recover` gives them the place for them."""
+    first, path = scans(1)[0], tmp_path / "old.mcap"
+    maker = ChunkMaker(replace(Layout.of(first, 100.0, None), marks=False))
+    for frame in scans(8):
+        maker.add(frame, 1)
+    path.write_bytes(beginning() + maker.end())
+    export(look(path), tmp_path / "new.mcap")
+    for name in ("old.mcap", "new.mcap"):
+        held = [frame for frame, _ in look(tmp_path / name).stored()]
+        assert [frame.saturated for frame in held] == [None] * 8
+        assert [frame.sequence for frame in held] == list(range(8))
+    assert look(tmp_path / "new.mcap").layout.marks
 
 
 def test_the_index_leads_to_every_chunk(recorded):

@@ -18,7 +18,14 @@ h5py = pytest.importorskip("h5py")
 def kept() -> Recording:
     values = np.random.default_rng(5).normal(size=(300, 2, 3, 3))
     slip = np.arange(300) % 7
-    return Recording(values, rate=100.0, unit="N", truth={"slip": slip}, quality=slip % 2)
+    return Recording(
+        values,
+        rate=100.0,
+        unit="N",
+        truth={"slip": slip},
+        quality=slip % 2,
+        saturated=values[..., 0] > 1.0,
+    )
 
 
 def test_hdf5_holds_every_frame_and_its_facts(kept: Recording, tmp_path: Path) -> None:
@@ -28,6 +35,7 @@ def test_hdf5_holds_every_frame_and_its_facts(kept: Recording, tmp_path: Path) -
         np.testing.assert_array_equal(file["time"][:], kept.times)
         np.testing.assert_array_equal(file["truth/slip"][:], kept.truth["slip"])
         np.testing.assert_array_equal(file["quality"][:], kept.quality)
+        np.testing.assert_array_equal(file["saturated"][:], kept.saturated)
         assert list(file["log_time"][:3]) == [0, 10_000_000, 20_000_000]
         assert list(file.attrs["channels"]) == ["shear_x", "shear_y", "normal"]
         assert (file.attrs["unit"], file.attrs["rate"]) == ("N", 100.0)

@@ -6,7 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import cnnum
 from cnnum.cli.root import main
+from cnnum.drivers.recording_file import array_of
 from cnnum.engine import Engine
 from cnnum.frame import FORCE_AXES, Frame, Quality
 from cnnum.programs.library import get_program
@@ -222,8 +224,6 @@ def test_a_program_that_goes_through_all_channels_meets_no_marks():
         seen.append(frame.channels)
         return {"sum": sum(frame.channel(name) for name in frame.channels).sum()}
 
-    import cnnum
-
     cnnum.program(look).trace((4, 4), (*FORCE_AXES, "saturated"))
     assert seen == [FORCE_AXES]
 
@@ -329,3 +329,23 @@ def test_programs_that_read_the_marks_run_in_whole_numbers(name, monkeypatch):
         moment = next(iter(scene.results()))
     assert moment.values.shape == (4, 4, 4)
     assert np.isfinite(moment.outputs[wants[name]])
+
+
+@pytest.mark.parametrize("suffix", [".mcap", ".npz", ".csv"])
+def test_a_replay_marks_the_taxels_of_the_live_run(tmp_path, suffix):
+    """An array that knows which, and has no calibration whose limit would say it again."""
+    rng = np.random.default_rng(5)
+    values = 1e-3 * rng.normal(size=(50, 5, 6, 3))
+    marks = np.zeros((50, 5, 6), dtype=bool)
+    marks[25:, 1:3, 2] = True
+    values[25:, 1:4, 1:4, 2] += 1.0
+    live = cnnum.Recording(values, rate=100.0, unit="N", saturated=marks)
+    held = cnnum.load_recording(live.save(tmp_path / f"live{suffix}"))
+    np.testing.assert_array_equal(held.saturated, marks)
+    assert (held.quality == np.where(marks.any(axis=(1, 2)), Quality.SATURATED, 0)).all()
+    assert cnnum.load_recording(held.save(tmp_path / f"again{suffix}")) == held
+    table = array_of(tmp_path / f"again{suffix}")
+    scene = load_scene("demo", changes={"wants": ["contact"], "array": table})
+    for number, moment in enumerate(scene.results()):
+        found = np.zeros((5, 6)) if moment.saturated is None else moment.saturated
+        np.testing.assert_array_equal(found, marks[number])
