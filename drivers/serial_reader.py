@@ -180,7 +180,7 @@ class SerialReader:
             If the port has gone away; OtherArrayError if another array answers.
         """
         if self._wire.request and time.monotonic() >= self._ask_at:
-            self._decoder.flush()  # half an answer must not run into the next
+            self._decoder.flush(lost=False)  # half an answer must not run into the next
             self._ask_at = time.monotonic() + ASK_AGAIN
             self._port.write(self._wire.request)
         data = self._port.read()

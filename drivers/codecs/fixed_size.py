@@ -17,9 +17,9 @@ class FixedSize:
     """The format of a descriptor whose cells are binary.
 
     A packet with a check is believed by its check. One without is believed if the next packet's
-    header stands where it must. It is also believed if its own tail and that of the packet before
-    or after do. Where a check of one byte, or none, leaves a choice among beginnings that overlap,
-    more packets decide.
+    header stands where it must, or if its own tail and that of the packet before or after do;
+    otherwise only where its numbers go on from those before. Where a check of one byte, or none,
+    leaves a choice among beginnings that overlap, more packets decide.
 
     Attributes
     ----------
@@ -58,7 +58,9 @@ class FixedSize:
         if values is None:
             return Skip(1, bad=True)
         seen = self._believed(data, locked=locked, ended=ended)
-        return Found(self.size, self._scan(packet, values)) if isinstance(seen, Found) else seen
+        if not isinstance(seen, Found):
+            return seen
+        return Found(self.size, self._scan(packet, values), seen.alone)
 
     def _to_tail(self, data: bytearray, *, locked: bool) -> Skip:
         """Return the bytes before the next place of which the tail stands where it must."""
@@ -81,7 +83,7 @@ class FixedSize:
             return Found(self.size)
         if self._descriptor.check == "none":
             followed = self._followed(data, locked=locked, ended=ended)
-            if not isinstance(followed, Found):
+            if not isinstance(followed, Found) or followed.alone:
                 return followed
         if self._end - self._check > 1 or not self._header:
             return Found(self.size)
@@ -90,7 +92,7 @@ class FixedSize:
     def _whole(self, packet: bytes) -> bool:
         return packet[self._end :] == self._tail and self._checked(packet)
 
-    def _followed(self, data: bytearray, *, locked: bool, ended: bool) -> Found | Skip | None:
+    def _followed(self, data: bytearray, *, locked: bool, ended: bool) -> Found | None:
         """Return whether the next packet, or its tail, stands where it must."""
         if (self._tail and locked) or (ended and len(data) == self.size):
             return Found(self.size)
@@ -101,7 +103,7 @@ class FixedSize:
         if there == marker:
             return Found(self.size)
         if len(there) == len(marker) or not marker.startswith(there) or ended:
-            return Skip(1, bad=locked)
+            return Found(self.size, alone=True)
         return MORE
 
     def _values(self, packet: bytes) -> Floats | None:

@@ -77,8 +77,8 @@ class OpenDecoder:
         """Return the scans that `chunk` completes."""
         return [scan_of(packet) for packet in self._stream.feed(chunk)]
 
-    def flush(self) -> list[Scan]:
-        """Return the whole scans in the waiting bytes."""
+    def flush(self, *, lost: bool = True) -> list[Scan]:
+        """Return the whole scans in the waiting bytes; each is good by its checks, lost or not."""
         return [scan_of(packet) for packet in self._stream.flush()]
 
 

@@ -11,6 +11,7 @@ import struct
 
 import numpy as np
 
+from cnnum.drivers.codecs.neighbours import Neighbours
 from cnnum.drivers.codecs.scan import Scan
 from cnnum.drivers.codecs.stream import MORE, Decoder, Found, Skip, to_marker
 from cnnum.drivers.codecs.wire import Asked, Form, Wire
@@ -33,6 +34,9 @@ INERTIA = {0x30: "acceleration", 0x40: "turning", 0x50: "field"}
 SHAPE = (7, 4)
 FINGERS = 4
 
+FULL = 4000.0
+"""Counts of a strong load."""
+
 
 def tsf85(asked: Asked) -> Wire:
     """Return the protocol; `address` 1 to 4 is the finger.
@@ -51,11 +55,11 @@ def tsf85(asked: Asked) -> Wire:
     return Wire(
         "Robotiq's TSF-85",
         115_200,
-        lambda: Decoder(Tsf85(finger)),
+        lambda: Decoder(Tsf85(finger), Neighbours(FULL)),
         lambda scan: encode(scan, finger),
         greeting=command(AUTOSEND, bytes([period])),
         farewell=command(AUTOSEND, b"\0"),
-        form=Form(SHAPE, ("normal",), "count", 0.0, 4000.0),
+        form=Form(SHAPE, ("normal",), "count", 0.0, FULL),
         verified=False,
     )
 
@@ -71,7 +75,8 @@ class Tsf85:
     Between two of them the dynamic channel and the inertia go on: the scan carries their latest
     numbers, and the largest magnitude of the dynamic channel since the scan before.
 
-    There is no check, so a packet is believed if its parts fill it and another one follows.
+    There is no check, so a packet is believed if its parts fill it and another one follows. Without
+    one that follows, the taxels must go on from those before; nothing else of it is kept then.
 
     Parameters
     ----------
@@ -100,8 +105,10 @@ class Tsf85:
             return MORE
         parts = self._parts(bytes(data[HEAD:size]))
         after = bytes(data[size : size + HEAD + 1])
-        if parts is None or not begins(after):
+        if parts is None:
             return Skip(1, bad=locked)
+        if not begins(after):
+            return Found(size, self._aside(parts), alone=True)
         if len(after) <= HEAD and not ended:
             return MORE
         return Found(size, self._scan(parts))
@@ -113,6 +120,15 @@ class Tsf85:
             if parts is not None:
                 return parts
         return None
+
+    def _aside(self, parts: "Parts") -> Scan | None:
+        """Return the scan, and keep nothing of it."""
+        kept = self._extras, self._peak, self._clock, self._time
+        self._extras = dict(self._extras)
+        try:
+            return self._scan(parts)
+        finally:
+            self._extras, self._peak, self._clock, self._time = kept
 
     def _scan(self, parts: "Parts") -> Scan | None:
         values = None

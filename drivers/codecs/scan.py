@@ -31,6 +31,8 @@ class Scan:
         Whether a cell stands at an end of its range.
     at_end : (rows, cols) bool, optional
         Which do, where that is known.
+    arrived_ns : int, optional
+        When it came by the host's monotonic clock, of a scan that was held back since.
     extras : mapping of str to float
         Reports of the device apart from its taxels, by names that begin with "device_".
     """
@@ -45,6 +47,7 @@ class Scan:
     period_us: int = 0
     saturated: bool = False
     at_end: NDArray[np.bool_] | None = None
+    arrived_ns: int | None = None
     extras: Mapping[str, float] = field(default_factory=dict[str, float])
 
     def __post_init__(self) -> None:

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
+from cnnum.drivers.codecs.neighbours import Neighbours
 from cnnum.drivers.codecs.scan import Scan
 
 MOST_WAITING = 1 << 21
@@ -16,10 +17,21 @@ MOST_WAITING = 1 << 21
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """A good packet of `size` bytes at the front, with its scan if it completes one."""
+    """A good packet of `size` bytes at the front.
+
+    Attributes
+    ----------
+    size : int
+    scan : Scan or None
+        The one that it completes.
+    alone : bool
+        Whether nothing but the packet itself says that it is one: then it is good only where its
+        scan goes on from the one before.
+    """
 
     size: int
     scan: Scan | None = None
+    alone: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,10 +77,16 @@ class Format(Protocol):
 class Decoder:
     """Cuts a stream into scans and counts the losses on the way.
 
+    Parameters
+    ----------
+    format : Format
+    neighbours : Neighbours, optional
+        Of a protocol without a check: they decide whether a scan counts as good.
+
     Attributes
     ----------
     good, bad : int
-        Packets that passed their check, and those that did not.
+        Packets that passed their check or their neighbours, and those that did not.
     discarded : int
         Bytes that belonged to no good packet.
     resyncs : int
@@ -77,8 +95,8 @@ class Decoder:
         That another array answers, in words; empty where none does.
     """
 
-    def __init__(self, format: Format) -> None:
-        self._format = format
+    def __init__(self, format: Format, neighbours: Neighbours | None = None) -> None:
+        self._format, self._neighbours = format, neighbours
         self.good = self.bad = self.discarded = self.resyncs = 0
         self.conflict = ""
         self._buffer = bytearray()
@@ -94,16 +112,26 @@ class Decoder:
         self._buffer += chunk
         return self._drain(ended=False)
 
-    def flush(self) -> list[Scan]:
-        """Return the whole scans in the waiting bytes: the stream has ended or broken."""
+    def flush(self, *, lost: bool = True) -> list[Scan]:
+        """Return the whole scans in the waiting bytes: the stream has ended or broken.
+
+        Parameters
+        ----------
+        lost : bool
+            Whether no scan follows soon. If one does, only the answer to a request has ended.
+        """
         scans = self._drain(ended=True)
         self._locked = False
+        if lost and self._neighbours is not None:
+            self.bad += self._neighbours.lost()
         return scans
 
     def _drain(self, *, ended: bool) -> list[Scan]:
         scans: list[Scan] = []
         while self._buffer:
             seen = self._format.look(self._buffer, locked=self._locked, ended=ended)
+            if isinstance(seen, Found) and seen.alone and not self._agree(seen.scan):
+                seen = Skip(1, bad=self._locked)
             if isinstance(seen, Found):
                 self._take(seen, scans)
             elif isinstance(seen, Skip):
@@ -115,12 +143,19 @@ class Decoder:
                 break
         return scans
 
+    def _agree(self, scan: Scan | None) -> bool:
+        return scan is not None and self._neighbours is not None and self._neighbours.agree(scan)
+
     def _take(self, found: Found, scans: list[Scan]) -> None:
         del self._buffer[: found.size]
-        self.good += 1
         self._locked, self._lost = True, False
-        if found.scan is not None:
-            scans.append(found.scan)
+        if found.scan is None or self._neighbours is None:
+            self.good += 1
+            scans += [] if found.scan is None else [found.scan]
+            return
+        passed, refused = self._neighbours.take(found.scan)
+        self.good, self.bad = self.good + len(passed), self.bad + refused
+        scans += passed
 
     def _discard(self, count: int) -> None:
         size = min(count, len(self._buffer))

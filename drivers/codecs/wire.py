@@ -37,7 +37,7 @@ class Decoding(Protocol):
     @property
     def conflict(self) -> str: ...  # noqa: D102
     def feed(self, chunk: bytes) -> list[Scan]: ...  # noqa: D102
-    def flush(self) -> list[Scan]: ...  # noqa: D102
+    def flush(self, *, lost: bool = True) -> list[Scan]: ...  # noqa: D102
 
 
 FULL = {
@@ -115,8 +115,8 @@ class Wire:
     form : Form or None
         The scans that `encode` takes; None where it takes any scan.
     verified : bool
-        Whether packets carry a check of their numbers. Without one, damage inside a packet goes
-        unseen, and a good packet between damaged ones may be taken for damage.
+        Whether packets carry a check of their numbers. Without one, scans are held against their
+        neighbours; damage that is no jump goes unseen, and a jump of one scan is taken for damage.
     """
 
     name: str
@@ -172,19 +172,21 @@ def described_wire(path: Path, asked: Asked) -> Wire:
     """
     from cnnum.drivers.codecs.descriptor import read_descriptor
     from cnnum.drivers.codecs.fixed_size import FixedSize
+    from cnnum.drivers.codecs.neighbours import Neighbours
     from cnnum.drivers.codecs.stream import Decoder
     from cnnum.drivers.codecs.text_rows import TextRows
 
     known = read_descriptor(path, asked.shape)
     form = TextRows(known) if known.cell == "text" else FixedSize(known)
+    full, verified = FULL[known.cell] * known.scale, known.check != "none"
     return Wire(
         f"'{known.name}'",
         known.baud,
-        lambda: Decoder(form),
+        lambda: Decoder(form, None if verified else Neighbours(full)),
         form.encode,
         request=bytes.fromhex(known.request),
-        form=Form(known.shape, known.names, known.unit, 0.0, FULL[known.cell] * known.scale),
-        verified=known.check != "none",
+        form=Form(known.shape, known.names, known.unit, 0.0, full),
+        verified=verified,
     )
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cnnum.arrays import Floats, Shape
+from cnnum.drivers.codecs.neighbours import Neighbours
 from cnnum.drivers.codecs.scan import Scan
 from cnnum.drivers.codecs.stream import MORE, Decoder, Found, Skip
 from cnnum.drivers.codecs.wire import Asked, Form, Wire
@@ -37,7 +38,7 @@ def xela(asked: Asked) -> Wire:
     return Wire(
         "XELA's server messages",
         115_200,
-        lambda: Decoder(server),
+        lambda: Decoder(server, Neighbours(form.full - form.rest)),
         encode,
         form=form,
         verified=False,

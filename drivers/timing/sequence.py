@@ -75,7 +75,7 @@ class FrameClock:
         arrived_ns : int, optional
             On the host's monotonic clock; now unless given.
         """
-        arrived = time.monotonic_ns() if arrived_ns is None else arrived_ns
+        arrived = scan.arrived_ns or arrived_ns or time.monotonic_ns()
         quality = Quality.SATURATED if scan.saturated else Quality.GOOD
         quality |= self._advance(scan, 1e-9 * arrived)
         if scan.time_us is not None:

@@ -150,8 +150,8 @@ def _unverified(driver: "Driver") -> list[tuple[str, str]]:
     return [
         (
             "check",
-            "frames of this protocol cannot be verified: damage inside a packet goes unseen, and "
-            "good packets next to damaged ones are lost",
+            "frames of this protocol cannot be verified: one that jumps away from its neighbours "
+            "counts as bad, other damage goes unseen",
         )
     ]
 
