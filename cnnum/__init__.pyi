@@ -16,6 +16,7 @@ from .programs import Program as Program
 from .programs import program as program
 from .programs.fields import Field as Field
 from .programs.fields import exp as exp
+from .programs.fields import log as log
 from .programs.fields import maximum as maximum
 from .programs.fields import minimum as minimum
 from .programs.fields import sqrt as sqrt

@@ -13,7 +13,9 @@ if TYPE_CHECKING:
     from cnnum.scenes.pipeline import FrameResult, Scene
 
 save_option = target_option(
-    "--save", "FILE.npz|csv|nc", "Write the fields that the scene wants, a row a frame."
+    "--save",
+    "FILE.npz|csv|nc|txt",
+    "Write the fields that the scene wants, a row a frame; as .txt spikes, a line each.",
 )
 
 
@@ -56,12 +58,17 @@ class FieldSaver:
     """
 
     def __init__(self, path: Path | None, scene: "Scene", *, force: bool = False) -> None:
-        from cnnum.scenes.scene_record import SceneRecord, refuse_no_fields
+        from cnnum.scenes.scene_record import (
+            SceneRecord,
+            refuse_no_fields,
+            refuse_no_spikes,
+        )
 
         self._path, self._force = path, force
         self._record = SceneRecord(scene.fields)
         if path is not None:
             refuse_no_fields(scene.fields, scene.offered)
+            refuse_no_spikes(path, scene.fields)
 
     def add(self, moment: "FrameResult") -> None:
         """Keep a moment."""

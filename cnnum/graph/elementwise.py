@@ -50,6 +50,10 @@ def _root(a: Floats) -> Floats:
     return np.sqrt(np.maximum(a, 0.0))
 
 
+def _logarithm(a: Floats) -> Floats:
+    return np.log(np.where(np.asarray(a) > 0.0, a, 1.0))
+
+
 def _power(a: Floats, b: Floats) -> Floats:
     # as for the root and for division: 0 where there is no such number
     zeros = np.zeros(np.broadcast_shapes(a.shape, b.shape))
@@ -72,6 +76,7 @@ NEGATE = ElementOp("negate", 1, np.negative, "-a")
 ABSOLUTE = ElementOp("absolute", 1, np.abs, "fabs(a)")
 ROOT = ElementOp("root", 1, _root, "sqrt(fmax(a, ZERO))")
 EXPONENTIAL = ElementOp("exponential", 1, np.exp, "exp(a)")
+LOGARITHM = ElementOp("logarithm", 1, _logarithm, "log(PICK(a > ZERO, a, ONE))")
 POWER = ElementOp("power", 2, _power, "PICK(a > ZERO, pow(fmax(a, ZERO), b), ZERO)")
 MINIMUM = ElementOp("minimum", 2, np.minimum, "fmin(a, b)")
 MAXIMUM = ElementOp("maximum", 2, np.maximum, "fmax(a, b)")

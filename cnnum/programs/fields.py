@@ -300,6 +300,11 @@ def exp(a: Field) -> Field:
     return combine(op.EXPONENTIAL, a)
 
 
+def log(a: Field) -> Field:
+    """Return the natural logarithm of every cell, 0 where it is not above 0."""
+    return combine(op.LOGARITHM, a)
+
+
 def constant(graph: Graph, values: object) -> Field:
     """Return the field of a number, a map or a stack of maps that is the same in every frame.
 
@@ -342,6 +347,7 @@ _UFUNCS: Mapping[np.ufunc, Callable[..., Field]] = {
     np.fabs: Field.__abs__,
     np.sqrt: sqrt,
     np.exp: exp,
+    np.log: log,
     np.minimum: minimum,
     np.maximum: maximum,
     np.greater: Field.__gt__,

@@ -58,6 +58,14 @@ QUANTITIES: Mapping[str, Quantity] = {
     PITCH: Quantity("metres", 1e-7, 10.0, METRES, "1.5 mm"),
     "youngs_modulus": Quantity("pascals", 1e-9, 1e15, PASCALS, "870 kPa"),
     **dict.fromkeys(
+        ("sa1_field", "ra1_field", "pc_field", "sa2_field"),
+        Quantity("pitches of the array", 0.0, 1e3, METRES, "2 mm", in_pitches=True),
+    ),
+    **dict.fromkeys(
+        ("sa_to", "ra1_from", "ra1_to", "pc_from", "pc_to"),
+        Quantity("cycles a second (Hz)", 1e-3, 1e6, HERTZ, "50 Hz"),
+    ),
+    **dict.fromkeys(
         ("false_reports", "slip_false_reports", "twist_false_reports"),
         Quantity("false reports in ten minutes", 1e-3, 1e3, PER_TEN_MINUTES, "6 /h"),
     ),

@@ -258,6 +258,24 @@ EVENT_RULES: dict[str, tuple[EventRule, ...]] = {
         EventRule("grasp_twist", "grasp_twist", sense="grasp_sense", steady=0.1),
         EventRule("grasp_squeeze", "grasp_squeeze", sense="grasp_sense", steady=0.1),
     ),
+    **{
+        event: (
+            EventRule(
+                event,
+                f"{channel}_active",
+                ends=f"{event}_end",
+                where=(f"{channel}_row", f"{channel}_column"),
+                direction=("stretch_x", "stretch_y") if channel == "sa2" else None,
+                strength=f"{channel}_strength",
+            ),
+        )
+        for event, channel in (
+            ("pressure", "sa1"),
+            ("motion", "ra1"),
+            ("vibration", "pc"),
+            ("stretch", "sa2"),
+        )
+    },
 }
 """The events that a scene can want: name to rules. Of slip, `tactile` reports the gross phase; a
 program that detects incipient slip has an output for it."""

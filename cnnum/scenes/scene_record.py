@@ -21,6 +21,12 @@ if TYPE_CHECKING:
 
 FIELD_AXES = ("row", "col")
 
+SPIKES = ("_spikes", "_spike_time", "_spike_gap")
+"""Endings of the outputs of a channel that its spikes are made of."""
+
+ADDRESS_EVENT = np.dtype([("t", "<i8"), ("x", "<i2"), ("y", "<i2"), ("p", "i1")])
+"""A spike as event cameras record it: time, µs; column; row; 1, or 0 where it is negative."""
+
 
 class SceneRecord:
     """Fields and events of the frames of a scene; frames that were bad or repeats are left out.
@@ -100,6 +106,36 @@ class SceneRecord:
             raise name_error("field", name, self.names)
         return np.array(self._values[name])
 
+    def address_events(self, channel: str) -> np.ndarray:
+        """Return the spikes of a channel as address events, in the order of their times.
+
+        Parameters
+        ----------
+        channel : str
+            "sa1", "ra1", "pc" or "sa2" of the program `receptors`. The record keeps its `_spikes`,
+            `_spike_time` and `_spike_gap`.
+
+        Returns
+        -------
+        (events,) of `ADDRESS_EVENT`
+            The fields t (µs on the clock of the frames), x (column), y (row) and p (1 or 0).
+
+        Raises
+        ------
+        UnknownNameError
+            If one of the three is not kept.
+        """
+        count, time, gap = (self[channel + ending] for ending in SPIKES)
+        number, row, column = np.nonzero(count)
+        repeats = np.abs(count[number, row, column]).round().astype(np.int64)
+        which = np.repeat(np.arange(repeats.size), repeats)
+        nth = np.arange(which.size) - np.repeat(np.cumsum(repeats) - repeats, repeats)
+        at = number[which], row[which], column[which]
+        events = np.empty(which.size, ADDRESS_EVENT)
+        events["t"] = np.rint(1e6 * (self.times[at[0]] + time[at] + nth * gap[at]))
+        events["x"], events["y"], events["p"] = at[2], at[1], count[at] > 0
+        return events[np.argsort(events["t"], kind="stable")]
+
     def to_xarray(self) -> Any:
         """Return an `xarray.Dataset` with the axes time, row and col (extra `tables`)."""
         coordinates = {name: (("time",), values) for name, values in self.leading().items()}
@@ -113,7 +149,10 @@ class SceneRecord:
         return tables.data_frame(columns)
 
     def save(self, path: str | Path, *, force: bool = False) -> None:
-        """Write the fields to a file: .npz, .csv or .nc (NetCDF 3).
+        """Write the fields to a file: .npz, .csv or .nc (NetCDF 3), or the spikes of one: .txt.
+
+        The latter has a line `t x y p` a spike: the time in s, column, row, and 1, or 0 where it is
+        negative. Event cameras write such (Mueggler et al., Int. J. Robotics Res. 36 (2017) 142).
 
         Parameters
         ----------
@@ -127,9 +166,12 @@ class SceneRecord:
             If the suffix is another one.
         ReportError
             If there is such a file, or it cannot be written.
+        SceneError
+            If a .txt is asked for, and spikes of exactly one channel are not kept.
         """
         target = Path(path)
         suffix_of(target)
+        refuse_no_spikes(target, self.names)
         with written(target, force=force) as file:
             WRITERS[target.suffix.lower()](file, self)
 
@@ -197,10 +239,44 @@ def _write_netcdf(file: IO[bytes], record: SceneRecord) -> None:
         file.write(made.getbuffer())
 
 
+def _write_address_events(file: IO[bytes], record: SceneRecord) -> None:
+    events = record.address_events(_channel_of(record.names))
+    columns = [events[name].tolist() for name in ("t", "x", "y", "p")]
+    lines = (f"{1e-6 * t:.6f} {x} {y} {p}\n" for t, x, y, p in zip(*columns, strict=True))
+    file.write("".join(lines).encode("ascii"))
+
+
+def _channel_of(names: Iterable[str]) -> str:
+    """Return the only channel whose spikes are among some fields; "" without exactly one."""
+    first = SPIKES[0]
+    found = {name.removesuffix(first) for name in names if name.endswith(first)}
+    known = set(names)
+    whole = [each for each in found if known >= {each + ending for ending in SPIKES}]
+    return whole[0] if len(found) == len(whole) == 1 else ""
+
+
+def refuse_no_spikes(target: Path, names: Iterable[str]) -> None:
+    """Refuse to write address events of none or of several channels.
+
+    Raises
+    ------
+    SceneError
+    """
+    if target.suffix.lower() == ADDRESS_EVENTS and not _channel_of(tuple(names)):
+        raise SceneError(
+            f"'{target.name}' is to hold the spikes of one channel, a line each: name its three "
+            "outputs in the scene's 'wants', as in ra1_spikes, ra1_spike_time and ra1_spike_gap."
+        )
+
+
+ADDRESS_EVENTS = ".txt"
+"""Suffix of a file of address events."""
+
 WRITERS: Mapping[str, Callable[[IO[bytes], SceneRecord], None]] = {
     ".npz": _write_npz,
     ".csv": _write_csv,
     ".nc": _write_netcdf,
+    ADDRESS_EVENTS: _write_address_events,
 }
 """By the suffix of the file."""
 

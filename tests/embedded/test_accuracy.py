@@ -6,6 +6,7 @@ import pytest
 import cnnum
 from cnnum.embedded.formats import precision_named
 from cnnum.embedded.making import make
+from cnnum.errors import NotSupportedError
 from cnnum.frame import FORCE_AXES
 from cnnum.graph.passes import schedule
 from cnnum.templates.tactile.halfspace_equilibrium import halfspace_equilibrium
@@ -92,3 +93,26 @@ def test_an_elastic_block_is_at_rest_at_once(precision, off):
     for frame in range(0, len(loads), 6):
         wanted = on_plane(block_displacement(loads[frame, 0], 6, 0.75, 0.45), 2)
         assert np.abs(got[frame] - wanted).max() < off * np.abs(wanted).max()
+
+
+def test_receptors_in_whole_numbers_are_near_and_their_spikes_are_refused():
+    needs = ["sa1", "ra1", "sa2_x", "sa1_active", "ra1_active", "sa2_active"]
+    frames = streams((8, 8))[:, :1]
+    program = cnnum.get_program("receptors").bind(**SHORT)
+    stream = cnnum.Engine("numba", precision="float64").compile(program, (8, 8), needs).stream((1,))
+    answers = [stream.push(frame) for frame in frames]
+    found = made("receptors", "q15", needs=needs).run(frames)
+    for name in needs:
+        wanted = np.array([one[name] for one in answers])
+        # measured: 7e-4 of the largest
+        off = 0.0 if name.endswith("active") else 2e-3
+        assert wanted.any()
+        assert np.abs(found[name] - wanted).max() <= off * np.abs(wanted).max()
+    with pytest.raises(NotSupportedError, match="logarithm"):
+        made("receptors", "q15", needs=["ra1_spikes"])
+    spikes = made("receptors", "float32", needs=["ra1_spikes"]).run(frames)["ra1_spikes"]
+    stream = cnnum.Engine("numba").compile(program, (8, 8), ["ra1_spikes"]).stream((1,))
+    wanted = np.array([stream.push(frame)["ra1_spikes"] for frame in frames])
+    assert wanted.any()
+    # a spike at the end of a frame may be taken for the next one's
+    assert np.abs(np.cumsum(spikes - wanted, axis=0)).max() <= 1

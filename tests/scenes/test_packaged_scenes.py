@@ -8,10 +8,11 @@ import pytest
 
 from cnnum.drivers.simulated.bodies import outline_of
 from cnnum.drivers.simulated.cover import CELLS, MARGIN
-from cnnum.errors import PhysicsError
+from cnnum.errors import PhysicsError, SceneError
 from cnnum.lab.bench.programs.edge_errors import found_places, met, off_outline
 from cnnum.scenes.pipeline import load_scene
 from cnnum.scenes.scene_file import scene_names
+from cnnum.scenes.scene_record import SceneRecord
 from cnnum.tactile.texture import texture as friction_and_roughness
 
 
@@ -294,3 +295,54 @@ def test_a_recorded_grasp_is_reported():
     moments = list(scene.results())
     assert scene.summary().bad_frames == 0
     assert all(event.kind == "slip" for moment in moments for event in moment.events)
+
+
+def test_receptors_reports_what_each_channel_of_the_skin_feels():
+    """It is pressed from 0.42 s on, shaken from 1.02, pulled from 1.52, let go from 2.12 s on."""
+    _, moments, truths = played("receptors")
+    events = [event for moment in moments for event in moment.events]
+    times = {kind: [e.t for e in events if e.kind == kind] for kind in {e.kind for e in events}}
+    held = [m.frame.time for m, t in zip(moments, truths, strict=True) if t["contact"]]
+    # a load that begins as t^1.5 leaves the noise after 10 ms; a flag ends 50 ms after its signal
+    (begins,), (ends,) = times["pressure"], times["pressure_end"]
+    assert 0 <= begins - held[0] < 0.02
+    assert -0.02 < ends - held[-1] < 0.1
+    # the load swings by a fifth at 125 Hz; a hand that lifts off of a sudden is felt as a jerk
+    shaken, jerk = times["vibration"]
+    assert 0 <= shaken - 1.02 < 0.01
+    assert 0 < times["vibration_end"][0] - 1.22 < 0.1
+    assert 0 <= jerk - 2.12 < 0.01
+    # RA-I speaks while the push changes, and is silent while it is held
+    moves = list(zip(times["motion"], times["motion_end"], strict=True))
+    still = [(0.85, 1.0), (1.35, 1.5), (2.05, 2.1)]
+    assert not any(begin < b and end > a for begin, end in moves for a, b in still)
+    assert any(begin < 0.45 and end > 0.72 for begin, end in moves)
+    (stretch,) = (event for event in events if event.kind == "stretch")
+    truth = truths[stretch.frame]
+    assert 0.0 < stretch.t - 1.52 < 0.15
+    assert stretch.direction == pytest.approx(
+        np.arctan2(truth["shear_y"], truth["shear_x"]), abs=0.05
+    )
+    assert len(times["stretch_end"]) == 1
+
+
+def test_spikes_of_the_receptors_are_address_events(tmp_path):
+    wants = ["ra1_spikes", "ra1_spike_time", "ra1_spike_gap", "ra1_first"]
+    record = load_scene("receptors", changes={"wants": wants}).collect(frames=700)
+    events = record.address_events("ra1")
+    assert events.size == np.abs(record["ra1_spikes"]).sum() > 100
+    assert (np.diff(events["t"]) >= 0).all()
+    assert events["t"][0] > 0.42e6
+    record.save(tmp_path / "spikes.txt")
+    rows = np.loadtxt(tmp_path / "spikes.txt")
+    np.testing.assert_allclose(rows[:, 0], 1e-6 * events["t"], atol=1e-9)
+    for column, name in enumerate("xyp", 1):
+        np.testing.assert_array_equal(rows[:, column], events[name])
+    # where the sphere came down, the first one fires
+    first = record["ra1_first"][-1]
+    place = np.unravel_index(np.argmin(np.where(first < 0, np.inf, first)), first.shape)
+    assert np.hypot(place[0] - (3.5 - 0.4 / 1.5), place[1] - (3.5 - 0.9 / 1.5)) < 1.5
+    one = (events["x"] == place[1]) & (events["y"] == place[0])
+    assert events["t"][one][0] == events["t"][0]
+    with pytest.raises(SceneError, match="one channel"):
+        SceneRecord(["ra1"]).save(tmp_path / "none.txt")

@@ -174,6 +174,12 @@ SCENES = {
         {"push": 1.0},
         middle=True,
     ),
+    "receptors": Scene(
+        pulled,
+        # the sums miss what small arrays cut off: a third of the shear on 4×4
+        (Same("sa1_active", 0.0), Same("sa1_row", 0.3), Same("sa1_column", 0.3, turns=True)),
+        {"rate": 20.0},
+    ),
     "slip": Scene(slid, SLIP, {"rate": 50.0}),
     "surface_load": Scene(
         strained,

@@ -38,6 +38,8 @@ def _of_one(arithmetic: Arithmetic, name: str, a: Quantity, finest: int) -> Quan
         return arithmetic.absolute(a)
     if name == "root":
         return arithmetic.root(a, finest)
+    if name == "logarithm":
+        return arithmetic.logarithm(a, finest)
     assert name == "exponential"
     return arithmetic.exponential(a, finest)
 

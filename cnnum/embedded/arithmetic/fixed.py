@@ -198,6 +198,19 @@ class Fixed:
             "the outputs that need it."
         )
 
+    def logarithm(self, a: Quantity, finest: int) -> Quantity:
+        """Refuse.
+
+        Raises
+        ------
+        NotSupportedError
+            Always.
+        """
+        raise NotSupportedError(
+            "A logarithm has no form in whole numbers: take precision='float32', or leave out the "
+            "outputs that need it."
+        )
+
     def _root(self, which: str, order: int, a: Quantity, finest: int) -> Quantity:
         a = self.settled(a)
         room = ROOM - magnitude(a.value).bit_length()

@@ -139,6 +139,10 @@ def _power(a: Any, b: Any) -> Any:
     return np.where(a > 0, np.power(np.where(a > 0, a, 1.0), b), 0.0)
 
 
+def _logarithm(a: Any) -> Any:
+    return np.log(np.where(np.asarray(a) > 0, a, 1.0))
+
+
 def _picked(holds: Any, a: Any, b: Any) -> Any:
     return np.where(np.asarray(holds, dtype=bool), np.asarray(a), np.asarray(b))
 
@@ -174,6 +178,7 @@ PRIMITIVES = {
     "ratio": Primitive(_none, _ratio),
     "real_root": Primitive(_none, _real_root),
     "power": Primitive(_none, _power),
+    "logarithm": Primitive(_none, _logarithm),
     "exponential": Primitive(_none, np.exp),
     "to_real": Primitive(_none, _as_real),
 }

@@ -61,6 +61,10 @@ class Reals:
         """Return e to the power of a."""
         return _made("exponential", a)
 
+    def logarithm(self, a: Quantity, finest: int) -> Quantity:
+        """Return the natural logarithm of a; 0 where a is not above 0."""
+        return _made("logarithm", a)
+
     def negate(self, a: Quantity) -> Quantity:
         """Return −a."""
         return _made("negate", a)

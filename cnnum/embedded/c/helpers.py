@@ -71,6 +71,7 @@ _REALS = {
 {
     return a > 0.0f ? expf(b * logf(a)) : 0.0f;
 }""",
+    "logarithm": "static float logarithm(float a)\n{\n    return a > 0.0f ? logf(a) : 0.0f;\n}",
     "exponential": "static float exponential(float a)\n{\n    return expf(a);\n}",
 }
 

@@ -16,6 +16,7 @@ from cnnum.lab.reproduce.chapters import (
     inverse,
     pads,
     receptive,
+    receptor_rows,
     ridge,
     silicon,
     skin,
@@ -26,6 +27,7 @@ from cnnum.lab.reproduce.record import Chapter, Item
 
 CHAPTERS: tuple[Chapter, ...] = (
     skin.CHAPTER,
+    receptor_rows.CHAPTER,
     silicon.CHAPTER,
     fields.CHAPTER,
     receptive.CHAPTER,

@@ -7,6 +7,7 @@ from cnnum.templating.checks.program_records import ProgramForm
 from cnnum.templating.checks.tactile import codes as tactile_codes
 from cnnum.templating.checks.tactile import halfspace as tactile_halfspace
 from cnnum.templating.checks.tactile import outlines as tactile_outlines
+from cnnum.templating.checks.tactile import receptor_channels as tactile_receptors
 from cnnum.templating.checks.tactile import slip_and_twist as tactile_slip_and_twist
 
 _KINDS = (
@@ -14,6 +15,7 @@ _KINDS = (
     tactile_codes.FORMS,
     tactile_slip_and_twist.FORMS,
     tactile_halfspace.FORMS,
+    tactile_receptors.FORMS,
 )
 _FORMS: Mapping[str, tuple[ProgramForm, ...]] = MappingProxyType(
     {

@@ -17,6 +17,7 @@ from cnnum.templating.checks.analytic import (
     interpolation,
     linear,
     oscillation,
+    ramps,
     reference_run,
     waves,
 )
@@ -39,7 +40,7 @@ _KINDS = (
     *(cell.FORMS, differences.FORMS, ranks.FORMS, anisotropic.FORMS, interpolation.FORMS),
     *(motion.FORMS, delays.FORMS, gains.FORMS),
     *(rules.FORMS, lines.FORMS, courses.FORMS, reference_run.FORMS),
-    *(life.FORMS, waves.FORMS, oscillation.FORMS),
+    *(life.FORMS, waves.FORMS, oscillation.FORMS, ramps.FORMS),
 )
 _FORMS: Mapping[str, ClosedForm] = MappingProxyType(
     {form.name: form for kind in _KINDS for form in kind}

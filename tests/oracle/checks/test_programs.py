@@ -24,6 +24,8 @@ WRONG = {
     "slip-pads": {"pads": 1},
     "twist-strength": {"floor": 120.0},
     "twist-report": {"floor": 1e5},
+    "ramp-and-hold": {"ra1_to": 51.0},
+    "spikes-of-a-leaky-cell": {"membrane": 0.011},
     "slip-and-twist": {"slip_false_reports": 0.5},
 }
 """Parameters that make a program wrong for its form."""

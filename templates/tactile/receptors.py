@@ -1,0 +1,299 @@
+"""The four receptor channels of the skin (Vásárhelyi's Table 2.I), and the spikes that they send.
+
+    channel        signal        receptive field          in time, by its template
+    SA-I           push          small, Ø 2 mm            slow_receptor, to 15 Hz
+    RA-I           push          small, Ø 2.5 mm          rapid_receptor, 20 to 50 Hz
+    PC (RA-II)     push          large, Ø 7.9 mm          vibration_receptor, 60 to 400 Hz
+    SA-II          shear         large, Ø 5.6 mm          slow_receptor, to 15 Hz
+
+A field is a bell by diffusion. In time each cell is a few layers with time constants in seconds.
+Between two frames the signal is taken to run straight. So a signal that is straight there gives the
+same answer at any rate, and another one is off by no more than `gain · dt² / 8 · max |u″|`. A spike
+comes from a leaky cell: it integrates its channel's output, fires at a threshold and starts anew.
+
+References
+----------
+Vásárhelyi (2007), 2.2; Johansson & Vallbo, Brain Res. 184 (1980) 353: fields of SA-II and PC are 5
+and 10 times as large in area. Johansson & Birznieks, Nat. Neurosci. 7 (2004) 170: first spikes.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from math import ceil, pi
+from typing import Literal, get_args
+
+import numpy as np
+
+from cnnum.errors import name_error
+from cnnum.graph.nodes import RunSpec
+from cnnum.programs import program
+from cnnum.programs.fields import Field, exp, log, maximum, minimum, sqrt, square, where
+from cnnum.programs.loops import loop
+from cnnum.programs.machine import FrameFields
+from cnnum.programs.parameters import refuse_outside
+from cnnum.programs.reports import report
+from cnnum.programs.several import length
+from cnnum.programs.transients import apply, transient
+from cnnum.templates.tactile.shared.loads import PUSH
+from cnnum.templating.library import get_template
+from cnnum.templating.template import Template
+
+Between = Literal["line", "hold"]
+"""The signal between two frames: straight, or at the value of the later one."""
+
+QUIET = 8
+"""Frames of rest at least, which make noise of 4 taxels known to a fifth."""
+
+SPREAD = 1.0 / (16.0 * np.log(2.0))
+"""Diffusion time (cells²) over the square of the width at half height that it gives a point."""
+
+TINY = 1e-30
+"""Least noise, of a sensor without any."""
+
+ROUNDING = 1e-6
+"""Least noise as a share of the largest raw value: the rounding of float32."""
+
+ONE_WAY = 0.5
+"""Least part of all stretch that must go one way: a push alone draws the skin in from all sides."""
+
+APART = 0.1
+"""s without a spike after which the next one is the first of a new touch."""
+
+
+@program
+def receptors(
+    frame: FrameFields,
+    *,
+    push: float = PUSH,
+    rate: float = 200.0,
+    rest: float = 0.4,
+    between: Between = "line",
+    sa1_field: float = 4.0 / 3.0,
+    ra1_field: float = 5.0 / 3.0,
+    pc_field: float = 5.3,
+    sa2_field: float = 3.7,
+    sa_to: float = 15.0,
+    ra1_from: float = 20.0,
+    ra1_to: float = 50.0,
+    pc_from: float = 60.0,
+    pc_to: float = 400.0,
+    level: float = 10.0,
+    hold_time: float = 0.05,
+    threshold: float = 0.0,
+    membrane: float = 0.01,
+    refractory: float = 0.001,
+) -> Mapping[str, Field]:
+    """The channels SA-I, RA-I, PC and SA-II, their events, and their spikes.
+
+    Parameters
+    ----------
+    frame : FrameFields
+        Strain, stress, signals or raw counts. SA-I, RA-I and PC read `normal`, SA-II the shear.
+    push : float
+        −1 for strain and stress, which count tension as positive; +1 if readings rise under a push.
+    rate, rest : float, Hz, s
+        Frames a second; time at the start without motion, which gives rest and noise.
+    between : "line" or "hold"
+        The signal between two frames. Held, as behind a converter, RA-I and PC depend on the rate.
+    sa1_field, ra1_field, pc_field, sa2_field : float
+        Width of a receptive field at half of its height, in pitches (or "2 mm").
+    sa_to, ra1_from, ra1_to, pc_from, pc_to : float, Hz
+        Corners of the layers: the low-pass of SA-I and SA-II; high-pass and low-pass of RA-I; those
+        of PC, whose high-pass counts twice.
+    level, hold_time : float, none, s
+        An event begins when a channel's largest output exceeds so many times its noise at rest. It
+        ends when the output has been below half of that for a time.
+    threshold : float
+        Output of a channel from which its cells send spikes, in its own unit; 0 for `level` times
+        its noise, which depends on the rate.
+    membrane, refractory : float, s
+        Time constant of the leaky cell, and how long it is silent after a spike.
+
+    Returns
+    -------
+    mapping
+        `sa1`, `ra1`, `pc` (maps in the unit of `normal`; of RA-I and PC positive where a push
+        grows), `sa2`, `sa2_x`, `sa2_y` (maps in the unit of shear: size and components). Of each
+        channel: `sa1_active` (flag), `sa1_strength` (largest output over its noise; of SA-II the
+        sum, where half of all stretch goes one way), `sa1_row`,
+        `sa1_column` (centroid of the squared output, cells), `sa1_spikes` (map: spikes since the
+        frame before, negative where the output is), `sa1_spike_time` (map: of the first of them
+        against this frame, s: 0 or below), `sa1_spike_gap` (map: from one of them to the next, s; 0
+        where there is no next), `sa1_first` (map: from the first spike of a touch anywhere to the
+        cell's own first, s; −1 before). And `stretch_x`, `stretch_y` (sums of SA-II's components).
+
+    Raises
+    ------
+    ProgramError
+        If a parameter is out of range.
+    UnknownNameError
+        If `between` is unknown.
+    """
+    if between not in get_args(Between):
+        raise name_error("course between two frames", between, get_args(Between))
+    refuse_outside(
+        rest=(rest, 0.0, 1e6), level=(level, 1.0, 1e6), hold_time=(hold_time, 0.0, 1e6),
+        threshold=(threshold, 0.0, 1e30), membrane=(membrane, 1e-6, 1e3),
+        refractory=(refractory, 1e-4, 1e3),
+    )  # fmt: skip
+    clock = _Clock(frame, rate, rest, between == "hold")
+    push_map = clock.above_rest("normal", push)
+    shear = [clock.above_rest(name, push) for name in ("shear_x", "shear_y")]
+    slow = _template("slow_receptor", (sa_to,))
+    rapid = _template("rapid_receptor", (ra1_from, ra1_to))
+    vibrating = _template("vibration_receptor", (pc_from, pc_from, pc_to))
+    x, y = (clock.behind(slow, _field(each, sa2_field)) for each in shear)
+    channels = {
+        "sa1": clock.behind(slow, _field(push_map, sa1_field)),
+        "ra1": clock.behind(rapid, _field(push_map, ra1_field)),
+        "pc": clock.behind(vibrating, _field(push_map, pc_field)),
+        "sa2": length([x, y]),
+    }
+    found = {**channels, "sa2_x": x, "sa2_y": y, "stretch_x": x.sum(), "stretch_y": y.sum()}
+    for name, output in channels.items():
+        reads = ("shear_x", "shear_y") if name == "sa2" else ("normal",)
+        noise = clock.noise(square(output).mean(), reads)
+        # a surface that is drawn up sends nothing by a slow channel
+        drive = maximum(output, 0.0) if name == "sa1" else output
+        peak = abs(drive).max(), noise
+        if name == "sa2":
+            net = length([found["stretch_x"], found["stretch_y"]])
+            pulled = where(net > ONE_WAY * output.sum(), net, 0.0)
+            peak = pulled, clock.noise(square(net), reads)
+        found |= clock.event(name, drive, *peak, level, hold_time)
+        fires = frame.constant(threshold) if threshold > 0.0 else level * noise
+        found |= clock.spikes(name, drive, fires, membrane, refractory)
+    return found
+
+
+def _template(name: str, corners: Sequence[float]) -> Template:
+    """Return a template whose layers, but for the signal's own, have these corners, Hz."""
+    return replace(get_template(name), tau=np.array([1.0, *map(corner, corners)]))
+
+
+def corner(hertz: float) -> float:
+    """Return the time constant of a corner, s."""
+    return 0.5 / pi / hertz
+
+
+def _field(signal: Field, width: float) -> Field:
+    """Return the mean of a signal over a field: a bell that is so wide at half its height."""
+    refuse_outside(field=(width, 0.0, 1e3))
+    spreads = get_template("tactile_diffusion")
+    return apply(spreads, input=signal, duration=SPREAD * width**2) if width > 0.0 else signal
+
+
+class _Clock:
+    """The time of the frames: rest, layers from frame to frame, events and spikes."""
+
+    def __init__(self, frame: FrameFields, rate: float, rest: float, held: bool) -> None:
+        self._frame, self._rate, self._held = frame, rate, held
+        self._quiet = max(QUIET, ceil(round(rest * rate, 6)))
+        self._resting = frame.age < float(self._quiet)
+
+    def above_rest(self, channel: str, push: float) -> Field:
+        """Return a channel above its mean at rest, positive as a load."""
+        reading, memory = self._frame.channel(channel), self._frame.memory(f"{channel} at rest")
+        share = where(self._resting, 1.0 / (self._frame.age + 1.0), 0.0)
+        return push * (reading - memory.mean(reading, share))
+
+    def behind(self, template: Template, signal: Field) -> Field:
+        """Return the last layer of a template that goes on from frame to frame."""
+        before = signal if self._held else self._frame.previous(signal)
+        layers = [self._frame.memory(f"{template.name} {n}") for n in range(1, template.layers)]
+        run = transient(
+            template,
+            input=self._rate * (signal - before),
+            state=[before, *(layer.value for layer in layers)],
+            spec=RunSpec(duration=1.0 / self._rate),
+        )
+        for layer, state in zip(layers, run.states[1:], strict=True):
+            layer.store(state)
+        return run.states[-1]
+
+    def noise(self, power: Field, channels: Sequence[str]) -> Field:
+        """Return the root of the mean power of an output in the second half of the rest."""
+        memory, half = self._frame.memory("noise", scalar=True), self._quiet // 2
+        counted = self._resting & (self._frame.age >= float(half))
+        share = where(counted, 1.0 / (self._quiet - half), 0.0)
+        memory.store(memory.value + share * power)
+        sizes = [abs(self._frame.channel(name)).max() for name in channels]
+        largest = sizes[0] if len(sizes) == 1 else maximum(*sizes)
+        return maximum(sqrt(memory.value), maximum(ROUNDING * largest, TINY))
+
+    def event(
+        self, name: str, output: Field, peak: Field, noise: Field, level: float, hold_time: float
+    ) -> dict[str, Field]:
+        """Return whether a channel is active, how strongly, and where."""
+        strength = where(self._resting, 0.0, peak / noise)
+        row, column = self._frame.centroid(square(output))
+        return {
+            f"{name}_active": report(self._frame, strength, level, hold_time * self._rate),
+            f"{name}_strength": strength,
+            f"{name}_row": row,
+            f"{name}_column": column,
+        }
+
+    def spikes(
+        self, name: str, output: Field, fires: Field, membrane: float, refractory: float
+    ) -> dict[str, Field]:
+        """Return the spikes of leaky cells under the mean of an output since the frame before.
+
+        Of a constant current I a cell without charge fires after membrane · ln(I / (I − fires)).
+        """
+        frame, lasts = self._frame, 1.0 / self._rate
+        charge, wait = frame.memory(f"charge of {name}"), frame.memory(f"wait of {name}")
+        driven = where(self._resting, 0.0, output)
+        mean = 0.5 * (driven + frame.previous(driven))
+        sign, current = where(mean < 0.0, -1.0, 1.0), abs(mean)
+        strong = current > fires
+
+        def next_spike(
+            left: Field, held: Field, count: Field, first: Field
+        ) -> tuple[Field, Field, Field, Field]:
+            takes = maximum(membrane * log((current - held) / (current - fires)), 0.0)
+            fired = strong & (left > 0.0) & (left >= takes)
+            fades = exp(-1.0 / membrane * maximum(left, 0.0))
+            return (
+                where(fired, left - takes - refractory, minimum(left, 0.0)),
+                where(fired, 0.0, current + (held - current) * fades),
+                count + where(fired, 1.0, 0.0),
+                where(fired & (count < 0.5), lasts - left + takes, first),
+            )
+
+        none = 0.0 * current
+        left, held, count, first = loop(
+            next_spike,
+            maximum(lasts - wait.value, 0.0),
+            sign * charge.value,
+            none,
+            none,
+            limit=ceil(lasts / refractory) + 2,
+            until=lambda left, *_: ~(left > 0.0).any(),
+        ).values
+        charge.store(sign * held)
+        # what is left below 0 is silence that goes on in the next frame
+        wait.store(maximum(wait.value - lasts, 0.0) + maximum(-left, 0.0))
+        gap = refractory + membrane * log(current / (current - fires))
+        return {
+            f"{name}_spikes": where(count > 0.5, sign * count, 0.0),
+            f"{name}_spike_time": where(count > 0.5, first - lasts, 0.0),
+            f"{name}_spike_gap": where(count > 1.5, gap, 0.0),
+            f"{name}_first": self._first(count > 0.5, first),
+        }
+
+    def _first(self, spiked: Field, time: Field) -> Field:
+        """Return the time of each cell's first spike after the first one of a touch, −1 before."""
+        frame, lasts = self._frame, 1.0 / self._rate
+        some = spiked.any()
+        silent = frame.memory("frames without a spike", scalar=True).count(~some)
+        begun = frame.memory("touch has begun", scalar=True, logic=True)
+        since, known = frame.memory("since the touch began", scalar=True), frame.memory("first + 1")
+        earliest = where(spiked, time, lasts).min()
+        start = where(begun.value, since.value, -earliest)
+        since.store(start + lasts)
+        was = where(begun.value, known.value, 0.0)
+        begun.latch(some, silent <= max(1.0, APART * self._rate))
+        now = where(was > 0.0, was, where(spiked, 1.0 + start + time, 0.0))
+        known.store(now)
+        return now - 1.0
