@@ -76,12 +76,18 @@ def test_a_transient_of_too_many_steps_is_refused_in_one_sentence():
         too_long()
 
 
-@pytest.mark.parametrize("precision", ["q15", "float32"])
-def test_the_test_vector_passes(precision, compiler, tmp_path):
-    found = made("slip", precision, method="euler")
-    found.export(streams((8, 8))[:, 0]).write(tmp_path)
-    main = compiled(compiler, tmp_path, "slip", "vector.c", *SANITIZERS)
+@pytest.mark.parametrize(("name", "precision"), [("slip", "q15"), ("contact", "float32")])
+def test_the_test_vector_passes(name, precision, compiler, tmp_path):
+    """Without memory from a heap; whole numbers need no library, and no floats, either."""
+    found = made(name, precision, method="euler")
+    exported = found.export(streams((8, 8))[:, 0])
+    exported.write(tmp_path)
+    main = compiled(compiler, tmp_path, name, "vector.c", *SANITIZERS)
     assert subprocess.run([main], check=False).returncode == 0
+    text = exported.files[f"{name}.c"]
+    assert "malloc" not in text
+    assert ("float" in text) == (precision == "float32")
+    assert ("-lm" in exported.files["Makefile"]) == (precision == "float32")
 
 
 def test_the_test_vector_fails_on_other_code(compiler, tmp_path):
@@ -125,13 +131,6 @@ def test_sizes_are_those_of_the_compiler(name, compiler, tmp_path):
     assert subprocess.run([main], check=False).returncode == 0
     for kind, size in zip(("kept and worked in", "one frame", "its answers"), sizes, strict=True):
         assert f"{kind}: {size} bytes" in exported.files[f"{name}.h"], kind
-
-
-def test_no_memory_is_allocated_and_no_library_is_needed():
-    files = made("slip", "q15").export(streams((8, 8))[:, 0]).files
-    assert "malloc" not in files["slip.c"]
-    assert "float" not in files["slip.c"]
-    assert "-lm" not in files["Makefile"]
 
 
 def test_only_what_is_wanted_is_exported():

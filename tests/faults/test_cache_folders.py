@@ -296,4 +296,4 @@ def test_full_and_read_only_disks(faults, copied):
 
     if mounted("true", "numba", environment(copied())) is None:
         pytest.skip("no mounts are allowed here")
-    on_two_cores(faults, list(itertools.product(MOUNTS, ENGINES)), trial, short=5)
+    on_two_cores(faults, list(itertools.product(MOUNTS, ENGINES)), trial, short=3)

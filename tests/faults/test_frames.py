@@ -96,7 +96,7 @@ def differences(
 def test_a_value_out_of_range_costs_one_frame_of_every_program(faults, fast, strain):
     """A NaN, an infinity or an outlier of 1e5 to 1e38 in any cell changes no later frame."""
     every = list(product(program_names("tactile"), places(strain[0]), BAD))
-    for name, cases in groupby(faults.each(every, short=130), key=lambda case: case[0]):
+    for name, cases in groupby(faults.each(every, short=52), key=lambda case: case[0]):
         plan = fast.compile(get_program(name), SHAPE, channels=FORCE_AXES)
         frames = strain[:: 10 if name in SLOW else 2]
         wrong = [spoilt(frames[at % 3], place, value) for at, (_, place, value) in enumerate(cases)]
@@ -108,7 +108,7 @@ def test_a_bridge_out_of_range_costs_one_frame_of_every_scene(faults, scripted, 
     """A NaN, an infinity or an outlier of a bridge changes no later frame of a scene."""
     # the second wants all that the program of these scenes gives
     every = list(product(("contact", "tactile"), places(volts[0]), BAD))
-    for name, cases in groupby(faults.each(every, short=150), key=lambda case: case[0]):
+    for name, cases in groupby(faults.each(every, short=60), key=lambda case: case[0]):
         scene = load_scene(name, changes=scripted)
         wrong = [spoilt(volts[at % 3], place, value) for at, (_, place, value) in enumerate(cases)]
         for what in differences(scene.path(), scene.path(), volts, wrong):

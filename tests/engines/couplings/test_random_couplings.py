@@ -52,7 +52,7 @@ def templates(draw):
     )  # fmt: skip
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=6, deadline=None)
 @given(
     template=templates(),
     precision=st.sampled_from(["float32", "float64"]),

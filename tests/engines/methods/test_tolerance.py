@@ -41,7 +41,7 @@ def test_a_large_array_judges_bends_as_a_small_one(bent):
     engine = Engine("opencl", precision="float64")
     given = {"method": "dormand-prince", "duration": 1.0}
     # in the first, errors grow: another order of a sum moves its steps
-    for known in tori[1:4]:
+    for known in tori[1:3]:
         maps = {name: values[0] for name, values in known.maps.items()}
         small = engine.run(known.template, **given, **maps)
         tiled = {name: np.tile(v, (1,) * (v.ndim - 2) + (40, 40)) for name, v in maps.items()}

@@ -73,7 +73,7 @@ def test_steps_to_rest_of_arrays_beyond_one_work_item():
     """In single precision, as a run of a duration of as many steps, which nothing watches."""
     rng = np.random.default_rng(90)
     template = resting(rng, "zero-flux", "standard", 1, 1)
-    maps = {name: rng.uniform(-1, 1, (2, 300, 257)) for name in ("input", "state")}
+    maps = {name: rng.uniform(-1, 1, (2, 200, 193)) for name in ("input", "state")}
     maps["input"] *= np.array([0.01, 1.0])[:, None, None]
     maps["state"] *= np.array([0.01, 1.0])[:, None, None]
     engine = Engine("opencl", precision="float32")
