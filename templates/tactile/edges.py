@@ -31,7 +31,7 @@ from cnnum.templates.tactile.cover_model.deconvolution import (
     noise_gain,
     surface_load,
 )
-from cnnum.templates.tactile.shared.loads import LIFT, PUSH, Loads, loads_of
+from cnnum.templates.tactile.shared.loads import LIFT, PUSH, Loads, loads_of, whole_normal
 from cnnum.templating.library import get_template
 
 WAYS = ((0, 1), (-1, 0), (0, -1), (1, 0))
@@ -60,9 +60,6 @@ edge."""
 PLACE = (-0.87, 0.14, 1.07, -0.44)
 """Cells from the taxel outwards to the outline: a constant, and three weights of loads: next to it
 within, its own, and outside, as shares of the larger of the first two."""
-
-AWAY = 0.5
-"""Least share of all weights that must be known where a broken taxel is filled in."""
 
 
 @program
@@ -110,7 +107,7 @@ def edges(
     """
     loads = frame.once(loads_of, push=push)
     noise = sqrt(loads.normal_noise)
-    load = surface_load(_whole(loads), depth, reads)
+    load = surface_load(whole_normal(loads), depth, reads)
     peak = load.max()
     surround = apply(get_template("tactile_diffusion"), input=load, duration=SPREAD)
     least = maximum(LEAST * peak, LIFT * noise_gain(depth, reads) * noise)
@@ -138,14 +135,6 @@ class _Link(NamedTuple):
     crosses: Field  # logic: the load ends on the way
     excess: Field  # of its fall within one cell over that of an edge, where it does
     place: Field  # cells outwards to where it ends; below 0 where that is inside
-
-
-def _whole(loads: Loads) -> Field:
-    """Return the readings, of broken taxels the mean of their neighbours."""
-    known, around = loads.sound & loads.alive, get_template("between_neighbours")
-    normal = where(known, loads.normal, 0.0)
-    share = apply(around, input=where(known, 1.0, 0.0))
-    return where(known, normal, apply(around, input=normal) / maximum(share, AWAY))
 
 
 def _links(load: Field, inside: Field, least: Field, sharp: float) -> list[_Link]:

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy import ndimage
 
 from cnnum.drivers.simulated.bodies import outline_of
 from cnnum.drivers.simulated.cover import CELLS, MARGIN
@@ -215,6 +216,34 @@ def test_edges_is_silent_on_a_wide_sphere():
     ]
     assert len(wide) > 200
     assert not any((moment.outputs["edges"] > 0).any() for moment in wide)
+
+
+@pytest.mark.one_in(2)
+@pytest.mark.parametrize("body", ["bar", "punch"])
+def test_edge_enhancement_finds_the_outline_through_the_cover(body):
+    """Of the body where it is at that moment, nearer than the cells that Sobel's gradient marks."""
+    needs = ["edge", "edges", "edge_to_right", "edge_to_below", "edge_enhanced"]
+    scene, moments, truths = played("edge_enhancement", needs=needs, **{"array.body": body})
+    assert kinds_of(moments) == ["edge"]
+    first = next(event for moment in moments for event in moment.events)
+    assert 0 <= first.time - onset(moments, truths, "contact") < 0.1
+    held = [n for n, truth in enumerate(truths) if truth["normal_force"] > 0.9]
+    rest = np.mean([moment.values[..., 0] for moment in moments[:16]], axis=0)
+    ours, sobel = [], []
+    for n in held[::40]:
+        outline, places, cells = found_outline(scene, moments[n], truths[n])
+        ours.append(off_outline(outline, places, cells))
+        assert met(outline, places, cells) > 0.9
+        normal = rest - moments[n].values[..., 0]
+        steep = np.hypot(ndimage.sobel(normal, 0), ndimage.sobel(normal, 1))
+        at = np.argwhere(steep > 0.5 * steep.max()).astype(float)
+        shift = np.array([truths[n]["y"], truths[n]["x"]]) / scene.driver.pitch
+        sobel.append(off_outline(outline, at - shift, cells))
+    ours, sobel = np.concatenate(ours), np.concatenate(sobel)
+    # docs/programs/edge-enhancement.md: under 0.75 pitches of cover 0.2 to 0.3 in the median
+    assert np.median(ours) < 0.35
+    assert np.quantile(ours, 0.95) < 0.75
+    assert np.median(sobel) > 1.4 * np.median(ours)
 
 
 @pytest.mark.one_in(2)

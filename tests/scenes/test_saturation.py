@@ -345,7 +345,7 @@ def test_a_replay_marks_the_taxels_of_the_live_run(tmp_path, suffix):
     assert (held.quality == np.where(marks.any(axis=(1, 2)), Quality.SATURATED, 0)).all()
     assert cnnum.load_recording(held.save(tmp_path / f"again{suffix}")) == held
     table = array_of(tmp_path / f"again{suffix}")
-    scene = load_scene("demo", changes={"wants": ["contact"], "array": table})
+    scene = load_scene("demo", changes={"needs": ["contact"], "array": table})
     for number, moment in enumerate(scene.results()):
         found = np.zeros((5, 6)) if moment.saturated is None else moment.saturated
         np.testing.assert_array_equal(found, marks[number])

@@ -147,6 +147,13 @@ SCENES = {
     "edges": Scene(
         disc, (Same("edge_load", 0.15), Same("surround_inhibition", 0.02)), {}, middle=True
     ),
+    "edge_enhancement": Scene(
+        disc,
+        # an array of 4×4 mirrors the disc's own rim, of which it sees a part
+        (Same("edge_enhanced", 0.15),),
+        {},
+        middle=True,
+    ),
     "grasp_code": Scene(
         held,
         (Same("code_known", 0.0), Same("grasp_slip", 0.0), Same("grasp_y", 0.02)),

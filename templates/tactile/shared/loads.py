@@ -33,6 +33,9 @@ BREAK = 300.0
 as powers, above which it breaks: several taxels feel a contact under a cover. `docs/calibration.md`
 has the scenes that it was set by."""
 
+AWAY = 0.5
+"""Least share of all weights that must be known where a broken taxel is filled in."""
+
 TINY = 1e-30
 
 ROUNDING = 1e-6
@@ -114,6 +117,14 @@ def loads_of(frame: FrameFields, push: float) -> Loads:
         healthy=sound & shear.healthy & ~_astray(shear, aside),
         alive=normal.alive | (abs(z) > 0.0),
     )
+
+
+def whole_normal(loads: Loads) -> Field:
+    """Return the normal loads, of broken taxels the mean of their neighbours."""
+    known, around = loads.sound & loads.alive, get_template("between_neighbours")
+    normal = where(known, loads.normal, 0.0)
+    share = apply(around, input=where(known, 1.0, 0.0))
+    return where(known, normal, apply(around, input=normal) / maximum(share, AWAY))
 
 
 def _astray(noise: "_Noise", rest: Field) -> Field:

@@ -260,7 +260,7 @@ def over_and_over(tape, times):
     """Lengthen a recording, so that there is time to stop its replay."""
     with np.load(tape) as held:
         parts = dict(held)
-    for name in ("values", "sequence", "time", "quality", "truth"):
+    for name in ("values", "sequence", "time", "quality", "truth", "saturated"):
         parts[name] = np.concatenate([parts[name]] * times)
     parts["time"] = np.arange(len(parts["time"])) / 200.0
     parts["sequence"] = np.arange(len(parts["sequence"]))

@@ -1,7 +1,8 @@
 """How far found edges lie from true outlines: `python -m cnnum.lab.bench.programs.edge_errors`.
 
 It prints a table by families of bodies, with two baselines on the raw frame. A second table is by
-faults of the array. The frames are those of `edge_scenes`; the program knows nothing of them.
+faults of the array, and a third by covers, for `edge_enhancement`, too. The frames are those of
+`edge_scenes`; the programs know nothing of them.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -24,10 +25,16 @@ NOISE = 0.01
 """Of one reading, as a share of a frame's largest."""
 
 DEPTHS = (0.3, 0.5, 0.75, 1.0)
+BARE = 0.1
+"""Pitches of cover of an array that has hardly any: the frame is the pressure at the taxels."""
+
 READINGS: tuple[Reads, ...] = ("strain", "stress")
 REST, HELD = 18, 3
 STRONG = 0.5
 """Share of the largest Sobel gradient from which the baseline takes a cell for an edge."""
+
+ALONG = 0.6
+"""Least slope along a line, in slopes across it, of the other baseline."""
 
 NEAR = 1.0
 """Pitches within which an outline counts as found."""
@@ -109,6 +116,43 @@ def by_sobel(loads: Floats, skin: Skin) -> list[Floats]:
         steep = np.hypot(ndimage.sobel(frame, 0), ndimage.sobel(frame, 1))
         found.append(np.argwhere(steep >= STRONG * steep.max()).astype(np.float64))
     return found
+
+
+def by_steepest(loads: Floats, skin: Skin) -> list[Floats]:
+    """Return where the Sobel gradient of the raw frame is steepest along rows and columns.
+
+    Between the taxels by the parabola through three, as far as half a pitch: what a careful user
+    does by hand.
+    """
+    found: list[Floats] = []
+    for frame in skin.stream(loads)[-1]:
+        slopes = [ndimage.sobel(frame, axis) for axis in (0, 1)]
+        steep, places = np.hypot(*slopes), [np.zeros((0, 2))]
+        for axis in (0, 1):
+            along, own, other = (
+                np.moveaxis(each, axis, 0) for each in (steep, np.abs(slopes[axis]),
+                                                        np.abs(slopes[1 - axis]))
+            )  # fmt: skip
+            before, here, behind = along[:-2], along[1:-1], along[2:]
+            top = (here >= before) & (here >= behind) & (here >= STRONG * steep.max())
+            top &= own[1:-1] >= ALONG * other[1:-1]
+            i, j = np.nonzero(top)
+            bend = np.minimum(before - 2.0 * here + behind, -1e-30)[top]
+            off = np.clip(0.5 * (before - behind)[top] / bend, -0.5, 0.5)
+            pair = [i + 1 + off, j.astype(np.float64)]
+            places.append(np.stack(pair if axis == 0 else pair[::-1], axis=-1))
+        found.append(np.concatenate(places))
+    return found
+
+
+def by_enhancement(engine: Engine, loads: Floats, skin: Skin) -> list[Floats]:
+    """Return the places that `edge_enhancement` finds."""
+    stream = engine.compile(get_program("edge_enhancement"), loads.shape[1:]).stream((len(loads),))
+    got = dict[str, Floats]()
+    for frame in skin.stream(loads):
+        got = stream.push(np.stack([0.0 * frame, 0.0 * frame, -frame], axis=-1))
+    pairs = zip(got["edge_to_right"], got["edge_to_below"], strict=True)
+    return [found_places(right, below) for right, below in pairs]
 
 
 def by_template(engine: Engine, loads: Floats, skin: Skin) -> list[Floats]:
@@ -239,10 +283,32 @@ def by_skin(engine: Engine, count: int, seed: int = 8) -> Iterator[str]:
         yield f"| {title} | {whole.row} | {false} |"
 
 
+def by_cover(engine: Engine, count: int, seed: int = 9) -> Iterator[str]:
+    """Yield the rows of the third table: bodies without a star, by cover and reading."""
+    finders: dict[str, Finder] = {
+        "edge_enhancement": partial(by_enhancement, engine),
+        "edges": partial(by_program, engine),
+        "Sobel": by_sobel,
+        "Sobel, steepest": by_steepest,
+    }
+    yield f"| cover | {' | '.join(finders)} |"
+    rng = np.random.default_rng(seed)
+    bodies = [SHARP[name](rng, 8, count) for name in SHARP if name not in CHOSEN_ON]
+    for depth, reads in ((BARE, "stress"), *((d, r) for r in READINGS for d in DEPTHS)):
+        cells = list[str]()
+        for finder in finders.values():
+            found = [tally(finder, each, [Skin(depth=depth, reads=reads)]) for each in bodies]
+            off = np.concatenate([each.off for each in found])
+            median, most = np.quantile(off, [0.5, 0.95])
+            share = float(np.mean([each.met for each in found]))
+            cells.append(f"{median:.2f}, {most:.2f} ({100 * share:.0f} %)")
+        yield f"| {depth} pitches, {reads} | {' | '.join(cells)} |"
+
+
 def main(count: int = 40) -> None:
-    """Print both tables."""
+    """Print the tables."""
     engine = Engine()
-    for table in (by_family(engine, count), by_skin(engine, count)):
+    for table in (by_family(engine, count), by_skin(engine, count), by_cover(engine, count)):
         for row in table:
             print(row, flush=True)
         print()

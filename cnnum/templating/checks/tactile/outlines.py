@@ -132,7 +132,24 @@ def _off_loads(case: ProgramCase, outputs: Outputs) -> float:
     return float(np.max(np.abs(found - true) / case.expected["load"][:, None]))
 
 
+def _unaided(rng: np.random.Generator, shape: Shape) -> ProgramCase:
+    """Draw three punches, of whose cover the program is told nothing."""
+    case = _punches(rng, shape, "strain")
+    expected = {name: case.expected[name][:3] for name in ("radius", "place")}
+    return ProgramCase(case.frames[:, :3], {**expected, "size": case.expected["size"]})
+
+
 FORMS = (
+    ProgramForm(
+        name="enhanced",
+        program="edge_enhancement",
+        needs=("edge_to_right", "edge_to_below"),
+        cases=_unaided,
+        error=_off_outline,
+        tolerance=0.6,
+        tolerance_reason="the blur of half a cell of cover is left in the frame",
+        summary="95 % of distances from circles, cells: strain under flat punches, enhanced",
+    ),
     ProgramForm(
         name="outline-strain",
         program="edges",
