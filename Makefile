@@ -118,11 +118,12 @@ lock:
 	$(VENV)-lock/bin/python tests/house/lock.py
 	rm -rf $(VENV)-lock
 
-# known weaknesses of the locked packages, by name and version: it asks a public database
+# known weaknesses of the locked packages, by name and version: it asks a public database, and fails where
+# that has nothing on one of them
 audit:
 	rm -rf $(VENV)-audit && $(PYTHON) -m venv $(VENV)-audit
 	$(VENV)-audit/bin/python -m pip install --quiet pip-audit
-	$(VENV)-audit/bin/pip-audit --disable-pip --require-hashes --requirement requirements.lock
+	$(VENV)-audit/bin/pip-audit --strict --disable-pip --require-hashes --requirement requirements.lock
 	rm -rf $(VENV)-audit
 
 clean:

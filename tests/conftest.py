@@ -36,6 +36,9 @@ settings.load_profile("busy")
 
 def pytest_configure(config: pytest.Config) -> None:
     config.addinivalue_line("markers", "one_in(n): a short run takes every n-th case of the test")
+    config.addinivalue_line(
+        "markers", "promise(text): each case is a trial of that promise, or of the test's docstring"
+    )
     wanted = os.environ.get("CNNUM_TEST_DEVICE")
     if wanted:
         only(wanted)
@@ -155,29 +158,49 @@ class Faults:
         self.losses.append(what)
 
 
+def note_trials(item: pytest.Item, tried: int, lost: int, promise: str = "") -> None:
+    """Put trials in the account that is printed at the end; the test's docstring is the promise."""
+    function = getattr(item, "function", None)
+    said = promise or " ".join((getattr(function, "__doc__", "") or item.name).split())
+    item.user_properties.append(("fault", (said, tried, lost)))
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(
+    item: pytest.Item, call: pytest.CallInfo[None]
+) -> Generator[None, pytest.TestReport, pytest.TestReport]:
+    """Count each case of a test that is marked with a promise as a trial."""
+    report = yield
+    mark = item.get_closest_marker("promise")
+    if mark is not None and call.when == "call" and not report.skipped:
+        note_trials(item, 1, int(report.failed), *mark.args)
+    return report
+
+
 @pytest.fixture
 def faults(request: pytest.FixtureRequest) -> Iterator[Faults]:
     """The account of one test: its docstring is the promise, and a loss fails it."""
     account = Faults()
     yield account
-    promise = " ".join((request.function.__doc__ or request.node.name).split())
     lost = len(account.losses)
-    request.node.user_properties.append(("fault", (promise, account.tried, lost)))
+    note_trials(request.node, account.tried, lost)
     assert account.tried, "a fault test that tried nothing"
     assert not lost, f"{lost} of {account.tried} lost: {'; '.join(account.losses[:5])}"
 
 
 def pytest_terminal_summary(terminalreporter):
-    """Print the table: tried, survived, lost."""
-    rows = [
-        value
-        for kind in ("", "error")  # a teardown that passes is of no kind
-        for report in terminalreporter.stats.get(kind, [])
-        for key, value in getattr(report, "user_properties", [])  # one of collecting has none
-        if key == "fault" and report.when == "teardown"
-    ]
-    if rows:
+    """Print the table: tried, survived, lost; tests with the same promise share a row."""
+    tried, lost = Counter[str](), Counter[str]()
+    for kind in ("", "error"):  # a teardown that passes is of no kind
+        for report in terminalreporter.stats.get(kind, []):
+            for key, value in getattr(report, "user_properties", []):  # one of collecting has none
+                if key == "fault" and report.when == "teardown":
+                    promise, trials, losses = value
+                    tried[promise] += trials
+                    lost[promise] += losses
+    if tried:
         terminalreporter.section("faults")
         terminalreporter.line(f"{'tried':>8}{'survived':>10}{'lost':>6}  promise")
-        for promise, tried, lost in sorted(rows):
-            terminalreporter.line(f"{tried:>8}{tried - lost:>10}{lost:>6}  {promise}")
+    for promise, trials in sorted(tried.items()):
+        losses = lost[promise]
+        terminalreporter.line(f"{trials:>8}{trials - losses:>10}{losses:>6}  {promise}")

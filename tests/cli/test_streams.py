@@ -13,6 +13,10 @@ from cnnum.cli import output
 from cnnum.cli.output import Output, facts, table
 from cnnum.safety.names import visible, visible_json
 
+CLEAN = pytest.mark.promise(
+    "Control characters in names of files, arrays and keys never reach the terminal."
+)
+STREAMS = pytest.mark.promise("Standard streams that are closed or full change no exit code.")
 CONTROLS = [*range(0x20), *range(0x7F, 0xA0), 0x061C, 0x200E, 0x200F, *range(0x202A, 0x202F)]
 CONTROLS += range(0x2066, 0x206A)
 HOSTILE = (
@@ -24,6 +28,7 @@ def controls_of(text):
     return {sign for sign in text if ord(sign) in CONTROLS} - set("\n\t")
 
 
+@CLEAN
 def test_every_control_character_is_replaced_and_no_other():
     assert not controls_of(visible(HOSTILE))
     assert visible(HOSTILE).endswith("\ufffd]0;x\ufffd τ°é")
@@ -33,6 +38,7 @@ def test_every_control_character_is_replaced_and_no_other():
     assert json.loads(text) == {"name": HOSTILE}
 
 
+@CLEAN
 @pytest.mark.parametrize("terminal", [False, True])
 def test_tables_text_and_records_are_clean(capsys, monkeypatch, terminal):
     monkeypatch.setattr(output, "on_terminal", lambda: terminal)
@@ -46,6 +52,7 @@ def test_tables_text_and_records_are_clean(capsys, monkeypatch, terminal):
     assert not controls_of(out)
 
 
+@CLEAN
 def test_names_in_files_and_of_files_are_clean(call, tmp_path):
     name = "\x1b]0;x\x07\u202e"
     (tmp_path / f"{name}.toml").write_text("needs = 1")
@@ -65,6 +72,7 @@ def run(words, streams):
     return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
 
 
+@STREAMS
 @pytest.mark.parametrize("streams", [(1,), (2,), (0, 1, 2)])
 @pytest.mark.parametrize(
     ("words", "code"),
@@ -81,6 +89,7 @@ def test_a_stream_that_is_closed_changes_no_exit_code(words, code, streams):
     assert "cnnum:" not in done.stdout  # a sentence is for standard error alone
 
 
+@STREAMS
 def test_what_is_printed_never_lands_in_a_file_that_is_written(tmp_path):
     """The first file that is opened would get the number of standard output."""
     target = tmp_path / "t.html"
@@ -90,6 +99,7 @@ def test_what_is_printed_never_lands_in_a_file_that_is_written(tmp_path):
 
 
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="this system has no /dev/full")  # noqa: PTH110
+@STREAMS
 def test_a_full_standard_output_is_one_sentence():
     with open("/dev/full", "w") as full:  # noqa: PTH123
         done = subprocess.run(

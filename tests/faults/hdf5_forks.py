@@ -1,7 +1,8 @@
-"""Damaged HDF5 files by the thousand, each read in a fork: ``hdf5_forks.py FOLDER FIRST COUNT``.
+"""Damaged HDF5 files by the thousand, read in forks: ``hdf5_forks.py FOLDER FIRST COUNT``.
 
 A new process for each file takes a third of a second, most of it to load HDF5. So this process
-loads it once and forks; all else is as the package does it. It prints a line of JSON.
+loads it once and forks, and a fork reads `BATCH` files unless it dies; all else is as the package
+does it. It prints a line of JSON.
 """
 
 import json
@@ -19,6 +20,9 @@ from cnnum.drivers.own_data import hdf5_child, hdf5_file
 from cnnum.errors import RecordingError
 
 NAMES = ["values", "trial/time"]
+BATCH, RAW = 32, 99
+"""Files of a fork, and its exit code after an error that is no answer."""
+
 PATIENCE = 20.0
 """s for a file that a healthy process reads in some milliseconds."""
 
@@ -74,42 +78,68 @@ def damaged(data, rng):
     return bytes(held)
 
 
-def forked(file, request, seconds):
-    """What `hdf5_file.child_answer` does, by a fork in place of a new process."""
-    read, write = os.pipe()
-    pid = os.fork()
-    if not pid:
+class Forks:
+    """Reads a batch of files, one after the other: `answer` is `hdf5_file.child_answer` by a fork.
+
+    The files are opened before, since a child may open none. A child that ends or is late is
+    replaced for the next file.
+    """
+
+    def __init__(self, places):
+        self._files = [place.open("rb") for place in places]
+        self._next = 0
+        self._pid = 0
+
+    def _start(self):
+        asked, self._asks = os.pipe()
+        answers, answered = os.pipe()
+        self._pid = os.fork()
+        if not self._pid:
+            try:
+                os.close(self._asks)
+                with os.fdopen(asked) as lines, os.fdopen(answered, "wb") as target:
+                    for line in lines:
+                        request = json.loads(line)
+                        hdf5_child.run(request, self._files[request["number"]], target)
+                        hdf5_child.limit = lambda *_: None  # it is limited, and for good
+                os._exit(0)
+            except BaseException:
+                os._exit(RAW)
+        os.close(asked)
+        os.close(answered)
+        self._answers = os.fdopen(answers, "rb")
+
+    def answer(self, _, request, seconds):
+        if not self._pid:
+            self._start()
+        line, got = json.dumps({**request, "number": self._next}) + "\n", None
+        self._next += 1
+        signal.setitimer(signal.ITIMER_REAL, min(seconds, PATIENCE))
         try:
-            os.close(read)
-            with os.fdopen(write, "wb") as target:
-                hdf5_child.run(dict(request), file, target)
-            os._exit(0)
-        except BaseException:
-            os._exit(99)
-    os.close(write)
-    signal.setitimer(signal.ITIMER_REAL, min(seconds, PATIENCE))
-    got = None
-    try:
-        with os.fdopen(read, "rb", buffering=0) as source:
-            got = hdf5_file.received(LineReader(source), int(request["most"]))
-    except TimeoutError:
-        COUNTS["late"] += 1
-    finally:
-        signal.setitimer(signal.ITIMER_REAL, 0.0)
-        done, status = os.waitpid(pid, os.WNOHANG if got is None else 0)
-        if not done:
-            os.kill(pid, signal.SIGKILL)
-            _, status = os.waitpid(pid, 0)
-        COUNTS["raw in the child"] += os.WIFEXITED(status) and os.WEXITSTATUS(status) == 99
-    return got or ({"error": "it is damaged, and ended the HDF5 library that read it"}, [])
+            os.write(self._asks, line.encode())
+            got = hdf5_file.received(self._answers, int(request["most"]))
+        except TimeoutError:
+            COUNTS["late"] += 1
+            os.kill(self._pid, signal.SIGKILL)
+        finally:
+            signal.setitimer(signal.ITIMER_REAL, 0.0)
+            if got is None:
+                self.end()
+        return got or ({"error": "it is damaged, and ended the HDF5 library that read it"}, [])
 
+    def end(self):
+        """End the child, after what it has begun."""
+        if self._pid:
+            os.close(self._asks)
+            self._answers.close()
+            _, status = os.waitpid(self._pid, 0)
+            COUNTS["raw in the child"] += os.WIFEXITED(status) and os.WEXITSTATUS(status) == RAW
+            self._pid = 0
 
-class LineReader:
-    """A pipe as `subprocess` gives it: buffered, with `readline` and `readinto`."""
-
-    def __init__(self, raw):
-        self._file = os.fdopen(os.dup(raw.fileno()), "rb")
-        self.readline, self.readinto = self._file.readline, self._file.readinto
+    def close(self):
+        self.end()
+        for file in self._files:
+            file.close()
 
 
 COUNTS: Counter[str] = Counter()
@@ -117,30 +147,43 @@ COUNTS: Counter[str] = Counter()
 
 def main(folder, first, count):
     folder.mkdir(exist_ok=True)
-    sources, path, raw = samples(folder), folder / "damaged.h5", []
+    sources, raw = samples(folder), []
     import h5py  # noqa: F401
 
     signal.signal(signal.SIGALRM, late)
-    hdf5_file.child_answer = forked
     began = time.monotonic()
-    for seed in range(first, first + count):
-        rng = random.Random(seed)
-        path.write_bytes(damaged(rng.choice(sources), rng))
-        COUNTS["tried"] += 1
-        try:
-            names, held = hdf5_file.read_hdf5(path, NAMES)
-            assert all(isinstance(name, str) for name in names)
-            COUNTS["read" if held else "not there"] += 1
-        except RecordingError as error:
-            said = str(error)
-            ended = "ended the HDF5 library" in said
-            COUNTS["ended" if ended else "refused"] += 1
-            if "\n" in said or len(said) > 600 or not said.isprintable():
-                raw.append((seed, said[:200]))
-        except Exception as error:
-            raw.append((seed, repr(error)[:200]))
+    for begin in range(first, first + count, BATCH):
+        seeds = range(begin, min(begin + BATCH, first + count))
+        places = {seed: folder / f"{seed}.h5" for seed in seeds}
+        for seed, path in places.items():
+            rng = random.Random(seed)
+            path.write_bytes(damaged(rng.choice(sources), rng))
+        forks = Forks(places.values())
+        hdf5_file.child_answer = forks.answer
+        for seed, path in places.items():
+            if why := read(path):
+                raw.append((seed, why[:200]))
+        forks.close()
+        for path in places.values():
+            path.unlink()
     took = time.monotonic() - began
     print(json.dumps({**COUNTS, "raw": len(raw), "first": raw[:5], "seconds": round(took, 1)}))
+
+
+def read(path):
+    """Read a file and count how it ended; return what is wrong with that."""
+    COUNTS["tried"] += 1
+    try:
+        names, held = hdf5_file.read_hdf5(path, NAMES)
+        assert all(isinstance(name, str) for name in names)
+        COUNTS["read" if held else "not there"] += 1
+    except RecordingError as error:
+        said = str(error)
+        COUNTS["ended" if "ended the HDF5 library" in said else "refused"] += 1
+        return said if "\n" in said or len(said) > 600 or not said.isprintable() else ""
+    except Exception as error:
+        return repr(error)
+    return ""
 
 
 def late(*_):

@@ -86,6 +86,10 @@ ATTACKS = {
 }
 
 
+ATTACK = pytest.mark.promise(
+    "An HDF5 file that attacks is refused in one sentence, soon and with little memory."
+)
+
 OPEN = """
 import json, resource, sys, time
 import cnnum
@@ -102,6 +106,7 @@ print(json.dumps([*found, seconds, kib]))
 """
 
 
+@ATTACK
 @pytest.mark.parametrize("attack", ATTACKS, ids=lambda attack: attack.__name__)
 def test_a_file_that_attacks_is_refused(tmp_path, attack):
     path = tmp_path / "attack.h5"
@@ -119,6 +124,7 @@ def test_a_file_that_attacks_is_refused(tmp_path, attack):
     assert kib < 1 << 18
 
 
+@ATTACK
 def test_the_child_opens_no_other_file(tmp_path, monkeypatch):
     """Also where a check of ours were wrong: it may not open any."""
     path = tmp_path / "attack.h5"
@@ -133,6 +139,7 @@ def test_the_child_opens_no_other_file(tmp_path, monkeypatch):
         hdf5_file.read_hdf5(path, ["values"])
 
 
+@ATTACK
 @pytest.mark.parametrize(
     ("body", "words"),
     [

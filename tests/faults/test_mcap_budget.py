@@ -112,6 +112,7 @@ ATTACKS = {
 pytestmark = pytest.mark.filterwarnings("ignore::cnnum.errors.RecordingWarning")
 
 
+@pytest.mark.promise("An MCAP file that keeps its reader busy is read in time, or refused.")
 @pytest.mark.parametrize("attack", ATTACKS, ids=lambda attack: attack.__name__)
 def test_a_file_that_keeps_its_reader_busy_is_refused(tmp_path, attack):
     path = tmp_path / "busy.mcap"

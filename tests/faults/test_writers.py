@@ -635,6 +635,7 @@ def test_without_hard_links_a_file_is_claimed_first(tmp_path, monkeypatch):
 NAMES = ("{0}/x", "../../x", "..", ".hidden", "a/b", "/", "a:b", "x" * 80, "δ" * 80, "A b")
 
 
+@pytest.mark.promise
 @pytest.mark.parametrize("name", NAMES)
 def test_a_templates_name_leads_to_no_other_folder(name, folder):
     """Whatever a template in a file of others is called, it is written where the user says."""

@@ -7,7 +7,7 @@ import os
 import resource
 import time
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Generator, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -27,13 +27,31 @@ ROOM = 3 << 30
 TESTS = [0]
 
 
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(
+    item: pytest.Item,
+) -> Generator[None, pytest.TestReport, pytest.TestReport]:
+    """Let the account of a test know that it failed."""
+    report = yield
+    if report.when == "call" and report.failed:
+        item.case_failed = True  # type: ignore[attr-defined]
+    return report
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     TESTS[0] = sum("fuzz" in getattr(item, "fixturenames", ()) for item in items)
 
 
+PROMISE = "Random input to parsers and public functions ends in a result or in one sentence."
+
+
 @pytest.fixture
-def fuzz() -> Callable[..., None]:
-    """A function that runs a call on random cases, until the time is over in a long run."""
+def fuzz(request: pytest.FixtureRequest) -> Iterator[Callable[..., None]]:
+    """A function that runs a call on random cases, until the time is over in a long run.
+
+    Its cases stand in the account of trials.
+    """
+    tried = [0]
 
     def run(cases: st.SearchStrategy[Any], call: Callable[[Any], object], short: int = 25) -> None:
         end = time.monotonic() + SECONDS / max(TESTS[0], 1)
@@ -50,13 +68,17 @@ def fuzz() -> Callable[..., None]:
         )
         @given(cases)
         def one(case: Any) -> None:
+            tried[0] += 1
             ends_well(call, case)
 
         one()
         while time.monotonic() < end:
             one()
 
-    return run
+    yield run
+    failed = getattr(request.node, "case_failed", False)
+    promise = " ".join((request.function.__doc__ or PROMISE).split())
+    request.node.user_properties.append(("fault", (promise, tried[0], int(failed))))
 
 
 def ends_well(call: Callable[[Any], object], case: Any) -> None:

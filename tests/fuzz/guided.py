@@ -71,15 +71,17 @@ def main(seconds: float, names: list[str]) -> int:
         return 0
     chosen = names or list(parsers().PARSERS)
     share, failed = max(1, round(seconds / len(chosen))), 0
+    print(f"{'tried':>8}{'survived':>10}{'lost':>6}  parser", flush=True)
     for name in chosen:
         with tempfile.TemporaryDirectory(prefix="cnnum-fuzz-") as folder:
             command = [sys.executable, __file__, "--one", name, str(share), folder]
             own = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
             done = subprocess.run(command, capture_output=True, text=True, env=own)
             lines = done.stderr.splitlines()
-        ran = [line.split()[-1] for line in lines if "number_of_executed_units" in line]
-        print(f"{name}: {' '.join(ran) or 'no'} cases, {'failed' if done.returncode else 'passed'}")
-        if done.returncode:
+        ran = [int(line.split()[-1]) for line in lines if "number_of_executed_units" in line]
+        tried, lost = max(sum(ran), 1), int(done.returncode != 0)
+        print(f"{tried:>8}{tried - lost:>10}{lost:>6}  {name}", flush=True)
+        if lost:
             failed += 1
             print("\n".join(lines[-25:]))
     return 1 if failed else 0

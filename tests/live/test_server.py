@@ -23,6 +23,9 @@ from cnnum.scenes.pipeline import FrameResult, load_scene
 websockets = pytest.importorskip("websockets")
 
 
+GATE = pytest.mark.promise("No other machine and no page of another origin reads the live view.")
+
+
 class Source:
     """An array that comes at a rate by the clock, or as fast as it is taken."""
 
@@ -73,6 +76,7 @@ def test_an_array_without_force_axes_shows_its_first_channel() -> None:
     assert not shown[:2].any()
 
 
+@GATE
 @pytest.mark.parametrize(
     ("headers", "path", "let_in"),
     [
@@ -91,6 +95,7 @@ def test_only_the_page_itself_reads_the_stream(
     assert (Gate(Place()).refusal(headers, path) == "") == let_in
 
 
+@GATE
 def test_other_machines_need_a_token() -> None:
     with pytest.raises(SceneError, match="can be reached from other machines"):
         Place("0.0.0.0")
@@ -102,6 +107,7 @@ def test_other_machines_need_a_token() -> None:
     assert "another origin" in gate.refusal({**at, "Origin": "http://a"}, "/stream?token=secret")
 
 
+@GATE
 @pytest.mark.parametrize("token", ["a&b", "a=b#c", "50% +/?", "τ°", " ", "%41"])
 def test_the_address_that_is_printed_is_let_in(token: str) -> None:
     place = Place(token=token)
@@ -112,6 +118,7 @@ def test_the_address_that_is_printed_is_let_in(token: str) -> None:
     assert address.netloc == "127.0.0.1:8765"
 
 
+@GATE
 def test_a_token_that_is_no_text_is_refused() -> None:
     with pytest.raises(SceneError, match="no text"):
         Place(token="\udcff")
@@ -138,13 +145,14 @@ MALFORMED = {
 
 
 def test_malformed_requests_and_commands_are_refused_in_silence(
-    capfd: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture
+    faults: Any, capfd: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture
 ) -> None:
+    """Malformed requests and commands to the live view are refused, and print nothing."""
     from websockets.asyncio.client import connect
 
     async def work() -> None:
         async with serving(ArrayFeed("a", Source()), Place(port=0)) as (_, _, port):
-            for name, (path, headers) in MALFORMED.items():
+            for name, (path, headers) in faults.each(list(MALFORMED.items()), short=ALL):
                 reader, writer = await asyncio.open_connection("127.0.0.1", port)
                 writer.write(f"GET {path} HTTP/1.1\r\n{headers}\r\n".encode("latin-1"))
                 head = await asyncio.wait_for(reader.read(200), 5.0)
@@ -152,11 +160,8 @@ def test_malformed_requests_and_commands_are_refused_in_silence(
                 assert b" 500 " not in head, name
                 writer.close()
             async with connect(f"ws://127.0.0.1:{port}/stream", proxy=None) as page:
-                for text in ("9" * 4000, f'{{"seek": {"9" * 4000}}}', "[" * 4000, "{", "null"):
+                for text in faults.each(SENT, short=ALL):
                     await page.send(text)
-                for command in COMMANDS:
-                    await page.send(command)
-                await page.send(b"\xff")
                 for _ in range(5):
                     await asyncio.wait_for(page.recv(), 5.0)
 
@@ -171,8 +176,13 @@ COMMANDS = [
     for key in ("seek", "speed", "paused")
     for value in ("9" * 4000, "-" + "9" * 4000, "1e999", "NaN", '"x"', "[]", "true", "null")
 ]
+SENT = [*COMMANDS, "9" * 4000, f'{{"seek": {"9" * 4000}}}', "[" * 4000, "{", "null", b"\xff"]
+ALL = 1000
 
 
+@pytest.mark.promise(
+    "Malformed requests and commands to the live view are refused, and print nothing."
+)
 def test_commands_of_any_number_leave_a_recording_playing(tmp_path: Path) -> None:
     path = tmp_path / "short.npz"
     Recording(np.zeros((50, 8, 8, 3)), rate=100.0, unit="strain").save(path)
@@ -191,6 +201,7 @@ def test_commands_of_any_number_leave_a_recording_playing(tmp_path: Path) -> Non
     feed.stop()
 
 
+@pytest.mark.promise("A driver that fails is told to the page, whatever its error.")
 def test_the_page_is_told_of_any_error_of_a_driver(caplog: pytest.LogCaptureFixture) -> None:
     class Broken(Source):
         def frames(self) -> Any:
@@ -204,12 +215,14 @@ def test_the_page_is_told_of_any_error_of_a_driver(caplog: pytest.LogCaptureFixt
     assert [record.getMessage() for record in caplog.records] == ["The source has failed."]
 
 
+@GATE
 def test_only_the_pages_own_files_are_served() -> None:
     assert static("/")[0] == static("/view.js?token=x")[0] == 200
     for path in ("/../server.py", "/static/index.html", "//etc/passwd", "/view.css/../hub.py"):
         assert static(path)[0] == 404
 
 
+@GATE
 def test_a_page_of_another_origin_is_refused_on_the_wire() -> None:
     from websockets.asyncio.client import connect
     from websockets.exceptions import InvalidStatus

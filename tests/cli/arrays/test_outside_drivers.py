@@ -100,6 +100,7 @@ NAMES = ("evil:Options", "evil.inner:Options", "inner.evil:Options", "this:x", "
 CASES = [*((NAMES[0], command) for command in COMMANDS), *((name, "plan") for name in NAMES[1:])]
 
 
+@pytest.mark.promise("No scene file runs code, in any command that opens one, unless one says so.")
 @pytest.mark.parametrize(("name", "command"), CASES)
 @pytest.mark.parametrize("place", ["array", "ranges"])
 def test_no_scene_runs_code_unasked(command, name, place, tmp_path, call, monkeypatch):
@@ -132,6 +133,7 @@ def test_a_name_that_the_user_gives_is_trusted(folder, call):
         assert driver.shape == (4, 4)
 
 
+@pytest.mark.promise("No scene file runs code, in any command that opens one, unless one says so.")
 def test_an_entry_point_is_never_looked_for_beside_a_scene(folder, monkeypatch):
     point = outside.EntryPoint("my-pad", "my_pad:PadOptions", outside.GROUP)
     monkeypatch.setattr(outside, "entry_points", lambda group: [point])
