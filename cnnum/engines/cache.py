@@ -99,8 +99,22 @@ def _replaceable(above: os.stat_result) -> bool:
     """Return whether a user who is neither this one nor root may replace what is in a folder."""
     if above.st_uid not in (0, os.getuid()):
         return True
-    group = above.st_mode & stat.S_IWGRP and above.st_gid not in (0, os.getgid())
+    group = above.st_mode & stat.S_IWGRP and not _is_alone_in(above.st_gid)
     return bool(group or above.st_mode & stat.S_IWOTH) and not above.st_mode & stat.S_ISVTX
+
+
+def _is_alone_in(group: int) -> bool:
+    """Return whether a group is root's, or the user's private one: of that name, with no other."""
+    if group == 0 or group != os.getgid():
+        return group == 0
+    import grp
+    import pwd
+
+    try:
+        user, found = pwd.getpwuid(os.getuid()).pw_name, grp.getgrgid(group)
+    except KeyError:  # without a name nothing says whose it is
+        return False
+    return found.gr_name == user and set(found.gr_mem) <= {user}
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,17 +1,22 @@
 """Cache folders that are full, read-only, or not ours: every run ends, with the right numbers."""
 
+import grp
 import hashlib
 import itertools
 import os
 import pickle
+import pwd
 import shutil
+import stat
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from cached_runs import ENGINES, LIMITED, SUM, child, environment, lost, on_two_cores
 
+from cnnum.engines import cache
 from cnnum.engines.cache import Shelf
 
 ROOT = Path(__file__).parents[2]
@@ -154,6 +159,42 @@ def test_an_entry_that_others_could_write_is_never_loaded(faults, tmp_path, monk
             pickle.loads(content)
         if mark.exists() != (name == "untouched"):
             faults.lose(name)
+
+
+GROUPS = {
+    "private": ("me", [], True),
+    "private, listed": ("me", ["me"], True),
+    "private with another": ("me", ["you"], False),
+    "shared": ("users", [], False),
+    "without a name": (None, [], False),
+}
+
+
+def test_a_folder_above_that_a_shared_group_may_write_to_is_not_trusted(faults, monkeypatch):
+    """A folder above the cache that a group of others may write to is as one for all."""
+    monkeypatch.setattr(os, "getuid", lambda: 1000)
+    monkeypatch.setattr(os, "getgid", lambda: 100)
+    monkeypatch.setattr(pwd, "getpwuid", lambda _: SimpleNamespace(pw_name="me"))
+    for case in faults.each(list(GROUPS), short=len(GROUPS)):
+        name, members, trusted = GROUPS[case]
+
+        def group(number, name=name, members=members):
+            if name is None:
+                raise KeyError(number)
+            return SimpleNamespace(gr_name=name, gr_mem=members)
+
+        monkeypatch.setattr(grp, "getgrgid", group)
+        for mode, owner, gid, safe in (
+            (0o775, 1000, 100, trusted),
+            (0o755, 1000, 100, True),
+            (0o775, 1000, 50, False),
+            (0o1775, 1000, 50, True),
+            (0o775, 0, 0, True),
+            (0o755, 50, 0, False),
+        ):
+            found = SimpleNamespace(st_mode=stat.S_IFDIR | mode, st_uid=owner, st_gid=gid)
+            if cache._replaceable(found) == safe:
+                faults.lose(f"{case}, {mode:o}, {owner}, {gid}")
 
 
 def test_entries_are_the_user_s_alone(tmp_path, monkeypatch):
