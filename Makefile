@@ -42,7 +42,9 @@ situations: $(VENV)/dev.stamp
 # recordings, frames, caches, files and processes under faults on purpose; a short version is in `test`
 faults: $(VENV)/dev.stamp
 	CNNUM_FAULTS=full $(PYTEST) tests/faults tests/drivers/test_serial_gaps.py tests/scenes/test_long_runs.py \
-	    tests/cli/arrays/test_outside_drivers.py tests/cli/test_streams.py tests/live/test_server.py
+	    tests/cli/arrays/test_outside_drivers.py tests/cli/test_streams.py tests/live/test_server.py \
+	    tests/drivers/test_virtual_array.py tests/drivers/test_neighbours.py tests/house/test_one_writer.py \
+	    tests/house/test_packaging.py tests/engines/test_hostile_names.py
 
 # arrays for long: a million damaged packets a protocol, 200 kills of a recorder, 20 unplugs, and five
 # minutes of a line at 1 kHz, which needs a core of its own; a short version is in `test`

@@ -43,7 +43,7 @@ def by_new_names(table: Mapping[str, object], names: Mapping[str, str]) -> dict[
     """Return a file's table with new names of old keys, and of old words (key=word), and warn."""
     found = dict[str, object]()
     for key, value in table.items():
-        word = f"{key}={value}"
+        word = f"{key}={value}" if isinstance(value, str) else ""
         if word in names:
             warn_of(f"'{value}' of '{key}'", f"'{names[word]}'", FutureWarning)
         if key in names:

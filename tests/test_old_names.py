@@ -5,6 +5,7 @@ import pytest
 
 import cnnum
 from cnnum.drivers import open_driver
+from cnnum.renamed import by_new_names
 from cnnum.scenes.scene_file import read_scene
 
 TAXELS = np.zeros((20, 2, 2, 3))
@@ -67,3 +68,9 @@ def test_old_keywords_of_shift():
     frame = np.zeros((2, 3, 3))
     frame[0, 0, 2] = 1.0
     assert np.argwhere(plan(frame)["moved"]).tolist() == [[0, 1]]
+
+
+@pytest.mark.filterwarnings("ignore::FutureWarning")
+def test_a_number_too_long_to_be_written_has_no_old_name():
+    table = {"kind": 10**5000, "old": "a"}
+    assert by_new_names(table, {"old": "new"}) == {"kind": 10**5000, "new": "a"}

@@ -1,5 +1,7 @@
 """From chunks to the file that was asked for: MCAP with an index, NumPy, CSV or HDF5."""
 
+import contextlib
+import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import IO
@@ -10,7 +12,7 @@ from cnnum.recordings.hdf5_writer import write_hdf5
 from cnnum.recordings.mcap_writer import write_mcap
 from cnnum.recordings.npz_writer import write_archive
 from cnnum.recordings.reader import Contents
-from cnnum.safety.files import beside, refuse_target, write_whole, written
+from cnnum.safety.files import beside, sentences, written
 
 WRITERS: Mapping[str, Callable[[IO[bytes], Contents], None]] = {
     ".mcap": write_mcap,
@@ -59,13 +61,16 @@ def export(contents: Contents, target: Path, *, force: bool = False) -> None:
         If the recording is none.
     """
     suffix, calibration = suffix_of(target), contents.layout.calibration
-    further = suffix == ".csv" and calibration
-    if further:  # the second file shall not be refused when the first is there
-        refuse_target(calibration_of(target), error=RecordingError, force=force)
-    with written(target, error=RecordingError, force=force) as file:
-        WRITERS[suffix](file, contents)
-    if further:
-        write_whole(calibration_of(target), calibration, error=RecordingError, force=force)
+    with contextlib.ExitStack() as drafts:
+        if suffix == ".csv" and calibration:  # its draft has found room when the table comes
+            beside_it = calibration_of(target)
+            file = drafts.enter_context(written(beside_it, error=RecordingError, force=force))
+            with sentences(beside_it, RecordingError):
+                file.write(calibration.encode("utf-8"))
+                file.flush()
+                os.fsync(file.fileno())
+        with written(target, error=RecordingError, force=force) as file:
+            WRITERS[suffix](file, contents)
 
 
 def calibration_of(table: Path) -> Path:

@@ -14,6 +14,9 @@ from cnnum.drivers.timing.sequence import FrameClock
 
 from .wires import drawn, spoken
 
+pytestmark = pytest.mark.promise(
+    "A frame without a check that jumps away from its neighbours is refused; all others pass."
+)
 RECORDINGS = Path(os.environ.get("CNNUM_RECORDINGS", "")) / "uskin_grasp"
 FULL = 1000.0
 LOAD = 200.0

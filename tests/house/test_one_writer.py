@@ -3,6 +3,9 @@
 import ast
 from pathlib import Path
 
+import pytest
+
+pytestmark = pytest.mark.promise("Nothing in the code writes but through the one writer.")
 ROOT = Path(__file__).parents[2]
 WRITER = "cnnum/safety/files.py"
 

@@ -166,6 +166,7 @@ def test_lock_file_pins_every_dependency():
     assert names <= locked
 
 
+@pytest.mark.promise("Locked packages are installed by their hashes.")
 def test_lock_file_has_hashes_of_every_package_and_its_sections():
     """pip refuses a lock in which one package has no hash; make reads the file by its sections."""
     text = (ROOT / "requirements.lock").read_text()
