@@ -169,6 +169,10 @@ def _refuse_several(folder: Path) -> None:
             f"'{folder}' is a folder of {len(found)} trial(s), not one: name one of them "
             f"({names}{more})."
         )
+    raise RecordingError(
+        f"'{folder}' is no trial: expected a folder with {' or '.join(map(repr, PAD_FILES))}; name "
+        "it by 'array.path', as in '--set array.path=FOLDER'."
+    )
 
 
 def _known(path: Path) -> TextTable | None:

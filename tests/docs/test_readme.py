@@ -3,15 +3,21 @@
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
+
+import cnnum
 
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
-BLOCKS = [
-    pytest.param(code, id=f"{page.relative_to(ROOT)}-{number}")
+FOUND = [
+    (f"{page.relative_to(ROOT)}-{number}", code, shown)
     for page in PAGES
-    for number, code in enumerate(re.findall(r"```python\n(.*?)```", page.read_text(), re.DOTALL))
+    for number, (code, shown) in enumerate(
+        re.findall(r"```python\n(.*?)```(?:\n```\n(.*?)```)?", page.read_text(), re.DOTALL)
+    )
 ]
+BLOCKS = [pytest.param(name, code, shown, id=name) for name, code, shown in FOUND]
 
 QUICKER = {
     "side, runs = 1024, 6": "side, runs = 24, 2",
@@ -24,14 +30,137 @@ Steps of large arrays with every kind are the job of large_arrays/test_couplings
 
 def test_code_that_is_run_quicker_is_there():
     for whole in QUICKER:
-        assert sum(whole in block.values[0] for block in BLOCKS) == 1
+        assert sum(whole in code for _, code, _ in FOUND) == 1
 
 
-@pytest.mark.parametrize("code", BLOCKS)
-def test_code_runs_as_shown(code, capsys):
+def corners_are_four(names, said):
+    """Those of the rectangle in the picture; nothing is pressed in a frame of zeros."""
+    found = {tuple(cell) for cell in np.argwhere(names["result"].output > 0).tolist()}
+    assert found == {(2, 2), (2, 6), (5, 2), (5, 6)}
+    assert not names["plan"](np.zeros((8, 8, 3)))["contact"]
+    pressed = np.zeros((8, 8, 3))
+    pressed[2:5, 2:5, 2] = 1.0
+    assert names["plan"](pressed)["contact"]
+
+
+def edges_are_those_of_the_punch(names, said):
+    """A disc of 6 mm on taxels 1.5 mm apart, in the first frame that is clear of the noise."""
+    moment = names["moment"]
+    assert [event.kind for event in moment.events] == ["edge"]
+    truth, rows = moment.frame.truth, np.argwhere(moment.outputs["edges"] > 0)
+    middle = 3.5 + np.array([truth["y"], truth["x"]]) / 1.5e-3
+    off = np.abs(np.hypot(*(rows - middle).T) - 2.0)
+    assert len(rows) >= 6
+    assert np.median(off) < 0.5
+    assert (off < 1.0).mean() > 0.8
+    assert names["record"]["edges"].shape == (100, 8, 8)
+
+
+def a_product_settles_where_its_equation_does(names, said):
+    """Two equal neighbours: x' = −x + 0.5 x + 0.1 x² + u, at rest at 5 (½ − √(¼ − 0.4 u))."""
+    got = cnnum.Engine("reference").run(names["template"], input=[[0.1, 0.1]], duration=60.0)
+    assert got.state == pytest.approx(5.0 * (0.5 - np.sqrt(0.25 - 0.04)), abs=1e-6)
+
+
+def learned_outlines_are_those_of_edge(names, said):
+    """On pictures that were not learned from."""
+    unseen = np.where(np.random.default_rng(1).random((20, 8, 8)) > 0.25, 1.0, -1.0)
+    engine = cnnum.Engine("numba")
+    wanted = engine.run("EDGE", input=unseen).output > 0
+    assert ((engine.run(names["made"].template, input=unseen).output > 0) == wanted).mean() > 0.99
+
+
+def the_step_is_two_over_the_fastest_rate(names, said):
+    """Of the whole matrix of LAPLACE with a mirror at its rim."""
+    a, n = names["laplace"].A[0, 0], 8
+    whole = np.zeros((n * n, n * n))
+    for cell in range(n * n):
+        for (i, j), weight in np.ndenumerate(a):
+            row, col = (np.clip(cell // n + i - 1, 0, n - 1), np.clip(cell % n + j - 1, 0, n - 1))
+            whole[cell, row * n + col] += weight
+    rates = np.linalg.eigvals(whole - np.eye(n * n)).real
+    assert cnnum.stability_bound(names["laplace"], (n, n), "euler").step == pytest.approx(
+        2.0 / np.abs(rates).max(), rel=1e-9
+    )
+
+
+def noise_is_no_slip_in_whole_numbers(names, said):
+    stream = names["plan"].stream()
+    assert not any(stream.push(frame)["gross_slip"] for frame in names["frames"][:30])
+
+
+def a_chip_is_off_by_its_noise_and_its_mismatch(names, said):
+    """Between the step of 7 bits over √12, 0.0045, and weights of 2 % off all at once."""
+    assert 0.0045 < names["error"] < 0.05
+
+
+def noise_on_a_chip_is_no_twist(names, said):
+    assert len(names["answers"]) == 20
+    assert not any(answer["twist"] for answer in names["answers"])
+
+
+def holes_are_counted(names, said):
+    picture = -np.ones((8, 8, 1))
+    picture[1:5, 1:6] = 1.0
+    picture[2:4, 2:5] = -1.0
+    plan = cnnum.Engine("reference").compile(names["holes"], (8, 8), channels=("picture",))
+    out = plan(picture)
+    assert out["area"] == 6
+
+
+def proofs_say_what_has_settled(names, said):
+    """EDGE after 5 τ has no cell on its way, HOLE after 1 τ has."""
+    assert "EDGE" in said
+    assert not names["found"].settled
+
+
+def times_are_measured(names, said):
+    """Of this machine: there is no truth to hold them to but that they are times."""
+    numbers = re.findall(r"\d+\.\d+(?:e-?\d+)?", said)
+    assert numbers
+    assert all(float(number) > 0.0 for number in numbers)
+
+
+HELD = {
+    "README.md-0": corners_are_four,
+    "README.md-1": edges_are_those_of_the_punch,
+    "docs/adding.md-0": a_product_settles_where_its_equation_does,
+    "docs/bench/README.md-0": times_are_measured,
+    "docs/engines.md-0": times_are_measured,
+    "docs/how-to/learn.md-0": learned_outlines_are_those_of_edge,
+    "docs/methods.md-1": the_step_is_two_over_the_fastest_rate,
+    "docs/microcontrollers.md-0": noise_is_no_slip_in_whole_numbers,
+    "docs/microcontrollers.md-1": a_chip_is_off_by_its_noise_and_its_mismatch,
+    "docs/microcontrollers.md-2": noise_on_a_chip_is_no_twist,
+    "docs/programs-by-example.md-1": holes_are_counted,
+    "docs/stability.md-1": proofs_say_what_has_settled,
+}
+"""The truth of code that neither asserts nor shows what it prints."""
+
+DEFINED = {"docs/recordings.md-0": "tests/drivers/test_recorded_bytes.py decodes such bytes"}
+"""Code that only defines something, and where that is held."""
+
+
+@pytest.mark.parametrize(("name", "code", "shown"), BLOCKS)
+def test_code_runs_as_shown(name, code, shown, capsys):
+    """It prints what the page shows, and what it finds is held to a truth of its own."""
     for whole, quicker in QUICKER.items():
         code = code.replace(whole, quicker)
-    exec(compile(code, "page", "exec"), {"__name__": "page"})
+    names = {"__name__": "page"}
+    exec(compile(code, "page", "exec"), names)
+    said = capsys.readouterr().out
+    if shown:
+        assert " ".join(said.split()) == " ".join(shown.split())
+    if name in HELD:
+        HELD[name](names, said)
+
+
+def test_all_code_is_held_to_something():
+    for name, code, shown in FOUND:
+        assert shown or name in HELD or name in DEFINED or re.search(r"^ *assert ", code, re.M), (
+            name
+        )
+    assert {name for name, _, _ in FOUND} >= {*HELD, *DEFINED}
 
 
 def test_readme_has_code():
@@ -52,17 +181,7 @@ def test_no_line_is_lost_as_a_comment(page):
     assert not re.findall(r"^ {0,3}%.*", prose, re.MULTILINE)
 
 
-def test_first_template_finds_the_corners():
-    """The README's template on its picture: the four corners of a rectangle."""
-    import numpy as np
-
-    import cnnum
-
-    code = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)[0]
-    names = {}
-    exec(compile(code, "README", "exec"), names)
-    found = {tuple(cell) for cell in np.argwhere(names["result"].output > 0).tolist()}
-    assert found == {(2, 2), (2, 6), (5, 2), (5, 6)}
+def test_the_template_of_the_first_example_is_the_librarys():
     assert cnnum.get_template("CORNER").z[0] == -5.0
 
 

@@ -9,7 +9,7 @@ from scipy import ndimage
 
 from cnnum.drivers.simulated.bodies import outline_of
 from cnnum.drivers.simulated.cover import CELLS, MARGIN
-from cnnum.errors import PhysicsError, SceneError
+from cnnum.errors import PhysicsError, RecordingError, SceneError
 from cnnum.lab.bench.programs.edge_errors import found_places, met, off_outline
 from cnnum.scenes.pipeline import load_scene
 from cnnum.scenes.scene_file import scene_names
@@ -315,15 +315,35 @@ def test_grasp_code_reads_what_the_object_between_two_fingers_does():
         assert abs(np.angle(np.exp(1j * (event.direction - way)))) <= np.pi / 4 + 1e-3
 
 
-@pytest.mark.skipif(not os.environ.get("CNNUM_RECORDINGS"), reason="needs the recordings")
-def test_a_recorded_grasp_is_reported():
-    """By the label of the log: the object slips, and the report is within it."""
-    folder = Path(os.environ["CNNUM_RECORDINGS"])
-    trial = next(iter(sorted(path.parent for path in folder.rglob("xela_sensor1.csv"))))
-    scene = load_scene("uskin_grasp", changes={"array.path": str(trial)})
-    moments = list(scene.results())
-    assert scene.summary().bad_frames == 0
-    assert all(event.kind == "slip" for moment in moments for event in moment.events)
+def labelled_trials():
+    folder = Path(os.environ.get("CNNUM_RECORDINGS", "nowhere"))
+    return sorted(path.parent for path in folder.rglob("xela_sensor1.csv"))
+
+
+@pytest.mark.skipif(not labelled_trials(), reason="needs the recordings")
+def test_recorded_grasps_are_reported_by_their_labels():
+    """A slip within 0.1 s of its label's begin, and none in a grasp that holds."""
+    told = []
+    for trial in labelled_trials():
+        scene = load_scene("uskin_grasp", changes={"array.path": str(trial)})
+        moments = list(scene.results())
+        events = [event for moment in moments for event in moment.events]
+        assert scene.summary().bad_frames == 0
+        assert {event.kind for event in events} <= {"slip"}
+        slips = [m.frame.time for m in moments if m.frame.truth["slip"]]
+        told.append(bool(slips))
+        assert bool(events) == bool(slips)
+        if slips:
+            # the video that the labels are from has 30 pictures a second
+            assert slips[0] - 1 / 30 <= events[0].time <= slips[0] + 0.1
+    assert any(told)
+    assert not all(told)
+
+
+def test_a_recorded_grasp_asks_for_its_recording():
+    """The only packaged scene without an array of its own: `run` says what to give it."""
+    with pytest.raises(RecordingError, match=r"'array\.path'"):
+        load_scene("uskin_grasp")
 
 
 def test_receptors_reports_what_each_channel_of_the_skin_feels():
