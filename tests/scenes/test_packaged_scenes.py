@@ -350,7 +350,7 @@ def test_receptors_reports_what_each_channel_of_the_skin_feels():
     """It is pressed from 0.42 s on, shaken from 1.02, pulled from 1.52, let go from 2.12 s on."""
     _, moments, truths = played("receptors")
     events = [event for moment in moments for event in moment.events]
-    times = {kind: [e.t for e in events if e.kind == kind] for kind in {e.kind for e in events}}
+    times = {kind: [e.time for e in events if e.kind == kind] for kind in {e.kind for e in events}}
     held = [m.frame.time for m, t in zip(moments, truths, strict=True) if t["contact"]]
     # a load that begins as t^1.5 leaves the noise after 10 ms; a flag ends 50 ms after its signal
     (begins,), (ends,) = times["pressure"], times["pressure_end"]
@@ -368,7 +368,7 @@ def test_receptors_reports_what_each_channel_of_the_skin_feels():
     assert any(begin < 0.45 and end > 0.72 for begin, end in moves)
     (stretch,) = (event for event in events if event.kind == "stretch")
     truth = truths[stretch.frame]
-    assert 0.0 < stretch.t - 1.52 < 0.15
+    assert 0.0 < stretch.time - 1.52 < 0.15
     assert stretch.direction == pytest.approx(
         np.arctan2(truth["shear_y"], truth["shear_x"]), abs=0.05
     )
@@ -376,8 +376,8 @@ def test_receptors_reports_what_each_channel_of_the_skin_feels():
 
 
 def test_spikes_of_the_receptors_are_address_events(tmp_path):
-    wants = ["ra1_spikes", "ra1_spike_time", "ra1_spike_gap", "ra1_first"]
-    record = load_scene("receptors", changes={"wants": wants}).collect(frames=700)
+    needs = ["ra1_spikes", "ra1_spike_time", "ra1_spike_gap", "ra1_first"]
+    record = load_scene("receptors", changes={"needs": needs}).collect(frames=700)
     events = record.address_events("ra1")
     assert events.size == np.abs(record["ra1_spikes"]).sum() > 100
     assert (np.diff(events["t"]) >= 0).all()
