@@ -258,6 +258,20 @@ EVENT_RULES: dict[str, tuple[EventRule, ...]] = {
         EventRule("grasp_twist", "grasp_twist", sense="grasp_sense", steady=0.1),
         EventRule("grasp_squeeze", "grasp_squeeze", sense="grasp_sense", steady=0.1),
     ),
+    "flow": (
+        EventRule(
+            "flow", "flows", ends="flow_end", direction=("flow_x", "flow_y"), strength="flow_speed"
+        ),
+    ),
+    "drift": (
+        EventRule(
+            "drift",
+            "drifts",
+            ends="drift_end",
+            direction=("motion_x", "motion_y"),
+            strength="motion_strength",
+        ),
+    ),
     **{
         event: (
             EventRule(

@@ -265,7 +265,7 @@ def refuse_no_spikes(target: Path, names: Iterable[str]) -> None:
     if target.suffix.lower() == ADDRESS_EVENTS and not _channel_of(tuple(names)):
         raise SceneError(
             f"'{target.name}' is to hold the spikes of one channel, a line each: name its three "
-            "outputs in the scene's 'wants', as in ra1_spikes, ra1_spike_time and ra1_spike_gap."
+            "outputs in the scene's 'needs', as in ra1_spikes, ra1_spike_time and ra1_spike_gap."
         )
 
 

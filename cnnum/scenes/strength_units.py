@@ -20,6 +20,10 @@ SHARES: Mapping[str, str] = {"mindlin_slip": "share"}
 """Programs whose strength is the share of the contact that slides: 0 to 1."""
 
 
+OTHERS: Mapping[str, str] = {"flow_speed": "cells/s", "motion_strength": "share"}
+"""Outputs with a unit of their own."""
+
+
 def with_units(
     rules: Sequence[EventRule], program: Program, measured: str
 ) -> tuple[EventRule, ...]:
@@ -40,6 +44,6 @@ def _unit(strength: str, program: Program, measured: str) -> str:
     if not strength:
         return ""
     if strength not in LOADS:
-        return SHARES.get(program.name, SCORE)
+        return OTHERS.get(strength, SHARES.get(program.name, SCORE))
     of = LOADS[strength]
     return "N" if of.get(program.name, of[""]) in dict(program.parameters) else measured

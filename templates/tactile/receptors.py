@@ -17,41 +17,23 @@ Vásárhelyi (2007), 2.2; Johansson & Vallbo, Brain Res. 184 (1980) 353: fields 
 and 10 times as large in area. Johansson & Birznieks, Nat. Neurosci. 7 (2004) 170: first spikes.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
-from math import ceil, pi
+from collections.abc import Mapping
+from math import ceil
 from typing import Literal, get_args
 
-import numpy as np
-
 from cnnum.errors import name_error
-from cnnum.graph.nodes import RunSpec
 from cnnum.programs import program
-from cnnum.programs.fields import Field, exp, log, maximum, minimum, sqrt, square, where
+from cnnum.programs.fields import Field, exp, log, maximum, minimum, square, where
 from cnnum.programs.loops import loop
 from cnnum.programs.machine import FrameFields
 from cnnum.programs.parameters import refuse_outside
 from cnnum.programs.reports import report
 from cnnum.programs.several import length
-from cnnum.programs.transients import apply, transient
+from cnnum.templates.tactile.shared.clock import Clock, over_field, with_corners
 from cnnum.templates.tactile.shared.loads import PUSH
-from cnnum.templating.library import get_template
-from cnnum.templating.template import Template
 
 Between = Literal["line", "hold"]
 """The signal between two frames: straight, or at the value of the later one."""
-
-QUIET = 8
-"""Frames of rest at least, which make noise of 4 taxels known to a fifth."""
-
-SPREAD = 1.0 / (16.0 * np.log(2.0))
-"""Diffusion time (cells²) over the square of the width at half height that it gives a point."""
-
-TINY = 1e-30
-"""Least noise, of a sensor without any."""
-
-ROUNDING = 1e-6
-"""Least noise as a share of the largest raw value: the rounding of float32."""
 
 ONE_WAY = 0.5
 """Least part of all stretch that must go one way: a push alone draws the skin in from all sides."""
@@ -132,21 +114,21 @@ def receptors(
     if between not in get_args(Between):
         raise name_error("course between two frames", between, get_args(Between))
     refuse_outside(
-        rest=(rest, 0.0, 1e6), level=(level, 1.0, 1e6), hold_time=(hold_time, 0.0, 1e6),
+        level=(level, 1.0, 1e6), hold_time=(hold_time, 0.0, 1e6),
         threshold=(threshold, 0.0, 1e30), membrane=(membrane, 1e-6, 1e3),
         refractory=(refractory, 1e-4, 1e3),
     )  # fmt: skip
-    clock = _Clock(frame, rate, rest, between == "hold")
+    clock = _Channels(frame, rate, rest, held=between == "hold")
     push_map = clock.above_rest("normal", push)
     shear = [clock.above_rest(name, push) for name in ("shear_x", "shear_y")]
-    slow = _template("slow_receptor", (sa_to,))
-    rapid = _template("rapid_receptor", (ra1_from, ra1_to))
-    vibrating = _template("vibration_receptor", (pc_from, pc_from, pc_to))
-    x, y = (clock.behind(slow, _field(each, sa2_field)) for each in shear)
+    slow = with_corners("slow_receptor", (sa_to,))
+    rapid = with_corners("rapid_receptor", (ra1_from, ra1_to))
+    vibrating = with_corners("vibration_receptor", (pc_from, pc_from, pc_to))
+    x, y = (clock.behind(slow, over_field(each, sa2_field)) for each in shear)
     channels = {
-        "sa1": clock.behind(slow, _field(push_map, sa1_field)),
-        "ra1": clock.behind(rapid, _field(push_map, ra1_field)),
-        "pc": clock.behind(vibrating, _field(push_map, pc_field)),
+        "sa1": clock.behind(slow, over_field(push_map, sa1_field)),
+        "ra1": clock.behind(rapid, over_field(push_map, ra1_field)),
+        "pc": clock.behind(vibrating, over_field(push_map, pc_field)),
         "sa2": length([x, y]),
     }
     found = {**channels, "sa2_x": x, "sa2_y": y, "stretch_x": x.sum(), "stretch_y": y.sum()}
@@ -166,69 +148,17 @@ def receptors(
     return found
 
 
-def _template(name: str, corners: Sequence[float]) -> Template:
-    """Return a template whose layers, but for the signal's own, have these corners, Hz."""
-    return replace(get_template(name), tau=np.array([1.0, *map(corner, corners)]))
-
-
-def corner(hertz: float) -> float:
-    """Return the time constant of a corner, s."""
-    return 0.5 / pi / hertz
-
-
-def _field(signal: Field, width: float) -> Field:
-    """Return the mean of a signal over a field: a bell that is so wide at half its height."""
-    refuse_outside(field=(width, 0.0, 1e3))
-    spreads = get_template("tactile_diffusion")
-    return apply(spreads, input=signal, duration=SPREAD * width**2) if width > 0.0 else signal
-
-
-class _Clock:
-    """The time of the frames: rest, layers from frame to frame, events and spikes."""
-
-    def __init__(self, frame: FrameFields, rate: float, rest: float, held: bool) -> None:
-        self._frame, self._rate, self._held = frame, rate, held
-        self._quiet = max(QUIET, ceil(round(rest * rate, 6)))
-        self._resting = frame.age < float(self._quiet)
-
-    def above_rest(self, channel: str, push: float) -> Field:
-        """Return a channel above its mean at rest, positive as a load."""
-        reading, memory = self._frame.channel(channel), self._frame.memory(f"{channel} at rest")
-        share = where(self._resting, 1.0 / (self._frame.age + 1.0), 0.0)
-        return push * (reading - memory.mean(reading, share))
-
-    def behind(self, template: Template, signal: Field) -> Field:
-        """Return the last layer of a template that goes on from frame to frame."""
-        before = signal if self._held else self._frame.previous(signal)
-        layers = [self._frame.memory(f"{template.name} {n}") for n in range(1, template.layers)]
-        run = transient(
-            template,
-            input=self._rate * (signal - before),
-            state=[before, *(layer.value for layer in layers)],
-            spec=RunSpec(duration=1.0 / self._rate),
-        )
-        for layer, state in zip(layers, run.states[1:], strict=True):
-            layer.store(state)
-        return run.states[-1]
-
-    def noise(self, power: Field, channels: Sequence[str]) -> Field:
-        """Return the root of the mean power of an output in the second half of the rest."""
-        memory, half = self._frame.memory("noise", scalar=True), self._quiet // 2
-        counted = self._resting & (self._frame.age >= float(half))
-        share = where(counted, 1.0 / (self._quiet - half), 0.0)
-        memory.store(memory.value + share * power)
-        sizes = [abs(self._frame.channel(name)).max() for name in channels]
-        largest = sizes[0] if len(sizes) == 1 else maximum(*sizes)
-        return maximum(sqrt(memory.value), maximum(ROUNDING * largest, TINY))
+class _Channels(Clock):
+    """Channels of the skin in time: their events and spikes."""
 
     def event(
         self, name: str, output: Field, peak: Field, noise: Field, level: float, hold_time: float
     ) -> dict[str, Field]:
         """Return whether a channel is active, how strongly, and where."""
-        strength = where(self._resting, 0.0, peak / noise)
-        row, column = self._frame.centroid(square(output))
+        strength = where(self.resting, 0.0, peak / noise)
+        row, column = self.frame.centroid(square(output))
         return {
-            f"{name}_active": report(self._frame, strength, level, hold_time * self._rate),
+            f"{name}_active": report(self.frame, strength, level, hold_time * self.rate),
             f"{name}_strength": strength,
             f"{name}_row": row,
             f"{name}_column": column,
@@ -241,9 +171,9 @@ class _Clock:
 
         Of a constant current I a cell without charge fires after membrane · ln(I / (I − fires)).
         """
-        frame, lasts = self._frame, 1.0 / self._rate
+        frame, lasts = self.frame, 1.0 / self.rate
         charge, wait = frame.memory(f"charge of {name}"), frame.memory(f"wait of {name}")
-        driven = where(self._resting, 0.0, output)
+        driven = where(self.resting, 0.0, output)
         mean = 0.5 * (driven + frame.previous(driven))
         sign, current = where(mean < 0.0, -1.0, 1.0), abs(mean)
         strong = current > fires
@@ -284,7 +214,7 @@ class _Clock:
 
     def _first(self, spiked: Field, time: Field) -> Field:
         """Return the time of each cell's first spike after the first one of a touch, −1 before."""
-        frame, lasts = self._frame, 1.0 / self._rate
+        frame, lasts = self.frame, 1.0 / self.rate
         some = spiked.any()
         silent = frame.memory("frames without a spike", scalar=True).count(~some)
         begun = frame.memory("touch has begun", scalar=True, logic=True)
@@ -293,7 +223,7 @@ class _Clock:
         start = where(begun.value, since.value, -earliest)
         since.store(start + lasts)
         was = where(begun.value, known.value, 0.0)
-        begun.latch(some, silent <= max(1.0, APART * self._rate))
+        begun.latch(some, silent <= max(1.0, APART * self.rate))
         now = where(was > 0.0, was, where(spiked, 1.0 + start + time, 0.0))
         known.store(now)
         return now - 1.0

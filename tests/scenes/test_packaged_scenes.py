@@ -395,3 +395,43 @@ def test_spikes_of_the_receptors_are_address_events(tmp_path):
     assert events["t"][one][0] == events["t"][0]
     with pytest.raises(SceneError, match="one channel"):
         SceneRecord(["ra1"]).save(tmp_path / "none.txt")
+
+
+def directed(name, kind):
+    """Return the events of a kind of a scene, and the truth of each frame."""
+    _, moments, truths = played(name)
+    events = [event for moment in moments for event in moment.events]
+    assert [event.kind for event in events] == [kind, f"{kind}_end"] * 2
+    return events[::2], moments, truths
+
+
+def test_tactile_flow_follows_a_face_that_slides():
+    """Out and back; its speed is 4 % high, as five taxels see a wave of 6 pitches."""
+    events, moments, truths = directed("tactile_flow", "flow")
+    for event, way in zip(events, (0.0, np.pi), strict=True):
+        since = onset_after(moments, truths, "slip", event.time - 0.2)
+        assert 0 < event.time - since < 0.2
+        assert abs(np.angle(np.exp(1j * (event.direction - way)))) < 0.3
+        assert event.unit == "cells/s"
+    slides = [n for n, t in enumerate(truths) if t["slip"] and truths[n - 80]["slip"]]
+    assert len(slides) > 150
+    for n in slides[::10]:
+        x, y = (float(moments[n].outputs[f"flow_{axis}"]) for axis in "xy")
+        speed = truths[n]["slip_speed"] / 1.5e-3 * np.cos(truths[n]["slip_direction"])
+        # noise of the readings, and the rim, add 10 %
+        assert x == pytest.approx(1.04 * speed, rel=0.13)
+        assert abs(y) < 0.1 * abs(x)
+
+
+def test_motion_direction_says_which_way_a_face_slides():
+    events, moments, truths = directed("motion_direction", "drift")
+    for event, way in zip(events, (0.0, np.pi), strict=True):
+        since = onset_after(moments, truths, "slip", event.time - 0.2)
+        assert 0 < event.time - since < 0.2
+        assert abs(np.angle(np.exp(1j * (event.direction - way)))) < 0.1
+
+
+def onset_after(moments, truths, flag, begin):
+    """Return the first time from a moment on at which the truth has a flag, s."""
+    times = (m.frame.time for m, t in zip(moments, truths, strict=True) if t[flag])
+    return next(time for time in times if time > begin)

@@ -102,6 +102,16 @@ def slid(cells: int) -> Floats:
     return -np.stack([0.8 * pull, -0.6 * pull, load], axis=-1) + noise
 
 
+def moved(cells: int) -> Floats:
+    """A patch of 0.9 cells that comes down and moves across the middle, cells/s: 2 and −1."""
+    frames, place = np.arange(70), np.arange(cells) - (cells - 1) / 2
+    pressed, gone = np.clip((frames - 22) / 10, 0, 1), (frames - 55)[:, None, None] / 50.0
+    right, down = place - 2.0 * gone, place[:, None] + gone
+    load = pressed[:, None, None] * np.exp(-(right**2 + down**2) / (2 * 0.9**2))
+    noise = np.random.default_rng(cells).normal(0.0, 1e-5, (70, cells, cells, 3))
+    return np.stack([0.0 * load, 0.0 * load, load], axis=-1) + noise
+
+
 def block(cells: int) -> Floats:
     """Tractions on the middle 2×2 cells, Pa."""
     load, at = np.zeros((1, cells, cells, 3)), cells // 2
@@ -181,6 +191,12 @@ SCENES = {
         {"push": 1.0},
         middle=True,
     ),
+    "motion_direction": Scene(
+        # a small array misses what is around a narrow patch, which is taken off
+        moved,
+        (Same("motion_x", 0.15, turns=True), Same("drifts", 0.0)),
+        {"rate": 50.0},
+    ),
     "receptors": Scene(
         pulled,
         # the sums miss what small arrays cut off: a third of the shear on 4×4
@@ -197,6 +213,12 @@ SCENES = {
     ),
     # all that it shares with the others is tested with them
     "tactile": Scene(pulled, (*PLACE, Same("contact", 0.0)), {}),
+    "tactile_flow": Scene(
+        moved,
+        # the patch of 0.9 cells has narrow slopes, and 4×4 cells cut off its rim
+        (Same("flow_x", 0.4, turns=True), Same("flow_y", 0.4)),
+        {"rate": 50.0, "push": 1.0},
+    ),
     "texture": Scene(
         rubbed, (Same("friction", 0.01), Same("texture_known", 0.0)), {"push": 1.0, "window": 16}
     ),

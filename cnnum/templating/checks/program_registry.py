@@ -6,6 +6,7 @@ from types import MappingProxyType
 from cnnum.templating.checks.program_records import ProgramForm
 from cnnum.templating.checks.tactile import codes as tactile_codes
 from cnnum.templating.checks.tactile import halfspace as tactile_halfspace
+from cnnum.templating.checks.tactile import moving_patterns as tactile_moving_patterns
 from cnnum.templating.checks.tactile import outlines as tactile_outlines
 from cnnum.templating.checks.tactile import receptor_channels as tactile_receptors
 from cnnum.templating.checks.tactile import slip_and_twist as tactile_slip_and_twist
@@ -16,6 +17,7 @@ _KINDS = (
     tactile_slip_and_twist.FORMS,
     tactile_halfspace.FORMS,
     tactile_receptors.FORMS,
+    tactile_moving_patterns.FORMS,
 )
 _FORMS: Mapping[str, tuple[ProgramForm, ...]] = MappingProxyType(
     {

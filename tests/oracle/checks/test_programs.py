@@ -26,6 +26,8 @@ WRONG = {
     "twist-report": {"floor": 1e5},
     "ramp-and-hold": {"ra1_to": 51.0},
     "spikes-of-a-leaky-cell": {"membrane": 0.011},
+    "drifting-grating": {"rate": 103.0},
+    "correlated-grating": {"delay": 0.15},
     "slip-and-twist": {"slip_false_reports": 0.5},
 }
 """Parameters that make a program wrong for its form."""

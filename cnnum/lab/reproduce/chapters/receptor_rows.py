@@ -12,7 +12,7 @@ from cnnum.lab.reproduce.record import Chapter, Item
 from cnnum.programs.fields import log
 from cnnum.programs.library import get_program
 from cnnum.tactile.receptors import response
-from cnnum.templates.tactile import receptors
+from cnnum.templates.tactile.shared.clock import corner
 
 RATE, REST = 4000.0, 8
 """Frames a second, far above the bands, and frames of rest."""
@@ -71,12 +71,12 @@ CHAPTER = Chapter(
         Item("table-2.I-SA-I", "gain of SA-I where its band ends, at 15 Hz", "Table 2.I",
              float(np.sqrt(0.5)), sa1_at_its_corner, 2e-3,
              "the corner of a low-pass; frames at 4 kHz, and the rest of the start", "",
-             faults=(misled(receptors.corner, 0, "Hz", factor=1.05),)),
+             faults=(misled(corner, 0, "Hz", factor=1.05),)),
         *(
             Item(f"table-2.I-{name}", f"frequency that {name} feels best", "Table 2.I", band,
                  partial(best_of, channel), 0.0,
                  "a dozen frequencies are tried; the best lies within the printed band", "Hz",
-                 "within", faults=(misled(receptors.corner, 0, "Hz", factor=away),))
+                 "within", faults=(misled(corner, 0, "Hz", factor=away),))
             for name, channel, band, away in (
                 ("RA-I", "ra1", (20.0, 50.0), 3.0),
                 ("PC", "pc", (60.0, 400.0), 0.1),
@@ -85,7 +85,7 @@ CHAPTER = Chapter(
         Item("table-2.I-impulses", "impulses of PC a period of a vibration", "Table 2.I", 1.0,
              spikes_a_period, 0.0,
              "one at every peak, exactly, of an amplitude 1.5 times the least", "",
-             faults=(scaled(log, 0.1), misled(receptors.corner, 0, "Hz", factor=5.0))),
+             faults=(scaled(log, 0.1), misled(corner, 0, "Hz", factor=5.0))),
     ),
     {},
 )  # fmt: skip

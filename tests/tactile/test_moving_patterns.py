@@ -1,0 +1,132 @@
+"""Flow and direction of patterns that move, and the spread of a contact's area."""
+
+import numpy as np
+import pytest
+
+import cnnum
+from cnnum.errors import ProgramError
+from cnnum.scenes.pipeline import load_scene
+
+RATES = [50.0, 200.0, 1000.0]
+
+
+def last(name, signal, needs, *, engine="numba", **parameters):
+    """Return outputs of the last frame of a push (frames, rows, cols)."""
+    frames = np.zeros((*signal.shape, 3))
+    frames[..., 2] = signal
+    program = cnnum.get_program(name).bind(push=1.0, rest=0.0, **parameters)
+    precision = "float64" if engine == "numba" else None
+    plan = cnnum.Engine(engine, precision=precision).compile(program, signal.shape[1:], needs)
+    stream, out = plan.stream(), {}
+    for frame in frames:
+        out = stream.push(frame)
+    return out
+
+
+def blob(rate, velocity, *, grows=0.0, cells=12, seconds=1.5):
+    """A round load that moves, and grows by a factor a second."""
+    time = np.arange(round(seconds * rate))[:, None, None] / rate
+    rows, cols = np.indices((cells, cells))
+    x = cols - cells / 2 + 0.5 - velocity[0] * (time - seconds)
+    y = rows - cells / 2 + 0.5 - velocity[1] * (time - seconds)
+    load = np.exp(-(x**2 + y**2) / 5.0 + grows * time)
+    load[:8] = 0.0
+    return load
+
+
+@pytest.mark.parametrize("rate", RATES)
+def test_the_flow_of_a_blob_is_its_velocity_at_every_rate(rate):
+    for velocity in ((1.5, -0.8), (-0.4, 2.0)):
+        needs = ["flow_x", "flow_y", "flow_explains"]
+        found = last("tactile_flow", blob(rate, velocity), needs, rate=rate)
+        # five taxels of slope on a blob of 1.6 cells: 2 %
+        np.testing.assert_allclose([found["flow_x"], found["flow_y"]], velocity, atol=0.06)
+        assert found["flow_explains"] > 0.95
+
+
+def test_a_load_that_grows_does_not_flow():
+    needs = ["flow_x", "flow_y", "flows"]
+    for rate in RATES:
+        found = last("tactile_flow", blob(rate, (0.0, 0.0), grows=4.0), needs, rate=rate, still=0.1)
+        assert np.hypot(found["flow_x"], found["flow_y"]) < 1e-3
+        assert not found["flows"]
+    both = last("tactile_flow", blob(200.0, (1.5, 0.5), grows=2.0), needs, rate=200.0)
+    np.testing.assert_allclose([both["flow_x"], both["flow_y"]], [1.5, 0.5], atol=0.06)
+
+
+def test_the_flow_of_a_place_is_that_of_what_is_there():
+    """Two gratings side by side that move apart."""
+    rate, k = 200.0, np.pi / 4
+    time, cols = np.arange(200)[:, None, None] / rate, np.arange(24)
+    way = np.where(cols < 12, -1.0, 1.0)
+    signal = np.cos(k * (cols - way * 2.0 * time)) + np.zeros((200, 8, 1))
+    signal[:8] = 0.0
+    found = last("tactile_flow", signal, ["flow_map_x", "flow_map_y"], rate=rate, window=1.0)
+    np.testing.assert_allclose(found["flow_map_x"][2:-2, 3:9], -2.0, rtol=0.05)
+    np.testing.assert_allclose(found["flow_map_x"][2:-2, 15:21], 2.0, rtol=0.05)
+    assert np.abs(found["flow_map_y"]).max() < 0.1
+
+
+def test_the_area_of_a_sphere_spreads_with_its_load_as_hertz_says():
+    """dA/dF = 2πa²/(3F), of the simulated array in newtons and cells."""
+    script = [
+        {"kind": "hold", "duration": 0.45},
+        {"kind": "press", "duration": 1.0, "load": 1.6},
+    ]
+    needs = ["spread_area", "area_spread"]
+    changes = {
+        "needs": needs,
+        "program.name": "tactile_flow",
+        "array.script": script,
+        "array.noise": 0.2e-3,
+    }
+    for radius in (25e-3, 40e-3):
+        scene = load_scene("demo", changes={**changes, "array.radius": radius})
+        checked = 0
+        for moment in scene.results():
+            truth, load = moment.frame.truth, moment.frame.truth["normal_force"]
+            if load < 0.8 or moment.number % 10:
+                continue
+            area = np.pi * (truth["contact_radius"] / 1.5e-3) ** 2
+            assert float(moment.outputs["spread_area"]) == pytest.approx(area, rel=0.06)
+            # the slope of the last 0.1 s, when it was up to a tenth larger, and 5 % of an area
+            spread = float(moment.outputs["area_spread"])
+            assert spread == pytest.approx(2 * area / (3 * load), rel=0.3)
+            checked += 1
+        assert checked > 5
+
+
+@pytest.mark.parametrize("rate", RATES)
+def test_correlations_give_the_direction_of_a_blob_at_every_rate(rate):
+    for velocity in ((4.0, -3.0), (-2.0, 4.0), (0.0, 5.0)):
+        load = blob(rate, velocity)
+        needs = ["motion_x", "motion_y", "drifts"]
+        found = last("motion_direction", load, needs, rate=rate)
+        way = np.arctan2(float(found["motion_y"]), float(found["motion_x"]))
+        assert np.angle(np.exp(1j * (way - np.arctan2(velocity[1], velocity[0])))) == pytest.approx(
+            0.0, abs=0.15
+        )
+        assert found["drifts"]
+    still = last("motion_direction", blob(rate, (0.0, 0.0), grows=4.0), needs, rate=rate)
+    assert not still["drifts"]
+
+
+@pytest.mark.parametrize("name", ["tactile_flow", "motion_direction"])
+def test_lines_of_taxels_and_single_ones_run_on_every_engine(name):
+    needs = ["flow_x", "flows"] if name == "tactile_flow" else ["motion_x", "drifts"]
+    line = blob(50.0, (2.0, 0.0))[:, 6:7]
+    exact = last(name, line, needs, engine="reference", rate=50.0)
+    assert float(exact[needs[0]]) > 0.1
+    for engine in ("numba", "opencl"):
+        found = last(name, line, needs, engine=engine, rate=50.0)
+        for output in needs:
+            assert found[output] == pytest.approx(exact[output], rel=2e-3)
+        one = last(name, line[..., 6:7], needs, engine=engine, rate=50.0)
+        assert all(abs(one[output]) < 1e-3 for output in needs)
+
+
+def test_bad_parameters_are_refused():
+    channels = ("shear_x", "shear_y", "normal")
+    for name, wrong in (("tactile_flow", "look"), ("motion_direction", "delay")):
+        with pytest.raises(ProgramError, match=wrong):
+            cnnum.get_program(name).bind(**{wrong: 0.0}).trace((4, 4), channels)
