@@ -160,3 +160,32 @@ def test_children_after_numba(faults):
         return wrong(then, said, side, engine)
 
     judged(faults, "numba", judge)
+
+
+HOSTILE = ("json", "numpy", "pyopencl", "multiprocessing", "runpy", "pickle", "subprocess", "cnnum")
+RUNS = (
+    (True, ("devices", "--no-measure")),
+    (False, ("templates", "show", "EDGE")),
+    (False, ("stability", "layers-1", "--engine", "reference")),
+)
+
+
+def test_no_module_of_the_working_folder_runs(faults, tmp_path):
+    """A module in the working folder that is named as one of a library's never runs."""
+    for name in HOSTILE:
+        mark = tmp_path / "ran" / name
+        (tmp_path / f"{name}.py").write_text(f"open({str(mark)!r}, 'w')\nraise SystemExit(9)\n")
+    (tmp_path / "ran").mkdir()
+    command = Path(sys.executable).with_name("cnnum")
+    for fresh, words in faults.each(RUNS, short=len(RUNS)):
+        done = subprocess.run(
+            [command, *words],
+            cwd=tmp_path,
+            # without verdicts of devices, each is tried in a child
+            env=os.environ | {"PYTHONPATH": ""} | ({"CNNUM_CACHE": "off"} if fresh else {}),
+            capture_output=True,
+            text=True,
+        )
+        if done.returncode or list((tmp_path / "ran").iterdir()):
+            ran = [mark.name for mark in (tmp_path / "ran").iterdir()]
+            faults.lose(f"{words}: {done.returncode}, ran {ran}: {done.stderr[-300:]}")

@@ -38,7 +38,7 @@ def run_child(module: str, arguments: list[str], patience: float) -> Ended:
     """
     try:
         done = subprocess.run(
-            [sys.executable, "-m", module, *arguments],
+            [sys.executable, "-P", "-m", module, *arguments],  # no module of the working folder
             capture_output=True,
             stdin=subprocess.DEVNULL,
             timeout=patience,

@@ -127,7 +127,7 @@ def _start(engine: Engine, cache: Path) -> _Start:
     variables = dict.fromkeys(names, str(cache))
     answers, device = cache / "answers.npz", engine.device if engine.name == "opencl" else ""
     done = subprocess.run(
-        [sys.executable, "-c", _CHILD, engine.name, device, str(answers)],
+        [sys.executable, "-P", "-c", _CHILD, engine.name, device, str(answers)],
         capture_output=True,
         text=True,
         check=True,

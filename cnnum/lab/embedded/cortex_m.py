@@ -113,9 +113,9 @@ class Board:
             place = Path(folder)
             made.export(frames).write(place)
             write_whole(place / "board.c", board_text(name))
-            compiler = [sys.executable, "-m", "ziglang", "cc", "-target", "thumb-freestanding-eabi"]
             command = [
-                *compiler,
+                *(sys.executable, "-P", "-m", "ziglang", "cc"),
+                *("-target", "thumb-freestanding-eabi"),
                 f"-mcpu={CORES[core]}",
                 *FLAGS,
                 *LINKED,
