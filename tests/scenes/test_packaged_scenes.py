@@ -397,6 +397,32 @@ def test_spikes_of_the_receptors_are_address_events(tmp_path):
         SceneRecord(["ra1"]).save(tmp_path / "none.txt")
 
 
+def test_on_off_tells_what_comes_from_what_goes():
+    scene, moments, truths = played("on_off")
+    events = [event for moment in moments for event in moment.events]
+    assert [event.kind for event in events] == ["onset", "offset"]
+    held = [m.frame.time for m, t in zip(moments, truths, strict=True) if t["contact"]]
+    lifts = next(
+        m.frame.time
+        for m, t, before in zip(moments[1:], truths[1:], truths, strict=False)
+        if t["normal_force"] < before["normal_force"]
+    )
+    assert 0 <= events[0].time - held[0] < 0.02
+    assert 0 <= events[1].time - lifts < 0.03
+    for event in events:
+        assert np.abs(np.array(event.where) - 3.5).max() < 0.5  # the punch is in the middle
+    at = next(n for n, m in enumerate(moments) if m.frame.time >= lifts) - 2
+    held_still = moments[at].outputs
+    rows, cols = np.indices(scene.driver.shape)
+    far = np.hypot(rows - 3.5, cols - 3.5) * scene.driver.pitch / 3e-3
+    # strain under the rim: ON within the punch, OFF around it
+    assert held_still["on_sustained"][far < 0.8].min() > 0
+    assert held_still["off_sustained"][(far > 1.5) & (far < 1.8)].min() > 0
+    # 0.8 s are 8 time constants of the adaptation
+    noise = 0.05 * held_still["on_sustained"].max()
+    assert max(held_still[f"{sign}_transient"].max() for sign in ("on", "off")) < noise
+
+
 def directed(name, kind):
     """Return the events of a kind of a scene, and the truth of each frame."""
     _, moments, truths = played(name)

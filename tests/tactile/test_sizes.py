@@ -197,6 +197,12 @@ SCENES = {
         (Same("motion_x", 0.15, turns=True), Same("drifts", 0.0)),
         {"rate": 50.0},
     ),
+    "on_off": Scene(
+        # on a small array the rim mirrors the patch, and its surround with it
+        moved,
+        (Same("on_row", 0.6), Same("on_column", 0.6, turns=True), Same("goes", 0.0)),
+        {"rate": 50.0, "push": 1.0},
+    ),
     "receptors": Scene(
         pulled,
         # the sums miss what small arrays cut off: a third of the shear on 4×4

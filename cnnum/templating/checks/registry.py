@@ -10,6 +10,7 @@ from cnnum.errors import OneColourError, TemplateError, name_error
 from cnnum.templating.checks.analytic import (
     anisotropic,
     cell,
+    centre_surround,
     courses,
     delays,
     filters,
@@ -40,7 +41,7 @@ _KINDS = (
     *(cell.FORMS, differences.FORMS, ranks.FORMS, anisotropic.FORMS, interpolation.FORMS),
     *(motion.FORMS, delays.FORMS, gains.FORMS),
     *(rules.FORMS, lines.FORMS, courses.FORMS, reference_run.FORMS),
-    *(life.FORMS, waves.FORMS, oscillation.FORMS, ramps.FORMS),
+    *(life.FORMS, waves.FORMS, oscillation.FORMS, ramps.FORMS, centre_surround.FORMS),
 )
 _FORMS: Mapping[str, ClosedForm] = MappingProxyType(
     {form.name: form for kind in _KINDS for form in kind}

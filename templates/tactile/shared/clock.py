@@ -76,6 +76,10 @@ class Clock:
 
     def behind(self, template: Template, signal: Field) -> Field:
         """Return the last layer of a template that goes on from frame to frame."""
+        return self.layers_behind(template, signal)[-1]
+
+    def layers_behind(self, template: Template, signal: Field) -> tuple[Field, ...]:
+        """Return the layers of a template that go on from frame to frame, the first the signal."""
         before = signal if self._held else self.frame.previous(signal)
         layers = [self.frame.memory(f"{template.name} {n}") for n in range(1, template.layers)]
         run = transient(
@@ -86,7 +90,7 @@ class Clock:
         )
         for layer, state in zip(layers, run.states[1:], strict=True):
             layer.store(state)
-        return run.states[-1]
+        return run.states
 
     def noise(self, power: Field, channels: Sequence[str]) -> Field:
         """Return the root of the mean power of an output in the second half of the rest."""

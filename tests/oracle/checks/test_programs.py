@@ -28,6 +28,7 @@ WRONG = {
     "spikes-of-a-leaky-cell": {"membrane": 0.011},
     "drifting-grating": {"rate": 103.0},
     "correlated-grating": {"delay": 0.15},
+    "centre-and-surround": {"surround": 0.032},
     "slip-and-twist": {"slip_false_reports": 0.5},
 }
 """Parameters that make a program wrong for its form."""

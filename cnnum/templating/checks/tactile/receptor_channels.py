@@ -1,9 +1,11 @@
-"""Answers of `receptors`: ramps that are held, and the spikes of a constant push."""
+"""Answers of `receptors` and `on_off`: ramps that are held, and the spikes of a constant push."""
 
 import numpy as np
 
 from cnnum.arrays import Floats, Shape
 from cnnum.tactile.receptors import first_spike, ramp
+from cnnum.templating.boundary import ZERO_FLUX
+from cnnum.templating.checks.analytic.centre_surround import layers_after
 from cnnum.templating.checks.program_records import Outputs, ProgramCase, ProgramForm
 
 RATE, REST, FRAMES = 100.0, 20, 60
@@ -65,7 +67,43 @@ def _wrong_spikes(case: ProgramCase, outputs: Outputs) -> float:
     return float(np.abs(counted - fits).max())
 
 
+def _presses(rng: np.random.Generator, shape: Shape) -> ProgramCase:
+    """Draw a ramp for every taxel; all begin together, and are held after a tenth of a second."""
+    slope, lasts = rng.uniform(-1.0, 1.0, shape), 10
+    frames = np.zeros((REST + FRAMES, *shape, 3))
+    risen = np.clip(np.arange(REST + FRAMES) - REST + 1, 0, lasts) / RATE
+    frames[..., 2] = risen[:, None, None] * slope
+    widths, taus = (0.25, 2.0), (0.01, 0.03, 0.1)
+
+    def ramp_layers(after: float) -> Floats:
+        return layers_after(slope, ZERO_FLUX, max(after, 0.0), widths, taus)
+
+    expected: dict[str, list[Floats]] = {"sustained": [], "transient": []}
+    for n in range(REST + FRAMES):
+        begun = (n - REST + 1) / RATE
+        _, near, far, late = ramp_layers(begun) - ramp_layers(begun - lasts / RATE)
+        expected["sustained"].append(near - far)
+        expected["transient"].append(near - far - late)
+    answers = {
+        f"{sign}_{name}": np.maximum(factor * np.array(maps), 0.0)
+        for name, maps in expected.items()
+        for sign, factor in (("on", 1.0), ("off", -1.0))
+    }
+    return ProgramCase(frames, answers, {"rate": RATE, "rest": REST / RATE, "push": 1.0})
+
+
 FORMS = (
+    ProgramForm(
+        name="centre-and-surround",
+        program="on_off",
+        needs=("on_sustained", "off_sustained", "on_transient", "off_transient"),
+        cases=_presses,
+        error=_off_course,
+        tolerance=1e-4,
+        tolerance_reason="answers are differences of layers in single precision",
+        summary="ramps that are held, wave by wave: three leaky cells each",
+        compares="all",
+    ),
     ProgramForm(
         name="ramp-and-hold",
         program="receptors",

@@ -1,0 +1,98 @@
+"""ON and OFF, sustained and transient: what a retina makes of a picture, of a load on the skin.
+
+    receptors            follow the signal, coupled to their neighbours     on_off_layers, layer 2
+    surround             follows the receptors, slower and wider            layer 3
+    sustained            receptors − surround
+    adaptation           follows the sustained answer                       layer 4
+    transient            sustained − adaptation
+    ON, OFF              what is above 0 of each, and below
+
+An even load has no sustained answer. Under a body there is ON within its edge, OFF around it.
+
+References
+----------
+Bálya, Roska, Roska & Werblin, Int. J. Circuit Theory Appl. 30 (2002) 363: a multi-layer retina of
+cellular networks; Werblin, Roska & Chua, same journal 23 (1995) 541.
+"""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from cnnum.programs import program
+from cnnum.programs.fields import Field, maximum, square, where
+from cnnum.programs.machine import FrameFields
+from cnnum.programs.parameters import refuse_outside
+from cnnum.programs.reports import report
+from cnnum.templates.tactile.shared.clock import Clock
+from cnnum.templates.tactile.shared.loads import PUSH
+from cnnum.templating.library import get_template
+
+
+@program
+def on_off(
+    frame: FrameFields,
+    *,
+    push: float = PUSH,
+    rate: float = 200.0,
+    rest: float = 0.4,
+    receptor: float = 0.01,
+    surround: float = 0.03,
+    adapting: float = 0.1,
+    level: float = 10.0,
+    hold_time: float = 0.05,
+) -> Mapping[str, Field]:
+    """Return the four answers of centre and surround, and where a load comes and goes.
+
+    Parameters
+    ----------
+    frame : FrameFields
+        Only `normal` is read, in any unit.
+    push : float
+        −1 for strain and stress, which count tension as positive; +1 if readings rise under a push.
+    rate, rest : float, Hz, s
+        Frames a second; time at the start without contact, which gives rest and noise.
+    receptor, surround, adapting : float, s
+        Time constants of the layers.
+    level, hold_time : float, none, s
+        An event begins when the largest transient answer exceeds so many times its noise at rest,
+        and is the larger one of both signs. It ends after a time below half of that.
+
+    Returns
+    -------
+    mapping
+        `on_sustained`, `off_sustained`, `on_transient`, `off_transient` (maps in the unit of
+        `normal`, 0 or above), `on_strength`, `off_strength` (largest transient answer over its
+        noise; 0 for the smaller one of both), `on_row`, `on_column`, `off_row`, `off_column`
+        (centroid of the squared transient answer, cells), `comes`, `goes` (flags).
+
+    Raises
+    ------
+    ProgramError
+        If a parameter is out of range.
+    """
+    refuse_outside(
+        receptor=(receptor, 1e-6, 1e6), surround=(surround, 1e-6, 1e6),
+        adapting=(adapting, 1e-6, 1e6), level=(level, 1.0, 1e6), hold_time=(hold_time, 0.0, 1e6),
+    )  # fmt: skip
+    clock = Clock(frame, rate, rest)
+    layers = get_template("on_off_layers")
+    layers = replace(layers, tau=np.array([1.0, receptor, surround, adapting]))
+    _, near, far, late = clock.layers_behind(layers, clock.above_rest("normal", push))
+    sustained = near - far
+    transient = sustained - late
+    noise = clock.noise(square(transient).mean(), ("normal",))
+    found = {
+        f"{sign}_{name}": maximum(factor * answer, 0.0)
+        for sign, factor in (("on", 1.0), ("off", -1.0))
+        for name, answer in (("sustained", sustained), ("transient", transient))
+    }
+    peaks = {sign: found[f"{sign}_transient"].max() for sign in ("on", "off")}
+    for sign, other, flag in (("on", "off", "comes"), ("off", "on", "goes")):
+        wins = ~clock.resting & (peaks[sign] > peaks[other])
+        strength = where(wins, peaks[sign] / noise, 0.0)
+        row, column = frame.centroid(square(found[f"{sign}_transient"]))
+        found |= {f"{sign}_strength": strength, f"{sign}_row": row, f"{sign}_column": column}
+        found[flag] = report(frame, strength, level, hold_time * rate)
+    return found
