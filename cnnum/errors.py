@@ -3,8 +3,11 @@
 Each leaf is also the builtin that a caller would reach for, so ``except ValueError`` works.
 """
 
+import errno
 from collections.abc import Iterable
 from difflib import get_close_matches
+from functools import cache
+from typing import Any, cast
 
 MOST_LISTED, FIRST_LISTED = 40, 8
 """Names that an error lists, and those of a longer list."""
@@ -27,6 +30,45 @@ class CnnumError(Exception):
         if len(said) <= LONGEST_SENTENCE:
             return said
         return f"{said[: LONGEST_SENTENCE // 2]}…{said[1 - LONGEST_SENTENCE // 2 :]}"
+
+
+def unreadable(kind: type[CnnumError], what: str, reason: OSError, advice: str = "") -> CnnumError:
+    """Return the error of a file that cannot be read: of `kind`, and what `reason` is of these.
+
+    `FileNotFoundError`, `IsADirectoryError` or `PermissionError`; `errno` is that of the reason.
+    """
+    builtin = next((each for each in _OF_FILES if isinstance(reason, each)), OSError)
+    why = str(reason.strerror or reason).rstrip(".")
+    return _of_file(kind, builtin, (f"{what} cannot be read: {why}{advice}.",), reason.errno)
+
+
+def missing_file(kind: type[CnnumError], sentence: str) -> CnnumError:
+    """Return the error of a file that is not there: of `kind` and a `FileNotFoundError`."""
+    return _of_file(kind, FileNotFoundError, (sentence,), errno.ENOENT)
+
+
+_OF_FILES = (FileNotFoundError, IsADirectoryError, PermissionError)
+
+
+def _of_file(
+    kind: type[CnnumError], builtin: type[OSError], args: tuple[str, ...], number: int | None
+) -> CnnumError:
+    both: Any = _both  # mypy takes classes of errors for no keys
+    error = both(kind, builtin)(*args)
+    error.errno = number
+    return cast(CnnumError, error)
+
+
+@cache
+def _both(kind: Any, builtin: Any) -> type:
+    """Return the class of both, under the name of the first; another process makes it anew."""
+
+    def reduced(error: Any) -> tuple[Any, ...]:
+        return _of_file, (kind, builtin, error.args, error.errno)
+
+    parts = (kind,) if issubclass(kind, builtin) else (kind, builtin)
+    named = {"__module__": kind.__module__, "__doc__": kind.__doc__, "__reduce__": reduced}
+    return type(kind.__name__, parts, named)
 
 
 class ArrayError(CnnumError, ValueError):

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cnnum.arrays import Floats, finite
-from cnnum.errors import ArrayError, PictureError, missing_extra
+from cnnum.errors import ArrayError, PictureError, missing_extra, unreadable
 from cnnum.safety.files import write_whole
 from cnnum.safety.reading import open_regular
 from cnnum.safety.values import as_path
@@ -102,7 +102,9 @@ def load_picture(path: str | Path) -> Floats:
     except PictureError:
         raise
     except OSError as error:
-        why = error.strerror or "it is no image that Pillow reads"
+        if error.errno is not None:
+            raise unreadable(PictureError, f"'{path}'", error) from None
+        why = "it is no image that Pillow reads"
         raise PictureError(f"'{path}' cannot be read as a picture: {why}.") from None
     except (ValueError, SyntaxError, image.DecompressionBombError) as error:
         raise PictureError(f"'{path}' cannot be read as a picture: {error}.") from None

@@ -17,7 +17,7 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cnnum.errors import CodecError, RecordingError
+from cnnum.errors import CodecError, RecordingError, unreadable
 from cnnum.safety.memory import host_bytes
 from cnnum.safety.names import shown
 from cnnum.safety.reading import DAMAGE, MEGABYTE, open_regular
@@ -95,7 +95,7 @@ def read_arrays(path: Path, wanted: Collection[str]) -> dict[str, NDArray[Any]]:
     except MemoryError:
         raise RecordingError(f"'{path}' cannot be read: there is not enough memory.") from None
     except OSError as error:
-        raise RecordingError(f"'{path}' cannot be read: {error.strerror or error}.") from None
+        raise unreadable(RecordingError, f"'{path}'", error) from None
 
 
 def _read(path: Path, file: IO[bytes], wanted: Collection[str]) -> dict[str, NDArray[Any]]:

@@ -8,7 +8,7 @@ from dataclasses import MISSING, fields, is_dataclass
 from pathlib import Path
 from typing import Any, Literal, TypeVar, Union, cast, get_args, get_origin, get_type_hints
 
-from cnnum.errors import ArrayError, SceneError
+from cnnum.errors import ArrayError, SceneError, unreadable
 from cnnum.recordings.recording import channel_names
 from cnnum.renamed import by_new_names
 from cnnum.safety.names import shown
@@ -72,7 +72,7 @@ def read_options_file(
         table = parse_toml(read_text(path, most=LARGEST_FILE))
         return read_options(record, {**table, **changes}, path.parent)
     except OSError as error:
-        raise SceneError(f"{kind} '{path}' cannot be read: {error.strerror}.") from None
+        raise unreadable(SceneError, f"{kind} '{path}'", error) from None
     except SceneError as error:
         raise SceneError(f"{kind} '{path}': {error}") from None
     except ValueError as error:

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from cnnum.drivers.own_data.sources import READERS
 from cnnum.drivers.registry import open_driver
-from cnnum.errors import RecordingError
+from cnnum.errors import RecordingError, missing_file
 from cnnum.frame import Frame
 from cnnum.recordings.recording import Recording, rate_of
 from cnnum.safety.names import shown
@@ -29,7 +29,8 @@ def array_of(file: Path) -> dict[str, object]:
     known = ", ".join((".mcap", *READERS))
     expected = f"expected a file of the kind {known}, or the folder of a trial."
     if not names_something(file):
-        raise RecordingError(f"There is no recording {shown(str(file))}: {expected}")
+        said = f"There is no recording {shown(str(file))}: {expected}"
+        raise missing_file(RecordingError, said)
     # a relative path in a scene starts from the scene's folder, not from the working one
     path, suffix = str(file.absolute()), file.suffix.lower()
     if file.is_dir():

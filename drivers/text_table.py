@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from cnnum.arrays import Floats
-from cnnum.errors import CodecError, RecordingError
+from cnnum.errors import CodecError, RecordingError, unreadable
 from cnnum.safety.names import shown
 from cnnum.safety.reading import MEGABYTE, open_regular
 
@@ -187,7 +187,7 @@ def _lines(path: Path, form: TextForm) -> list[tuple[int, tuple[str, ...]]]:
             rows = ((form.skip + reader.line_num, form.plain(row)) for row in reader if row)
             return list(islice(rows, MOST_ROWS + 2))
     except OSError as error:
-        raise RecordingError(f"'{path}' cannot be read: {error.strerror}.") from None
+        raise unreadable(RecordingError, f"'{path}'", error) from None
     except (UnicodeDecodeError, csv.Error) as error:
         raise CodecError(f"'{path}' is not a CSV text file in UTF-8: {error}.") from None
 

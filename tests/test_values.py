@@ -152,3 +152,32 @@ def test_a_worker_runs_a_program_that_was_sent(tmp_path):
         [sys.executable, "main.py"], cwd=tmp_path, capture_output=True, text=True, check=True
     )
     assert done.stdout.strip() == "10.0"
+
+
+@pytest.mark.parametrize("given", [{}, {"duration": "settle"}, {"at": [0.5, 1.0]}], ids=str)
+def test_arrays_of_a_result_are_read_only_and_those_of_a_plan_are_the_callers(given):
+    rng = np.random.default_rng(8)
+    picture = rng.uniform(-1, 1, (3, 6, 7))
+    for name in ("numba", "reference"):
+        engine = cnnum.Engine(name)
+        result = engine.run("EDGE", input=picture, **given)
+        before = result.output.copy()
+        for part in ("output", "state", "time", "steps", "settled", "error"):
+            array = np.asarray(getattr(result, part))
+            assert not array.flags.writeable, part
+            with pytest.raises(ValueError, match="read-only"):
+                array[...] = 0
+        engine.run("EDGE", input=-picture, **given)
+        np.testing.assert_array_equal(result.output, before)
+        assert picture.flags.writeable
+
+
+def test_what_a_plan_returns_is_kept_by_no_one_else():
+    plan = cnnum.Engine("numba").compile("contact", (4, 4))
+    frame = np.random.default_rng(9).uniform(0, 1, (4, 4, 3))
+    first = plan(frame)
+    kept = {name: np.copy(value) for name, value in first.items()}
+    for value in first.values():
+        np.asarray(value)[...] = 0
+    for name, value in plan(frame).items():
+        np.testing.assert_array_equal(value, kept[name])

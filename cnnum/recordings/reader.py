@@ -11,7 +11,7 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cnnum.errors import CodecError, RecordingError, RecordingWarning
+from cnnum.errors import CodecError, RecordingError, RecordingWarning, unreadable
 from cnnum.frame import Frame, Quality
 from cnnum.recordings.attachments import Held, attached
 from cnnum.recordings.decode import Decoder, frames_of
@@ -132,7 +132,7 @@ def opened(path: Path) -> IO[bytes]:
     try:
         return open_regular(path)
     except OSError as error:
-        raise RecordingError(f"'{path}' cannot be read: {error.strerror or error}.") from None
+        raise unreadable(RecordingError, f"'{path}'", error) from None
 
 
 def look(path: Path, budget: float = 1.0) -> Contents:
@@ -218,7 +218,7 @@ def _scanned(
         with _of(path):
             yield from scan(file, size, budget)
     except OSError as error:
-        raise RecordingError(f"'{path}' cannot be read: {error.strerror or error}.") from None
+        raise unreadable(RecordingError, f"'{path}'", error) from None
 
 
 @contextmanager

@@ -4,7 +4,7 @@ import math
 import pickle
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -152,6 +152,12 @@ class Result(ByContent):
     reason: str
     times: tuple[float, ...] = ()
     proof: Proof | None = field(default=None, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        """Make the arrays read-only, as those of all values that compare by content are."""
+        for array in (self.output, self.state, self.time, self.steps, self.settled, self.error):
+            if isinstance(cast(object, array), np.ndarray):  # not a number, which NumPy may give
+                array.flags.writeable = False
 
     @property
     def certified(self) -> NDArray[np.str_]:

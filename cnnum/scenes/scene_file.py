@@ -7,7 +7,7 @@ from importlib import resources
 from pathlib import Path
 from typing import Any, cast
 
-from cnnum.errors import SceneError, name_error
+from cnnum.errors import SceneError, missing_file, name_error, unreadable
 from cnnum.renamed import by_new_names
 from cnnum.safety.names import LONGEST, checked_name, shown, tidied
 from cnnum.safety.reading import names_something, read_text
@@ -171,16 +171,15 @@ def _found(scene: str | Path) -> tuple[str, Path]:
     if names_something(path):
         return _read(path), path.parent
     known = ", ".join(scene_names())
-    raise SceneError(
-        f"There is no scene {shown(str(scene))}: expected a TOML file or one of {known}."
-    )
+    said = f"There is no scene {shown(str(scene))}: expected a TOML file or one of {known}."
+    raise missing_file(SceneError, said)
 
 
 def _read(path: Path) -> str:
     try:
         return read_text(path, most=LARGEST)
     except OSError as error:
-        raise SceneError(f"Scene '{path}' cannot be read: {error.strerror}.") from None
+        raise unreadable(SceneError, f"Scene '{path}'", error) from None
     except UnicodeDecodeError as error:
         raise SceneError(f"Scene '{path}' cannot be read: {error}.") from None
 

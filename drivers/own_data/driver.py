@@ -12,7 +12,14 @@ from cnnum.drivers.own_data.layout import EXAMPLE, SECONDS, DataLayout, read_lay
 from cnnum.drivers.own_data.own_csv import is_own, read_own
 from cnnum.drivers.own_data.sources import READERS, VALUES, shaped
 from cnnum.drivers.text_table import read_table
-from cnnum.errors import ArrayError, CodecError, RecordingError, SceneError, name_error
+from cnnum.errors import (
+    ArrayError,
+    CodecError,
+    RecordingError,
+    SceneError,
+    missing_file,
+    name_error,
+)
 from cnnum.frame import Frame
 from cnnum.recordings.export import calibration_of
 from cnnum.recordings.recording import Recording, rate_of
@@ -57,7 +64,7 @@ class DataFileOptions:
         if suffix not in READERS:
             raise name_error("kind of data file", suffix or path.name, READERS)
         if not names_something(path):
-            raise RecordingError(f"There is no file '{path}'.")
+            raise missing_file(RecordingError, f"There is no file '{path}'.")
         try:
             if suffix == ".csv" and self.layout is None and is_own(path):
                 return DataFile(read_own(read_table(path)), calibration=_beside(path))

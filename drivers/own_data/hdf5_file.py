@@ -13,7 +13,7 @@ from typing import IO, Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from cnnum.errors import RecordingError, missing_extra
+from cnnum.errors import RecordingError, missing_extra, unreadable
 from cnnum.safety.memory import host_bytes
 from cnnum.safety.reading import MEGABYTE, open_regular
 
@@ -70,7 +70,7 @@ def read_hdf5(path: Path, names: Sequence[str]) -> tuple[list[str], Mapping[str,
             request |= {"memory": 2 * most + 256 * MEGABYTE}
             head, arrays = child_answer(file, request, seconds)
     except OSError as error:
-        raise RecordingError(f"'{path}' cannot be read: {error.strerror or error}.") from None
+        raise unreadable(RecordingError, f"'{path}'", error) from None
     if "error" in head:
         raise RecordingError(f"'{path}' cannot be read: {_sentence(head['error'])}.")
     found = [str(name) for name in head.get("names", ())]

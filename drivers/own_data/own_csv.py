@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from cnnum.drivers.text_table import LARGEST, TextTable
-from cnnum.errors import CodecError, RecordingError
+from cnnum.errors import CodecError, RecordingError, unreadable
 from cnnum.recordings.csv_writer import MARKS
 from cnnum.recordings.recording import Recording, rate_of
 from cnnum.safety.names import shown
@@ -34,7 +34,7 @@ def is_own(path: Path) -> bool:
         with open_regular(path, most=LARGEST) as file:
             return file.read(len(head)) == head
     except OSError as error:
-        raise RecordingError(f"'{path}' cannot be read: {error.strerror}.") from None
+        raise unreadable(RecordingError, f"'{path}'", error) from None
 
 
 def read_own(table: TextTable) -> Recording:

@@ -13,7 +13,7 @@ from cnnum.drivers.npz_archive import read_arrays
 from cnnum.drivers.own_data.hdf5_file import read_hdf5
 from cnnum.drivers.own_data.layout import DataLayout
 from cnnum.drivers.text_table import read_table
-from cnnum.errors import CodecError, RecordingError
+from cnnum.errors import CodecError, RecordingError, unreadable
 from cnnum.safety.names import shown
 from cnnum.safety.reading import DAMAGE, open_regular
 
@@ -40,7 +40,7 @@ def npy_array(path: Path, layout: DataLayout) -> Arrays:
         with open_regular(path) as file:
             held = np.load(file, allow_pickle=False)
     except OSError as error:
-        raise RecordingError(f"'{path}' cannot be read: {error.strerror or error}.") from None
+        raise unreadable(RecordingError, f"'{path}'", error) from None
     except (*DAMAGE, MemoryError) as error:
         why = str(error).rstrip(".") or type(error).__name__
         raise CodecError(f"'{path}' is no NumPy array: {why}.") from None

@@ -7,7 +7,7 @@ from typing import Any, cast
 import numpy as np
 
 from cnnum.arrays import Floats
-from cnnum.errors import CalibrationError, CnnumError
+from cnnum.errors import CalibrationError, CnnumError, unreadable
 from cnnum.safety.files import write_whole
 from cnnum.safety.names import shown
 from cnnum.safety.reading import read_text
@@ -45,9 +45,7 @@ def load(path: Path) -> dict[str, Any]:
     try:
         return from_text(read_text(path, most=LARGEST), path)
     except OSError as error:
-        raise CalibrationError(
-            f"Calibration {str(path)!r} cannot be read: {error.strerror}."
-        ) from None
+        raise unreadable(CalibrationError, f"Calibration {str(path)!r}", error) from None
     except UnicodeDecodeError as error:
         raise CalibrationError(f"Calibration '{path}' is not a TOML file: {error}.") from None
 

@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from os import PathLike
 from pathlib import Path
 
-from cnnum.errors import TemplateError, TemplateFileError
+from cnnum.errors import TemplateError, TemplateFileError, unreadable
 from cnnum.safety.files import write_whole
 from cnnum.safety.reading import read_bytes, read_text
 from cnnum.safety.toml_reading import LARGEST
@@ -94,9 +94,8 @@ def _content(source: Path) -> str:
             raise TemplateError(f"'{source}' must be UTF-8 text, got {error.reason}.") from None
         return read_bytes(source, most=LARGEST).decode("cp1250", errors="replace")
     except OSError as error:
-        raise TemplateFileError(
-            f"The template file '{source}' cannot be read: {error.strerror}; check the path."
-        ) from None
+        what = f"The template file '{source}'"
+        raise unreadable(TemplateFileError, what, error, "; check the path") from None
 
 
 def save_template(

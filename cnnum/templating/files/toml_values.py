@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import cast
 
-from cnnum.errors import TemplateError, TemplateFileError
+from cnnum.errors import TemplateError, TemplateFileError, unreadable
 from cnnum.safety.reading import read_text
 from cnnum.safety.toml_reading import LARGEST, parse_toml
 from cnnum.templating.template import Check
@@ -27,9 +27,8 @@ def read_table(kind: str, path: Path) -> dict[str, object]:
     try:
         return parse_toml(read_text(path, most=LARGEST))
     except OSError as error:
-        raise TemplateFileError(
-            f"The {kind} '{path}' cannot be read: {error.strerror}; check the path."
-        ) from None
+        what = f"The {kind} '{path}'"
+        raise unreadable(TemplateFileError, what, error, "; check the path") from None
     except ValueError as error:
         raise TemplateError(f"'{path}' must be TOML, got an error: {error}.") from None
 
