@@ -2,8 +2,10 @@
 
 import ast
 import re
+import shutil
 import subprocess
 import sys
+import tarfile
 import tomllib
 import venv
 import zipfile
@@ -16,9 +18,8 @@ SHIPPED = {".py", ".pyi", ".toml", ".cl", ".css", ".js", ".html", ".npz"}
 
 
 @pytest.fixture(scope="module")
-def wheel(tmp_path_factory):
-    out = tmp_path_factory.mktemp("wheel")
-    # a copy of the files that git would hand out: no caches, links kept as links
+def source(tmp_path_factory):
+    """A copy of the files that git would hand out: no caches, links kept as links."""
     source = tmp_path_factory.mktemp("source")
     for line in subprocess.run(
         ["git", "ls-files", "--cached", "--others", "--exclude-standard"],
@@ -33,12 +34,21 @@ def wheel(tmp_path_factory):
             target.symlink_to((ROOT / line).readlink())
         elif (ROOT / line).exists():
             target.write_bytes((ROOT / line).read_bytes())
+    return source
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory, source):
+    return built_of(source, tmp_path_factory.mktemp("wheel"), "wheel")
+
+
+def built_of(source, out, kind):
     subprocess.run(
-        [sys.executable, "-m", "build", "--wheel", "--outdir", out, source],
+        [sys.executable, "-m", "build", f"--{kind}", "--outdir", out, source],
         check=True,
         capture_output=True,
     )
-    (built,) = out.glob("*.whl")
+    (built,) = out.glob("*.whl" if kind == "wheel" else "*.tar.gz")
     return built
 
 
@@ -191,3 +201,54 @@ def test_lock_file_has_hashes_of_every_package_and_its_sections():
     assert "--require-hashes" in makefile
     for title in ("to develop and test", "of other extras"):
         assert f"$(call LOCKED,{title})" in makefile
+
+
+FRAME = """
+import sys
+sys.path[0:0] = [sys.argv[1]]
+import cnnum
+from cnnum.cli import main
+from cnnum.drivers import open_driver
+assert cnnum.__file__.startswith(sys.argv[1])
+frame = next(open_driver("simulated", {}).frames())
+assert frame.values.shape == (8, 8, 4), frame.values.shape
+sys.argv[1:] = ["templates", "show", "EDGE"]
+main()
+"""
+
+
+def answer_of(folder):
+    """What a tree prints that reads a template, and opens a driver."""
+    command = [sys.executable, "-P", "-c", FRAME, str(folder)]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "EDGE" in done.stdout
+
+
+def test_an_unpacked_source_archive_runs_and_is_whole(source, tmp_path_factory):
+    archive = built_of(source, tmp_path_factory.mktemp("sdist"), "sdist")
+    place = tmp_path_factory.mktemp("unpacked")
+    with tarfile.open(archive) as held:
+        held.extractall(place, filter="data")
+    (folder,) = place.iterdir()
+    assert not (folder / "cnnum" / "drivers").exists()
+    answer_of(folder)
+    names = {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()}
+    whole = {
+        path.relative_to(source).as_posix()
+        for path in source.rglob("*")
+        if path.is_file() and not path.is_symlink() and path.suffix != ".pyc"
+    }
+    links = {"cnnum/drivers", "cnnum/templates"}
+    assert {name for name in whole - names if not name.startswith(tuple(links))} == set()
+
+
+def test_a_checkout_without_symbolic_links_runs(source, tmp_path):
+    """As git makes it on Windows: a link is a small file that holds its target."""
+    shutil.copytree(source, tmp_path / "plain", symlinks=True)
+    for name in ("drivers", "templates"):
+        link = tmp_path / "plain" / "cnnum" / name
+        target = str(link.readlink())
+        link.unlink()
+        link.write_text(target)
+    answer_of(tmp_path / "plain")
