@@ -20,7 +20,7 @@ from cnnum.engine import Engine
 from cnnum.errors import MethodError
 from cnnum.frame import FORCE_AXES
 from cnnum.lab.bench.programs.contact_errors import errors, held
-from cnnum.lab.bench.programs.edge_errors import Skin, by_program, tally
+from cnnum.lab.bench.programs.edge_errors import Skin, by_enhancement, by_program, tally
 from cnnum.lab.bench.programs.edge_scenes import SHARP
 from cnnum.lab.bench.programs.halfspace_runs import (
     MODULUS,
@@ -34,6 +34,7 @@ from cnnum.lab.bench.timing import Timing, timed
 from cnnum.plan import Plan
 from cnnum.programs import Program
 from cnnum.programs.library import get_program
+from cnnum.tactile.indenters import Disc, frame_under
 from cnnum.tactile.touches import drawn, readings
 from cnnum.templating.checks.tactile.lattice_cover import cover_stress
 
@@ -58,8 +59,13 @@ LATE = 0.5
 OMISSIONS = (
     "Bumps of localize and texture are simulated by the finite elements that they invert. "
     "Rows show noise and neighbours. `tests/tactile/test_texture_program.py` has another mesh.",
-    "edges is of one skin and three kinds of punches; all are in the tables of "
+    "edges and edge_enhancement are of one skin and three kinds of punches; all are in tables of "
     "`python -m cnnum.lab.bench.programs.edge_errors`, and those of body_fit in `body_errors`.",
+    "grasp_code is a code of signs, which is right or wrong: `cnnum templates check grasp_code`. "
+    "tactile is made of the others. mindlin_slip takes the law that the simulated sphere obeys: "
+    "`python -m docs.figures.incipient_slip` has its delays. receptors are filters in time, "
+    "and tactile_flow and motion_direction compare frames in time, without a lattice that stands "
+    "for a continuum: `cnnum templates check NAME`.",
     "halfspace_layers and halfspace_equilibrium stop at two cells: beyond, one takes minutes to "
     "build and the other relaxes for seconds.",
     "The cover of the half-space programs is 1 mm over taxels 1.5 mm apart, with one value a cell. "
@@ -139,7 +145,9 @@ def measure_true_error(device: str | None, *, quick: bool = False) -> Iterator[T
         for side in (4, 8, 16):
             yield _contact(engine, side, count=8 if quick else 24)
         for side in (8, 16):
-            yield _edges(engine, side, count=4 if quick else 20)
+            for name in OUTLINES:
+                yield _edges(engine, name, side, count=4 if quick else 20)
+            yield _body_fit(engine, side, count=8 if quick else 40)
         for side in (4, 8):
             yield from _bumps(engine, side)
     trials = 2 if quick else TRIALS
@@ -259,26 +267,65 @@ def _contact(engine: Engine, side: int, count: int) -> TrueError:
     return _cost(replace(row, error=float(np.median(np.abs(off)))), timing)
 
 
+OUTLINES: Mapping[str, Callable[[Engine, Floats, Skin], list[Floats]]] = {
+    "edges": by_program,
+    "edge_enhancement": by_enhancement,
+}
+"""Programs that say where outlines are."""
+
 PUNCHES = ("square punch, turned", "bar", "triangle")
 """Kinds of bodies on which no constant of `edges` was chosen."""
 
 
-def _edges(engine: Engine, side: int, count: int) -> TrueError:
+def _edges(engine: Engine, name: str, side: int, count: int) -> TrueError:
     """Return the row of edges of flat punches: median distance from the true outline, pitches."""
     skin, rng = Skin(cells=side), np.random.default_rng(7)
-    punches = [SHARP[name](rng, side, count) for name in PUNCHES]
-    found = [tally(partial(by_program, engine), bodies, [skin]) for bodies in punches]
+    punches = [SHARP[kind](rng, side, count) for kind in PUNCHES]
+    found = [tally(partial(OUTLINES[name], engine), bodies, [skin]) for bodies in punches]
     off = np.concatenate([each.off for each in found])
-    plan = engine.compile(
-        get_program("edges").bind(depth=skin.depth, reads=skin.reads), (side, side)
-    )
+    known = {"depth": skin.depth, "reads": skin.reads} if name == "edges" else {}
+    plan = engine.compile(get_program(name).bind(**known), (side, side))
     frame = np.zeros((side, side, 3))
     frame[..., 2] = -skin.stream(punches[0].frames(side, skin.depth, skin.reads))[-1, 0]
     alone = plan.stream()
     alone.push(frame)
     timing = timed(partial(alone.push, frame), budget=BUDGET_S)
-    row = _row("edges", "outlines of flat punches, pitches", "taxels a side", side, engine)
+    row = _row(name, "outlines of flat punches, pitches", "taxels a side", side, engine)
     return _cost(replace(row, error=float(np.median(off))), timing)
+
+
+def _body_fit(engine: Engine, side: int, count: int) -> TrueError:
+    """Return the row of the radius of Hertz's contacts: median error over it, of those reported.
+
+    The larger the array, the more taxels the same sphere covers.
+    """
+    rng, size = np.random.default_rng(11), side / 8
+    radii, places = size * rng.uniform(2.0, 3.0, count), size * rng.uniform(-0.5, 0.5, (count, 2))
+    discs = [
+        Disc(float(radius), (float(x), float(y)), "hertz")
+        for radius, (x, y) in zip(radii, places, strict=True)
+    ]
+    loads = np.stack([frame_under(disc, (side, side), 0.5, "strain") for disc in discs])
+    frames = held([np.stack([0.0 * load, 0.0 * load, -load], axis=-1) for load in loads])
+    plan = engine.compile(
+        get_program("body_fit").bind(depth=0.5, reads="strain"),
+        (side, side),
+        ["sphere_fits", "contact_radius"],
+        channels=FORCE_AXES,
+    )
+    columns = [FORCE_AXES.index(channel) for channel in plan.schedule.channels]
+    given = np.ascontiguousarray(frames[..., columns])
+    stream, outputs = plan.stream((count,)), dict[str, Floats]()
+    for frame in given:
+        outputs = stream.push(frame)
+    fits = outputs["sphere_fits"] > 0.5
+    off = np.abs(outputs["contact_radius"] / radii - 1.0)[fits]
+    alone = plan.stream()
+    alone.push(given[-1][0])
+    timing = timed(partial(alone.push, given[-1][0]), budget=BUDGET_S)
+    row = _row("body_fit", "radii of spheres, 2.5 mV of noise", "taxels a side", side, engine)
+    found = float(np.median(off)) if off.size else nan
+    return _cost(replace(row, error=found), timing)
 
 
 RUBBED = (

@@ -1,6 +1,8 @@
 """The error that a user has: its two parts, and the delays of reports."""
 
 import math
+import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ from cnnum.errors import ArrayError
 from cnnum.lab.bench import true_error
 from cnnum.lab.bench.charts import CHARTS
 from cnnum.lab.bench.records import as_row
+from cnnum.programs.library import program_names
 
 
 @pytest.fixture(scope="module")
@@ -90,8 +93,24 @@ def test_bumps_read_the_load_and_the_friction(engine):
 
 
 def test_edges_lie_within_a_fraction_of_a_pitch(engine):
-    row = true_error._edges(engine, 8, 2)
-    assert 0.0 < row.error < 0.3
+    for name in true_error.OUTLINES:
+        row = true_error._edges(engine, name, 8, 2)
+        assert row.case == name
+        assert 0.0 < row.error < 0.3
+
+
+def test_the_radius_of_a_sphere_is_found_within_per_cents(engine):
+    row = true_error._body_fit(engine, 8, 4)
+    assert 0.0 < row.error < 0.06
+    assert math.isnan(row.missed)  # no report of an event
+
+
+def test_every_tactile_program_has_a_row_or_a_reason():
+    """The names that `measure_true_error` writes, or a sentence of what is left out."""
+    source = Path(true_error.__file__).read_text(encoding="utf-8")
+    code, said = source.split("OMISSIONS = (", 1)[1].split('"""What no row shows', 1)[::-1]
+    for name in (*program_names("tactile"), *program_names("tactile.contact_mechanics")):
+        assert f'"{name}"' in code or re.search(rf"\b{name}\b", said), name
 
 
 def test_the_picture_has_a_panel_a_program():
