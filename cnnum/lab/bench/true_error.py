@@ -63,9 +63,9 @@ OMISSIONS = (
     "`python -m cnnum.lab.bench.programs.edge_errors`, and those of body_fit in `body_errors`.",
     "grasp_code is a code of signs, which is right or wrong: `cnnum templates check grasp_code`. "
     "tactile is made of the others. mindlin_slip takes the law that the simulated sphere obeys: "
-    "`python -m docs.figures.incipient_slip` has its delays. receptors are filters in time, "
-    "and tactile_flow and motion_direction compare frames in time, without a lattice that stands "
-    "for a continuum: `cnnum templates check NAME`.",
+    "`python docs/figures/incipient_slip.py` has its delays. receptors and on_off are filters in "
+    "time, and tactile_flow and motion_direction compare frames in time, without a lattice that "
+    "stands for a continuum: `cnnum templates check NAME`.",
     "halfspace_layers and halfspace_equilibrium stop at two cells: beyond, one takes minutes to "
     "build and the other relaxes for seconds.",
     "The cover of the half-space programs is 1 mm over taxels 1.5 mm apart, with one value a cell. "
