@@ -154,7 +154,7 @@ IN_PROGRAMS: dict[str, dict[str, Any]] = {
     "sqrt": {"a": "$map"},
     "branch": {"flag": "$flag", "body": same, "first": "$map"},
     "loop": {"body": same, "first": "$map", "limit": 3, "until": None},
-    "shift": {"field": "$map", "rows": 1, "columns": 0, "boundary": 0.0},
+    "shift": {"field": "$map", "rows": 1, "cols": 0, "boundary": 0.0},
     "apply": {"template": cnnum.get_template("EDGE"), "input": "$map", "state": None, "bias": None},
     "transient": {
         "template": cnnum.get_template("HERRING"),
