@@ -21,6 +21,7 @@ from cnnum.errors import MethodError, ProgramError
 from cnnum.frame import FORCE_AXES
 from cnnum.graph.nodes import RunSpec
 from cnnum.integrators.choice import check_spec
+from cnnum.integrators.estimate import delayed_growth
 from cnnum.integrators.schemes import FixedSteps
 from cnnum.integrators.solver import Solver, Stepping
 from cnnum.plan import Plan
@@ -41,6 +42,7 @@ from cnnum.runs.stiff import implicit_spec, refuse_hopeless, stiffly
 from cnnum.runs.times import checked_times, ended, looked_at, stacked
 from cnnum.templating.batch import TemplateBatch
 from cnnum.templating.library import as_template
+from cnnum.templating.reads import turning_points
 from cnnum.templating.template import Duration, Template
 from cnnum.values import OfThisProcess
 
@@ -395,10 +397,12 @@ class Engine(OfThisProcess):
             fixed = replace(spec, dt=dt, method=end.method)
             key = (template.digest, shape, names, fixed)
             plan = self._plan_for(key, template, shape, names, fixed)
-            one = looked_at(plan, given, lead, times, self.precision)
+            # before the first step ends, runs would be the same one but for these
+            one = looked_at(plan, given, lead, times, self.precision, cuts=4 // coarser)
             assert one is not None
             found.append(one)
-        return by_differences(found, (spec.rtol, spec.atol), self.precision)
+        turns = bool(turning_points(template, times[-1]))
+        return by_differences(found, (spec.rtol, spec.atol), self.precision, turns=turns)
 
     def _at_rest(
         self,
@@ -460,7 +464,8 @@ class Engine(OfThisProcess):
                 return self._run(template, some, shape, replace(spec, dt=step), None)
 
             about = (delay_of(ran), (spec.rtol, spec.atol), self.precision, solver.scheme.step)
-            return halved(result, finer, *about)
+            turns = bool(turning_points(ran, solver.duration))
+            return halved(result, finer, *about, growth=delayed_growth(ran), turns=turns)
         if not plainly and self._follows(solver, ran):
 
             def again(finer: RunSpec, frames: NDArray[np.intp]) -> Result:

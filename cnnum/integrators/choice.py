@@ -59,9 +59,6 @@ DELAY_STEP = 0.05
 LEAST_STEPS = 4
 """Of a run with a delay: fewer, and steps of half the length may be the same ones."""
 
-MOST_SPLIT = 64
-"""Parts into which a step with a delay is cut where points of gains in time lie close."""
-
 MOST_COUNTED = 2**31 - 1
 """Steps of a run: kernels count them in 32 bits."""
 
@@ -341,7 +338,8 @@ def _preset(template: Template, spec: RunSpec) -> tuple[ButcherTableau | None, f
     if spec.dt is not None:
         return asked or (HEUN if template.delayed else EULER), spec.dt, "a fixed step was asked for"
     if template.delayed is not None:
-        return asked or HEUN, DELAY_STEP, "its delay needs outputs of earlier steps"
+        step = DELAY_STEP * float(template.tau.min())
+        return asked or HEUN, step, "its delay needs outputs of earlier steps"
     if jumps(template):
         return asked or EULER, JUMP_STEP, "its rates jump, which no error estimate follows"
     return asked, None, "half of the stability bound"
@@ -366,12 +364,8 @@ def _fixed(
                 f"'{method.name}' needs outputs between the steps, which a delay does not keep: "
                 "use 'euler' or 'heun'."
             )
-        # a delay is a whole number of steps, which cannot end at the points of a gain, too: they
-        # are short enough to see each stretch between two
-        marks = turning_points(template, duration)
-        if marks:
-            apart = min(b - a for a, b in pairwise((0.0, *marks, duration)))
-            step = min(step, max(0.5 * apart, step / MOST_SPLIT))
+        # a delay is a whole number of steps, which cannot end at the points of a gain, too: in a
+        # step with such a point gains count by their means
         if duration and not given:  # of a delay beyond the end, too, steps are halved
             step = min(step, duration / LEAST_STEPS)
         step = template.delayed.delay / math.ceil(template.delayed.delay / step - 1e-9)

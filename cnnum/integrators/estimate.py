@@ -52,6 +52,13 @@ def error_growth(template: Template) -> float:
     return float(((own + others - 1.0) / template.tau).max())
 
 
+def delayed_growth(template: Template) -> float:
+    """Return a bound on how fast states of a template with a delay grow, 1/time."""
+    assert template.delayed is not None
+    late = np.abs(template.delayed.A).sum(axis=(1, 2, 3)) * template.output.steepest
+    return error_growth(template) + float((late / template.tau).max())
+
+
 def linear_growth(template: Template) -> float:
     """Return the same bound for the linear couplings A alone."""
     own, others = _own_and_others(template)

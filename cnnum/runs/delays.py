@@ -5,7 +5,12 @@ estimate. Heun's method is of order 2, also where an output has a corner: a step
 is off by O(h²). The second of two runs, in steps of half the length, is off by d / (r − 1). Here d
 is their difference, and r by how much that fell since the two runs before. This is Richardson's way
 (Hairer, Nørsett & Wanner, Solving ODEs I, section II.4). Four times d / (r − 1) is stated, and half
-the tolerance asked of it.
+the tolerance asked of it. A difference that fell by more than the order says did so by chance, and
+counts as one that did not.
+
+A gain in time jumps or bends within steps, where it counts by its mean. A jump after a share θ of a
+step is off by θ(1 − θ) times a number that its neighbours share, which is no more than d; r says
+nothing then, and is taken for 2.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -40,7 +45,11 @@ LEAST_FALL = 2.0
 """Taken for r where a difference falls by less, as roundings and chaos do, or is the first."""
 
 PATIENCE = 2
-"""Halvings in a row which lessen the error of no frame that goes on: it has its best run."""
+"""Halvings in a row which lessen the error of no frame that goes on: it has its best run. Steps
+that are long against a growth do so, too, and do not count."""
+
+RESOLVED = 0.1
+"""Part of the time of a growth by e in which a step is not long against it."""
 
 MOST_KEPT = 2**26
 """Numbers of a frame that the steps of a delay keep, half a gigabyte in double precision."""
@@ -89,6 +98,9 @@ def halved(
     tolerances: tuple[float, float],
     precision: str,
     step: float | None = None,
+    growth: float = 0.0,
+    *,
+    turns: bool = False,
 ) -> Result:
     """Return a run whose frames are within the tolerance, each in steps as long as it may have.
 
@@ -104,6 +116,10 @@ def halved(
         Of the engine.
     step : float, optional
         Of the first run; it is its time over its steps unless given.
+    growth : float
+        Bound on how fast states grow, 1/time.
+    turns : bool
+        Whether a gain in time jumps or bends on the way.
 
     Returns
     -------
@@ -118,13 +134,14 @@ def halved(
     if step is None:
         step = float(np.max(first.time)) / count
     order = TABLEAUX[first.method].order
-    found = _Frames(first, tolerances, 2.0**order, float(np.finfo(precision).eps))
+    found = _Frames(first, tolerances, 2.0**order, float(np.finfo(precision).eps), turns=turns)
     waiting = np.arange(found.count)
     room = min(MAX_STEPS / count, MOST_KEPT / (delay / step * found.states))
     for _ in range(min(MOST_HALVINGS, int(np.log2(max(room, 1.0))))):
         step *= 0.5
         try:
-            waiting = found.take(waiting, run(step, waiting))
+            resolved = step * growth <= RESOLVED
+            waiting = found.take(waiting, run(step, waiting), resolved=resolved)
         except SizeError:  # the outputs that steps keep fill the memory: the error says the rest
             break
         if not len(waiting):
@@ -133,7 +150,11 @@ def halved(
 
 
 def by_differences(
-    found: Sequence[Result], tolerances: tuple[float, float], precision: str
+    found: Sequence[Result],
+    tolerances: tuple[float, float],
+    precision: str,
+    *,
+    turns: bool = False,
 ) -> Result:
     """Return the last of runs at times, each in steps of half the length of the one before.
 
@@ -144,9 +165,10 @@ def by_differences(
     before = np.abs(middle.state - coarse.state).max(axis=axes, initial=0.0)
     off = np.abs(fine.state - middle.state).max(axis=axes, initial=0.0)
     most = 2.0 ** TABLEAUX[fine.method].order
+    off = np.maximum(off, before / most)
     with np.errstate(divide="ignore", invalid="ignore"):
         fell = np.where(off > 0.0, before / off, most)
-    share = 1.0 / (np.clip(fell, LEAST_FALL, most) - 1.0)
+    share = 1.0 / (np.clip(fell, LEAST_FALL, LEAST_FALL if turns else most) - 1.0)
     size = np.abs(fine.state).max(axis=axes, initial=0.0)
     rounding = float(np.finfo(precision).eps) * fine.steps * size
     least = GOAL * (tolerances[1] + tolerances[0] * size)
@@ -157,9 +179,15 @@ class _Frames:
     """The frames of a batch in one row, each by its best run."""
 
     def __init__(
-        self, first: Result, tolerances: tuple[float, float], most: float, eps: float
+        self,
+        first: Result,
+        tolerances: tuple[float, float],
+        most: float,
+        eps: float,
+        *,
+        turns: bool,
     ) -> None:
-        self._first, self._most, self._eps = first, most, eps
+        self._first, self._most, self._eps, self._turns = first, most, eps, turns
         self._rtol, self._atol = tolerances
         self._inner = first.state.ndim - first.settled.ndim
         self.count = max(first.settled.size, 1)
@@ -175,13 +203,18 @@ class _Frames:
         inner = value.shape[value.ndim - self._inner :] if name in MAPS else ()
         return value.reshape(self.count, *inner)
 
-    def take(self, frames: NDArray[np.intp], finer: Result) -> NDArray[np.intp]:
-        """Take frames' states from a run in steps of half the length; return those that go on."""
+    def take(self, frames: NDArray[np.intp], finer: Result, *, resolved: bool) -> NDArray[np.intp]:
+        """Take frames' states from a run in steps of half the length; return those that go on.
+
+        Where steps do not resolve a growth, errors that do not fall say nothing.
+        """
         state = np.asarray(finer.state, dtype=np.float64)
         axes, size = tuple(range(1, state.ndim)), np.abs(state)
         off = np.abs(state - self._last[frames])
         far = np.max(off / (self._atol + self._rtol * size), axis=axes, initial=0.0)
         largest = off.max(axis=axes, initial=0.0)
+        before = self._differed[frames] / self._most
+        largest = np.where(np.isfinite(before), np.maximum(largest, before), largest)
         share = self._share(largest, frames)
         # the roundings of steps add up like those of a walk at random
         rounding = self._eps * np.sqrt(finer.steps) * size.max(axis=axes, initial=0.0)
@@ -190,7 +223,7 @@ class _Frames:
         for name in PARTS:
             self._found[name][frames[better]] = getattr(finer, name)[better]
         self._error[frames[better]] = error[better]
-        self._failed[frames] = np.where(better, 0, self._failed[frames] + 1)
+        self._failed[frames] = np.where(better, 0, self._failed[frames] + resolved)
         self._last[frames], self._differed[frames] = state, largest
         on: NDArray[np.bool_] = (share * far > GOAL) & (self._failed[frames] < PATIENCE)
         return np.asarray(frames[on], dtype=np.intp)
@@ -200,7 +233,8 @@ class _Frames:
         before = self._differed[frames]
         with np.errstate(divide="ignore", invalid="ignore"):
             fell = np.where(np.isfinite(before), before / largest, LEAST_FALL)
-        return np.asarray(1.0 / (np.clip(fell, LEAST_FALL, self._most) - 1.0), dtype=np.float64)
+        most = LEAST_FALL if self._turns else self._most
+        return np.asarray(1.0 / (np.clip(fell, LEAST_FALL, most) - 1.0), dtype=np.float64)
 
     def result(self, reason: str) -> Result:
         """Return the result of all frames."""

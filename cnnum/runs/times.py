@@ -49,7 +49,12 @@ def checked_times(at: ArrayLike, duration: Duration | None = None) -> tuple[floa
 
 
 def looked_at(
-    plan: Plan, given: Maps, lead: tuple[int, ...], times: Sequence[float], precision: str
+    plan: Plan,
+    given: Maps,
+    lead: tuple[int, ...],
+    times: Sequence[float],
+    precision: str,
+    cuts: int = 1,
 ) -> Result | None:
     """Return what a plan's run passes through at times before its end; None where it cannot say.
 
@@ -68,6 +73,8 @@ def looked_at(
         Rising, none after the end of the run.
     precision : str
         Of the engine.
+    cuts : int
+        Parts in which a piece of a step of fixed length is taken up to a time.
     """
     (solver,) = plan.solvers.values()
     if isinstance(solver.scheme, ImplicitSteps):
@@ -76,7 +83,7 @@ def looked_at(
 
     executable = NumbaBackend(None, precision).build(plan.schedule, plan.solvers)
     frames, _ = plan.read(as_frame(dict(given), lead, np.dtype(number_type(precision))))
-    found = executable.look(frames, times, _ends_at(plan, solver, times))
+    found = executable.look(frames, times, _ends_at(plan, solver, times), cuts)
     (transient,) = {n.operation for n in plan.schedule.transients}
     assert isinstance(transient, Transient)
     template = transient.template

@@ -77,6 +77,20 @@ class Table:
         at = np.searchsorted(places, v, side="left")
         return np.asarray(values[np.minimum(at, len(values) - 1)])
 
+    def mean(self, begin: float, end: float) -> float:
+        """Return the mean of the function between two numbers, the first below the second."""
+        total = self.points[0][1]
+        for (low, before), (high, after) in pairwise(self.points):
+            if self.interpolation == "constant":
+                share = min(max((end - low) / (end - begin), 0.0), 1.0)
+            else:
+                first, last = (begin - low) / (high - low), (end - low) / (high - low)
+                least, most = min(max(first, 0.0), 1.0), min(max(last, 0.0), 1.0)
+                inside = 0.5 * (most - least) * (most + least)
+                share = (inside + max(last, 1.0) - max(first, 1.0)) / (last - first)
+            total += (after - before) * share
+        return total
+
     @property
     def steepest(self) -> float:
         """The largest slope of the straight lines; 0 for steps, which have none to speak of."""

@@ -49,6 +49,8 @@ class Evaluation:
         Times at which the transient of a run is looked at on its way.
     ends : sequence of Exact
         Its schemes up to these times, where an end is known without steps.
+    cuts : int
+        Parts in which a piece of its fixed steps is taken up to a look.
     seen : dict of str to array
         The findings there, as `TransientRunner.run` has them.
     running : (batch, 1, 1) bool
@@ -62,6 +64,7 @@ class Evaluation:
     runners: Mapping[int, TransientRunner]
     moments: Sequence[float] = ()
     ends: Sequence[Exact] = ()
+    cuts: int = 1
     seen: Answers = field(default_factory=dict[str, Reals])
     running: NDArray[np.bool_] = field(init=False)
     unfinished: NDArray[np.bool_] = field(init=False)
@@ -117,7 +120,7 @@ class Evaluation:
         if self.ends:
             self.seen.update(runner.ends(arguments, self.batch, self.ends))
         moments = () if self.ends else self.moments
-        answer = runner.run(arguments, self.batch, moments)
+        answer = runner.run(arguments, self.batch, moments, self.cuts)
         self.seen.update({name: answer.pop(name) for name in ("seen", "marks") if name in answer})
         self._count(answer["unfinished"] != 0.0)
         return answer

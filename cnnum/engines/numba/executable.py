@@ -55,6 +55,7 @@ class NumbaExecutable(HostExecutable):
         frames: Reals,
         moments: Sequence[float],
         ends: Sequence[Exact] = (),
+        cuts: int = 1,
     ) -> dict[str, Reals]:
         """Return the findings at times of a run, whose only transient this is.
 
@@ -65,6 +66,8 @@ class NumbaExecutable(HostExecutable):
             Rising, none after the end.
         ends : sequence of Exact
             The schemes of runs to these times, where an end is known without steps.
+        cuts : int
+            Parts in which a piece of a step of fixed length is taken up to a look.
 
         Returns
         -------
@@ -75,7 +78,7 @@ class NumbaExecutable(HostExecutable):
         memory = self.new_memory(len(frames))
         assert isinstance(memory, HostMemory)
         values = self._given(frames, memory, first=True)
-        evaluation = Evaluation(len(frames), self.dtype, self.runners, moments, ends)
+        evaluation = Evaluation(len(frames), self.dtype, self.runners, moments, ends, cuts)
         with np.errstate(all="ignore"):
             evaluation.run(self.schedule.nodes, values, self.dead)
         refuse_unfinished(evaluation.unfinished)

@@ -6,7 +6,7 @@ import numba
 import numpy as np
 
 from cnnum.engines.numba import codes
-from cnnum.engines.numba.cells import add, bend, copy, couple, respond, show
+from cnnum.engines.numba.cells import add, bend, copy, couple, show
 from cnnum.engines.numba.compiling import compiled, compiled_parallel, inlined
 from cnnum.engines.numba.records import Frame, Plan, Reals
 
@@ -33,8 +33,16 @@ def _move(plan: Plan, work: Reals, layer: Any, stage: Any, step: Any, lo: Any, h
         copy(work[codes.STATE, lo:hi], moved)
         _combine(plan, layer, codes.STAGES + stage, work, step, lo, moved)
         if plan.settings[0].limited:
-            respond(codes.CLAMP, moved, moved)
+            _limit(work[codes.PACE, lo:hi], moved)
     show(plan, moved, work[codes.OUTPUT, lo:hi])
+
+
+@inlined
+def _limit(pace: Reals, state: Reals) -> None:
+    """Limit the states of cells that move: virtual cells keep theirs, which may lie beyond 1."""
+    one = state.dtype.type(1)
+    for i in range(state.size):
+        state[i] = min(max(state[i], -one), one) if pace[i] != 0 else state[i]
 
 
 @inlined
@@ -137,7 +145,7 @@ def _advance(plan: Plan, work: Reals, layer: Any, step: Any, lo: Any, hi: Any) -
             state[i] += carried * (moved[i] - state[i])
     _combine(plan, layer, codes.WEIGHTS, work, step, lo, state)
     if plan.settings[0].limited:
-        respond(codes.CLAMP, state, state)
+        _limit(work[codes.PACE, lo:hi], state)
 
 
 @inlined

@@ -37,6 +37,7 @@ def plan_of(template: Template, layout: Layout, solver: Solver, dtype: Real) -> 
         "reads_states": reads_states(template),
         "jumping": gains_jump(template),
         "whole": template.output.discrete,
+        "cuts": 1,
     }
     return Plan(
         settings=packed(SETTINGS, [cells | method_settings(template, solver, dtype)]),

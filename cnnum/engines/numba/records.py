@@ -57,6 +57,8 @@ SETTINGS = np.dtype(
         # whether a gain in time jumps, and whether time is discrete
         ("jumping", "i8"),
         ("whole", "i8"),
+        # parts in which a piece of a fixed step is taken up to a look
+        ("cuts", "i8"),
         # when the state is at rest; `slowest` is the largest τ
         ("settle", "i8"),
         ("rtol", "f8"),

@@ -26,7 +26,10 @@ def _note(plan: Plan, now: Frame, at: Any, state: Reals, steps: Any, error: Any)
 def _look_at_fixed(
     plan: Plan, now: Frame, at: Any, time: Any, step: Any, taken: Any, spread: bool
 ) -> Any:
-    """Look at the moments before a step ends: its part up to each is taken, and taken back."""
+    """Look at the moments before a step ends: its part up to each is taken, and taken back.
+
+    It is taken in `cuts`: runs that are compared with each other differ in these, too.
+    """
     settings, state = plan.settings[0], now.work[codes.STATE]
     while at < now.moments.size and now.moments[at] < time + step * codes.ALMOST:
         part = now.moments[at] - time
@@ -35,9 +38,12 @@ def _look_at_fixed(
         copy(state, now.kept[0])
         some = part > step * codes.ROUNDING
         if some:
-            for stage in range(settings.stages):
-                evaluate(plan, now, stage, part, time, taken, spread)
-            all_bands(codes.STEP, plan, now, codes.NONE, part, spread)
+            cut = part / settings.cuts
+            for number in range(settings.cuts):
+                gone = number * cut
+                for stage in range(settings.stages):
+                    evaluate(plan, now, stage, cut, time + gone, taken, spread, gone)
+                all_bands(codes.STEP, plan, now, codes.NONE, cut, spread)
         evaluate(plan, now, codes.NONE, 0.0, now.moments[at], codes.AT_REST, spread)
         all_bands(codes.CHANGE, plan, now, codes.NONE, 0.0, spread)
         _note(plan, now, at, state, taken + 1 if some else taken, settings.error)

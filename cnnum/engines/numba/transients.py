@@ -58,7 +58,11 @@ class TransientRunner:
         return cls(operation, layout, plan, end, dtype)
 
     def run(
-        self, arguments: Sequence[Reals], batch: int, moments: Sequence[float] = ()
+        self,
+        arguments: Sequence[Reals],
+        batch: int,
+        moments: Sequence[float] = (),
+        cuts: int = 1,
     ) -> dict[str, Reals]:
         """Return states and outputs (batch, layers, rows, cols), and figures (batch,), by name.
 
@@ -69,11 +73,18 @@ class TransientRunner:
         moments : sequence of float
             Times at which a run by steps is looked at on its way: "seen" are the states there
             (times, batch, layers, rows, cols), "marks" steps, settled and error (times, batch, 3).
+        cuts : int
+            Parts in which a piece of a step of fixed length is taken up to such a time.
         """
+        plan = self.plan
+        if cuts > 1:
+            settings = plan.settings.copy()
+            settings["cuts"] = cuts
+            plan = plan._replace(settings=settings)
         frames = self._frames(self.operation.by_role(arguments), batch, moments)
         if self.end is not None:
             self._launch(partial(self._reach, self.end, frames), batch)
-        self._launch(partial(run_frames, self.plan, frames), batch)
+        self._launch(partial(run_frames, plan, frames), batch)
         figures = dict(zip((*FIGURES, "unfinished"), frames.figures.T, strict=True))
         state, output = self.layout.inner(frames.state), self.layout.inner(frames.output)
         found = {"state": state, "output": output, **figures}
@@ -181,6 +192,8 @@ class TransientRunner:
         inner = self.layout.inner(state)
         for layer in range(template.layers):
             inner[:, layer] = starts[layer] if starts else float(template.initial)
+        if template.output.limited:
+            np.clip(inner, -1.0, 1.0, out=inner)
         return state
 
     def _drive(self, bias: tuple[Reals, ...], batch: int) -> Reals:

@@ -122,17 +122,22 @@ class StateEquation:
         past: Floats | None,
         time: float,
         middle: float | None = None,
+        within: float = 0.0,
     ) -> Floats:
         """Return dx/dt of the states `x`; `past` are the outputs a delay ago.
 
         Gains in time that jump are those of the `middle` of a step, whose ends may be at a jump.
+        `within` is the length of a step that may hold jumps: then gains count by their means.
         """
         template = self.template
         y = self.outputs(x)
         rate = drive - x + self._feedback(y)
         for gain, through in zip(template.gains, self._gained, strict=True):
-            jumps = gain.table.interpolation == "constant" and middle is not None
-            factor = float(gain.table(np.asarray(middle if jumps else time))) - 1.0
+            if within and middle is not None:
+                factor = gain.table.mean(middle - 0.5 * within, middle + 0.5 * within) - 1.0
+            else:
+                jumps = gain.table.interpolation == "constant" and middle is not None
+                factor = float(gain.table(np.asarray(middle if jumps else time))) - 1.0
             rate = rate + factor * through(y)
         for coupling, shifted in zip(template.nonlinear, self._neighbours, strict=True):
             if not coupling.static:

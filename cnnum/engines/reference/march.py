@@ -37,7 +37,8 @@ def march(equation: StateEquation, solver: Solver, scheme: FixedSteps) -> tuple[
             past = _seen(history, number - late, c * step / scheme.step) if delayed else None
             moved = limited(equation, x + step * weighted(rows, stages, x))
             at = time + c * step
-            stages.append(equation.rate(drive, moved, past, at, time + 0.5 * step))
+            within = step if delayed else 0.0
+            stages.append(equation.rate(drive, moved, past, at, time + 0.5 * step, within))
         change = np.abs(slowest * stages[0]) / (solver.atol + solver.rtol * np.abs(x))
         ahead = step * weighted([one.b for one in layers], stages, x)
         x = limited(equation, x + carried * (moved - x) + ahead)

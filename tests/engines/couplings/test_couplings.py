@@ -208,3 +208,17 @@ def test_an_input_that_is_to_come_is_no_rest(engine):
     found = engine.run(template, input=now, previous=before, state=np.zeros((2, 3)))
     assert found.settled.all()
     assert np.abs(found.state - 0.5).max() < 1e-3
+
+
+def test_virtual_cells_of_a_limited_state_keep_theirs(engine):
+    """x' = −x + g(x of the neighbour), whose virtual cells are beyond 1, where g still changes."""
+    edge, table = 1.7, Table("linear", ((-2.0, -0.8), (2.0, 0.8)))
+    weights = np.zeros((3, 3))
+    weights[1, 0] = weights[1, 2] = 0.5
+    coupling = NonlinearCoupling(weights, table, "x")
+    template = cnnum.Template(
+        "rim", [[0.0]], output="full-range", boundary=edge, nonlinear=[coupling], duration=1.0
+    )
+    got = engine.run(template, state=np.full((3, 1), 0.2), rtol=1e-6, atol=1e-7).state
+    rest = 0.4 * edge  # both neighbours of a column are virtual
+    assert got == pytest.approx(rest + (0.2 - rest) * np.exp(-1.0), abs=1e-5)

@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 
 import cnnum
 from cnnum.graph.nodes import RunSpec
-from cnnum.templating.couplings import Gain
+from cnnum.templating.couplings import DelayedCoupling, Gain
 from cnnum.templating.function_tables import Table
 
 ENGINES = ("opencl", "numba", "reference")
@@ -89,3 +89,69 @@ def test_large_arrays_see_them_too():
     maps = {"input": np.full((300, 300), INPUT), "state": np.full((300, 300), START)}
     run = cnnum.Engine("opencl").run(pulsed("constant"), **maps)
     assert np.abs(run.state - truth("constant")).max() <= run.error
+
+
+LATE = {
+    "a jump in the first step": ("constant", ((0.029, 1.04), (0.057, 1.75), (0.066, 0.4))),
+    "a pulse": ("constant", ((1.31, 1.0), (1.33, -9.0), (2.0, 1.7))),
+    "a steep line": ("linear", ((0.31, 1.0), (0.32, -3.0), (2.0, 1.7), (2.01, 0.3))),
+}
+"""Tables whose points lie within steps: with a delay, steps end at its parts alone."""
+
+
+def delayed(case, **options):
+    kind, points = LATE[case]
+    late = DelayedCoupling(0.7, np.full((1, 1, 1, 1), 0.4), np.full((1, 1, 1, 1), 0.1))
+    return cnnum.Template(
+        "late", [[1.5]], [[1.0]], output="tanh", gains=[Gain(0, 0, Table(kind, points))],
+        delayed=late, **options,
+    )  # fmt: skip
+
+
+def truth_with_delay(case, end):
+    """Solve the same by the method of steps, between all points and multiples of the delay."""
+    kind, points = LATE[case]
+    places, levels = np.array(points).T
+    marks = sorted({0.0, end, *(p for p in places if p < end), *np.arange(0.7, end, 0.7)})
+    x, ways = START, []
+
+    def past(t):
+        if t <= 0.0:
+            return START
+        return next(way.sol(t)[0] for low, high, way in ways if t <= high)
+
+    for low, high in pairwise(marks):
+        middle = 0.5 * (low + high)
+
+        def right(t, x, middle=middle):
+            gain = np.interp(t, places, levels)
+            if kind == "constant":
+                gain = levels[min(int((places < middle).sum()), len(levels) - 1)]
+            seen = 0.4 * np.tanh(past(t - 0.7))
+            return -x + 1.5 * gain * np.tanh(x) + 1.1 * INPUT + seen
+
+        way = solve_ivp(
+            right, (low, high), [x], method="DOP853", rtol=1e-11, atol=1e-13, dense_output=True
+        )
+        ways.append((low, high, way))
+        x = way.y[0, -1]
+    return x
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("case", LATE)
+def test_with_a_delay_points_lie_within_steps(engine, case):
+    end = 0.0565 if case == "a jump in the first step" else 3.0
+    maps = {"input": np.full((1, 2), INPUT), "state": np.full((1, 2), START)}
+    got = cnnum.Engine(engine, precision="float64").run(delayed(case, duration=end), **maps)
+    off = np.abs(got.state - truth_with_delay(case, end)).max()
+    assert off <= got.error + 1e-9
+    assert got.error < 1e-3
+
+
+@pytest.mark.parametrize("kind", ["constant", "linear"])
+def test_the_mean_of_a_table_is_that_of_many_places(kind):
+    table = Table(kind, ((-0.5, 2.0), (0.2, -1.0), (0.25, 4.0), (1.0, 0.5)))
+    for begin, end in ((-1.0, -0.6), (-1.0, 3.0), (0.21, 0.24), (0.1, 0.3), (0.9, 0.9001)):
+        places = np.linspace(begin, end, 200_001)[1:] - 0.5 * (end - begin) / 200_000
+        assert table.mean(begin, end) == pytest.approx(table(places).mean(), abs=1e-3)

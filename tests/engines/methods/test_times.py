@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 import cnnum
 from cnnum.templating.couplings import DelayedCoupling, Gain
@@ -152,3 +153,29 @@ def test_what_is_no_list_of_times_is_said(at, said):
 def test_a_duration_and_times_are_too_much():
     with pytest.raises(cnnum.CnnumError, match="not both"):
         cnnum.Engine("numba").run("EDGE", input=RING, at=[1.0], duration=2.0)
+
+
+def test_looks_within_the_first_step_of_a_run_with_a_delay_state_enough():
+    """Coarser runs would take the same part of a step up to them, and agree."""
+    weights = np.full((1, 1, 1, 1), 0.8)
+    delayed = DelayedCoupling(0.1, weights, np.zeros((1, 0, 1, 1)))
+    template = cnnum.Template("grows", [[20.0]], output="linear", tau=0.36, delayed=delayed)
+    times = (0.004, 0.0129, 0.0417, 0.15, 0.37)
+    got = cnnum.Engine("numba", precision="float64").run(
+        template, state=np.ones((1, 2)), at=times, rtol=1e-3, atol=1e-3
+    )
+    # x' = (19 x + 0.8 x(t − 0.1)) / 0.36, by the method of steps
+    want, ways, x = [], [], [1.0]
+    for low in np.arange(0.0, 0.4, 0.1):
+        before = ways[-1].sol if ways else np.ones_like
+        way = solve_ivp(
+            lambda t, x, seen=before: (19.0 * x + 0.8 * np.ravel(seen(t - 0.1))[0]) / 0.36,
+            (low, low + 0.1), x, method="DOP853", rtol=1e-12, dense_output=True,
+        )  # fmt: skip
+        ways.append(way)
+        x = way.y[:, -1]
+        want += [way.sol(t)[0] for t in times if low < t <= low + 0.1]
+    off = np.abs(got.state[:, 0, 0] - want)
+    assert (off <= got.error).all()
+    # a step is short against the growth, which two runs would else mistake for chaos
+    assert (got.error < 0.05 * np.abs(want)).all()

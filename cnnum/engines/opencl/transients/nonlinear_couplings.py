@@ -22,6 +22,9 @@ Reads = Callable[[Quantity, int, int, int], ir.Expression]
 
 V, OWN, SINCE, AMID = ir.names("v own since amid")
 
+SHORTEST = 1e-30
+"""A length that devices do not flush."""
+
 
 def table(
     function: Table,
@@ -44,6 +47,34 @@ def table(
             value = value + share * (number(after) - number(before))
         elif after != before:
             value = value + ir.Number((after - before) / (high - low)) * along
+    return value
+
+
+def mean(
+    function: Table,
+    begin: ir.Expression,
+    length: ir.Expression,
+    number: Callable[[float], ir.Expression] | None = None,
+) -> ir.Expression:
+    """Return the expression of a table's mean over a stretch of its argument, as `Table.mean`."""
+    points, held = function.points, number or ir.Number
+    value = held(points[0][1])
+    for (low, before), (high, after) in pairwise(points):
+        if number is None and after == before:
+            continue
+        if function.interpolation == "constant":
+            share: ir.Expression = ir.call(
+                "clamp", (begin + length - ir.Number(low)) / length, ir.ZERO, ir.ONE
+            )
+        else:
+            part = ir.Number(1.0 / (high - low))
+            first = (begin - ir.Number(low)) * part
+            last = (begin + length - ir.Number(low)) * part
+            least, most = (ir.call("clamp", each, ir.ZERO, ir.ONE) for each in (first, last))
+            inside = ir.Number(0.5) * (most - least) * (most + least)
+            beyond = ir.call("fmax", last, ir.ONE) - ir.call("fmax", first, ir.ONE)
+            share = (inside + beyond) / (part * length)
+        value = value + share * (held(after) - held(before))
     return value
 
 
@@ -98,14 +129,29 @@ def gain_name(number: int) -> ir.Name:
 
 
 def gains(
-    text: TransientBuilder, since: ir.Expression, middle: ir.Expression
+    text: TransientBuilder,
+    since: ir.Expression,
+    middle: ir.Expression,
+    within: tuple[ir.Expression, ir.Expression] | None = None,
 ) -> list[ir.Statement]:
     """Return the statements that find the gains that vary in time, at a time since the start.
 
-    Gains that jump are those of the middle of the step: at its ends they may have two values.
+    Gains that jump are those of the middle of the step: at its ends they may have two values. Those
+    `within` a step, of a start and a length, that may hold jumps are their means over it.
     """
     number = None if text.operands.own is None else text.number
     lines: list[ir.Statement] = []
+    if within is not None and text.template.gains:
+        # a step of no length moves nothing, whatever the gains are
+        length = ir.call("fmax", within[1], ir.Number(SHORTEST))
+        return [
+            ir.fixed(SINCE, within[0]),
+            ir.fixed(AMID, length),
+            *(
+                ir.fixed(gain_name(k), mean(gain.table, SINCE, AMID, number))
+                for k, gain in enumerate(text.template.gains)
+            ),
+        ]
     for name, at, jumps in ((SINCE, since, False), (AMID, middle, True)):
         found = [
             ir.fixed(gain_name(k), table(gain.table, name, number))

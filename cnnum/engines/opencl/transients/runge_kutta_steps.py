@@ -175,7 +175,8 @@ def _instant(text: TransientBuilder, scheme: FixedSteps, c: float) -> Instant:
                 for piece in scheme.pieces
             ],
         )
-    return Instant(began + ir.Number(c) * H, began + ir.Number(0.5) * H, past)
+    within = None if text.template.delayed is None else (began, H)
+    return Instant(began + ir.Number(c) * H, began + ir.Number(0.5) * H, past, within)
 
 
 def _by_piece(scheme: FixedSteps, values: Sequence[ir.Expression]) -> ir.Expression:

@@ -40,11 +40,14 @@ class Instant:
         That of the middle of the step.
     past : Past or None
         None where the template has no delayed A.
+    within : (Expression, Expression) or None
+        Start and length of a step that may hold jumps of gains.
     """
 
     time: ir.Expression = ir.ZERO
     middle: ir.Expression = ir.ZERO
     past: Past | None = None
+    within: tuple[ir.Expression, ir.Expression] | None = None
 
 
 def declare_outputs(text: TransientBuilder) -> None:
@@ -86,7 +89,7 @@ def rates(text: TransientBuilder, state: ir.Name, then: Then, instant: Instant) 
         past = enumerate(map(instant.past, text.places))
         text.over_grid([ir.Assign(YD[text.padded_at(m)], output) for m, output in past])
         text.copy_rims(YD)
-    text.body += gains(text, instant.time, instant.middle)
+    text.body += gains(text, instant.time, instant.middle, instant.within)
     text.over_grid(_rate_lines(text, state, then))
 
 
@@ -100,7 +103,7 @@ def rates_once(text: TransientBuilder, then: Then, instant: Instant) -> None:
         outputs(text, text.each(X))
         rates(text, X, then, instant)
     else:
-        text.body += gains(text, instant.time, instant.middle)
+        text.body += gains(text, instant.time, instant.middle, instant.within)
         text.over_cells(_rate_lines(text, X, then))
 
 
