@@ -35,7 +35,7 @@ from cnnum.runs.linear_range import as_linear, stays_linear
 from cnnum.runs.many.batches import run_batch
 from cnnum.runs.planning import graph_of, plan_of
 from cnnum.runs.prepared import Form, PreparedRuns, form_of, prepared_run
-from cnnum.runs.result import Proof, Result
+from cnnum.runs.result import ROLES, Proof, Result
 from cnnum.runs.settling import at_rest, saturated
 from cnnum.runs.single import finished, outputs_of, with_fallback
 from cnnum.runs.stiff import implicit_spec, refuse_hopeless, stiffly
@@ -45,8 +45,6 @@ from cnnum.templating.library import as_template
 from cnnum.templating.reads import turning_points
 from cnnum.templating.template import Duration, Template
 from cnnum.values import OfThisProcess
-
-ROLES = ("input", "previous", "state", "bias", "mask")
 
 
 class Engine(OfThisProcess):
@@ -287,10 +285,13 @@ class Engine(OfThisProcess):
         if prepared is not None:
             with suppress(MethodError):  # its steps are too many: below, others are looked for
                 result = prepared.run(arrays)
-        if (ready := saturated(result, template, rtol, atol) if settles else result) is not None:
-            held = zip(ROLES, arrays, strict=True)
-            kept = {role: np.array(one)[np.newaxis] for role, one in held if one is not None}
-            return self._with_proof(ready, template, kept, asked)
+        ready = result
+        if settles and result is not None:
+            ready = saturated(result, template, rtol, atol, self.precision)
+        if ready is not None:
+            # prepared runs take arrays alone, which their caller may change before a proof is read
+            own = [None if one is None else cast(np.ndarray, one).copy() for one in arrays]
+            return self._with_proof(ready, template, own, asked)
         given, shape = maps_by_role(template, dict(zip(ROLES, arrays, strict=True)))
         spec = RunSpec(duration, method, rtol, atol, dt, force=force, estimate=estimate)
         if result is None:
@@ -304,17 +305,15 @@ class Engine(OfThisProcess):
         self,
         result: Result,
         template: Template,
-        given: dict[str, NDArray[np.floating]],
+        given: dict[str, NDArray[np.floating]] | list[NDArray[np.floating] | None],
         asked: tuple[Any, ...],
     ) -> Result:
         """Return a result that knows what its proof takes; maps are its own."""
         if is_integer(self.precision):
             return result
-        duration, _, rtol, atol = asked[:4]
-        duration = template.duration if duration is None else duration
-        end = None if duration == "settle" else float(duration)
-        about = (end, (rtol, atol), result.state, result.error)
-        object.__setattr__(result, "proof", Proof(template, given, *about))
+        duration = template.duration if asked[0] is None else asked[0]
+        proof = Proof(template, given, duration, asked[2:4], result.state, result.error)
+        object.__setattr__(result, "proof", proof)
         return result
 
     def _at_times(

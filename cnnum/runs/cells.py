@@ -345,6 +345,17 @@ class Frame:
         self.drive, self.moving = drive, moving
         self.drive_size = np.asarray(drive_size, dtype=np.float64)
 
+    def start(self) -> Floats:
+        """Return the states at the start, at which masked cells stay."""
+        cells, template, given = self.cells, self.cells.template, self.given
+        if "state" in given:
+            start = np.asarray(given["state"], np.float64).ravel()
+        elif template.initial == "input":
+            start = np.asarray(given["input"], np.float64).ravel()
+        else:
+            start = np.full(cells.count, float(template.initial))
+        return np.clip(start, -1.0, 1.0) if template.output.limited else np.array(start)
+
     def maps(self, x: Floats) -> dict[str, Floats]:
         """Return states, outputs and inputs, as nonlinear couplings read them."""
         y = np.asarray(self.cells.template.output.numpy(x), dtype=np.float64)

@@ -57,7 +57,8 @@ class Certificate:
     """
 
     def __init__(self, proof: Proof) -> None:
-        self._template, self._given, self._duration = proof.template, proof.given, proof.duration
+        self._template, self._given = proof.template, proof.given
+        self._duration = None if proof.duration == "settle" else float(proof.duration)
         self._rtol, self._atol = proof.tolerances
         self._state, self._error = proof.state, np.asarray(proof.error)
         self._turn = RLock()
@@ -72,21 +73,14 @@ class Certificate:
 
     def _frame(self, number: int) -> tuple[Frame, Floats]:
         """Return a frame, and its start."""
-        lead, cells, template = self._lead, self._cells, self._template
+        lead = self._lead
         at = np.unravel_index(number, lead) if lead else ()
         given = {
             role: np.asarray(np.broadcast_to(maps, (*lead, *maps.shape[-3:]))[at], np.float64)
             for role, maps in self._given.items()
         }
-        if "state" in given:
-            start = given["state"].ravel()
-        elif template.initial == "input":
-            start = given["input"].ravel()
-        else:
-            start = np.full(cells.count, float(template.initial))
-        if template.output.limited:
-            start = np.clip(start, -1.0, 1.0)
-        return Frame(cells, given), np.array(start, dtype=np.float64)
+        frame = Frame(self._cells, given)
+        return frame, frame.start()
 
     @cached_property
     def _known(self) -> list[Known]:

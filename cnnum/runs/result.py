@@ -2,7 +2,7 @@
 
 import math
 import pickle
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, cast
 
@@ -64,48 +64,67 @@ class Decision:
         )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
 class Proof:
     """What a proof of a run takes, which is made when it is asked for: see `Certificate`.
 
-    Attributes
+    Parameters
     ----------
     template : Template
-    given : mapping of str to (..., maps, rows, cols) float
-        The run's maps by role; kept as they are.
-    duration : float or None
-        Its end, in time constants; None for a run to equilibrium.
+    given : mapping of str to array, or sequence of array or None
+        The run's maps, (..., maps, rows, cols) by role; or (rows, cols) in the order of `ROLES`.
+        They are kept as they are, so they are the proof's own.
+    duration : float or "settle"
+        In the unit of `tau`.
     tolerances : (rtol, atol)
     state : (..., rows, cols) or (..., layers, rows, cols) float
     error : (...) float
         Both of the result.
     """
 
-    template: Template
-    given: Mapping[str, NDArray[np.floating]]
-    duration: float | None
-    tolerances: tuple[float, float]
-    state: Floats
-    error: Floats
-    _made: list["Certificate"] = field(default_factory=list["Certificate"], repr=False)
+    __slots__ = ("_given", "_made", "duration", "error", "state", "template", "tolerances")
+
+    def __init__(
+        self,
+        template: Template,
+        given: Mapping[str, NDArray[np.floating]] | Sequence[NDArray[np.floating] | None],
+        duration: float | str,
+        tolerances: tuple[float, float],
+        state: Floats,
+        error: Floats,
+    ) -> None:
+        self.template, self._given, self.duration = template, given, duration
+        self.tolerances, self.state, self.error = tolerances, state, error
+        self._made: Certificate | None = None
+
+    @property
+    def given(self) -> Mapping[str, NDArray[np.floating]]:
+        """The run's maps by role, (..., maps, rows, cols) float."""
+        given = self._given
+        if isinstance(given, Mapping):
+            return given
+        held = zip(ROLES, given, strict=True)
+        return {role: one[np.newaxis] for role, one in held if one is not None}
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Go to another process unmade, and not with functions that cannot go there."""
-        parts = (self.template, self.given, self.duration, self.tolerances, self.state, self.error)
+        about = (self.template, self._given, self.duration, self.tolerances, self.state, self.error)
         try:
             pickle.dumps(self.template)
         except (pickle.PicklingError, AttributeError, TypeError, CnnumError):
             return type(None), ()
-        return Proof, parts
+        return Proof, about
 
     def made(self) -> "Certificate":
         """Return the proof."""
-        if not self._made:
+        if self._made is None:
             from cnnum.runs.certificate import Certificate  # with SciPy, which takes its time
 
-            self._made.append(Certificate(self))
-        return self._made[0]
+            self._made = Certificate(self)
+        return self._made
 
+
+ROLES = ("input", "previous", "state", "bias", "mask")
+"""Of the maps of a run, in the order in which they are given."""
 
 FEW = 6
 """Times that a picture shows."""

@@ -23,6 +23,9 @@ NEAR = 0.01
 MOST_STEPS = 10_000
 """Steps after which a run is not taken anew for longer: these are steps of stiff arrays."""
 
+LEAST_RTOL = {name: 64.0 * float(np.finfo(name).eps) for name in ("float32", "float64")}
+"""Below it the roundings of a state are not small against the tolerance, by precision."""
+
 Maps = NDArray[np.floating]
 Given = Mapping[str, Maps]
 Rerun = Callable[[dict[str, Maps], float], Result]
@@ -80,12 +83,14 @@ def at_rest(
             reach = float(found.error[frame])
             # a run that ended on time may still move
             ready = None
-            if first:
+            if first and spec.rtol >= LEAST_RTOL[precision]:
                 ready = _all_saturated(template, x, reach, tolerance)
             if ready is not None:
                 seen[frame] = Verdict("stable", x, ready)
                 continue
             one = Frame(cells, found.given_of(frame))
+            # masked cells stay at their start, whatever the precision makes of it
+            x = np.where(one.moving, x, one.start())
             seen[frame] = verdict(one, x, reach, tolerance)
             late = longer(found.time[frame]) > spec.settle_limit
             late |= bool(found.steps[frame] > MOST_STEPS)
@@ -109,7 +114,9 @@ def longer(time: float) -> float:
     return STRETCH * 2.0 ** math.ceil(math.log2(time / STRETCH + 1.0))
 
 
-def saturated(result: Result | None, template: Template, rtol: float, atol: float) -> Result | None:
+def saturated(
+    result: Result | None, template: Template, rtol: float, atol: float, precision: str
+) -> Result | None:
     """Return the result of a run to equilibrium if all its cells are saturated, else None.
 
     Such an array rests under any drive, as `verdict` has it. Most runs of a single frame end here,
@@ -120,8 +127,12 @@ def saturated(result: Result | None, template: Template, rtol: float, atol: floa
     result : Result or None
     template : Template
     rtol, atol : float
+    precision : str
+        Of the engine.
     """
     if result is None or not result.settled.all() or template.output.name != "standard":
+        return None
+    if rtol < LEAST_RTOL[precision]:
         return None
     if result.method == "propagator" and not np.isfinite(result.error).all():
         return None  # a cell may have fallen to the other side
