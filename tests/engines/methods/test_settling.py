@@ -1,5 +1,8 @@
 """Runs to equilibrium come to rest, and say so; those that cannot, say that."""
 
+import time
+from contextlib import suppress
+
 import numpy as np
 import pytest
 
@@ -40,3 +43,33 @@ def test_no_time_is_no_change(engines, label, duration):
     result = engines[label].run(template, state=np.full((2, 3), 0.25))
     assert np.abs(result.state - 0.25).max() <= 1e-7
     assert result.time <= 1e-20 * (1 + 1e-6)
+
+
+@pytest.mark.parametrize("label", NAMES)
+def test_masked_cells_rest_at_their_exact_start(engines, label):
+    """Their start is no number of single precision, and their neighbours rest by it."""
+    template = Template(
+        "held",
+        [[0.0, 0.0, 0.0], [0.0, 0.9, 0.4], [0.0, 0.0, 0.0]],
+        output="tanh",
+        duration="settle",
+    )
+    start, mask = np.array([[0.3, 0.1, -0.7]]), np.array([[False, True, True]])
+    result = engines[label].run(template, state=start, mask=mask)
+    assert result.state[mask].tolist() == start[mask].tolist()
+    # x = 0.9 tanh(x) + 0.4 tanh(0.1)
+    rest = 0.0
+    for _ in range(2000):
+        rest = 0.9 * np.tanh(rest) + 0.4 * np.tanh(0.1)
+    assert abs(result.state[0, 0] - rest) <= result.error < 1e-3
+
+
+def test_a_weight_beyond_all_reason_takes_no_minute():
+    """One of 9e15 on 16×16: nothing is claimed of its rest, after a budget of steps."""
+    template = Template("wild", [[0.0, 0.0, 9e15], [0.0, 2.0, 0.0], [0.0, 0.0, 0.0]])
+    start = np.random.default_rng(0).uniform(-1.0, 1.0, (16, 16))
+    began, known = time.monotonic(), np.inf
+    with suppress(cnnum.CnnumError):
+        known = cnnum.Engine("numba").run(template, state=start, duration="settle").error
+    assert np.isinf(known) or known < 1e12  # a part of states of 9e15
+    assert time.monotonic() - began < 30.0
