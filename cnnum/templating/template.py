@@ -207,6 +207,11 @@ class Template:
             )
         if any(not (0 <= g.to < self.layers and 0 <= g.source < self.layers) for g in self.gains):
             raise TemplateError(f"Template '{self.name}': a gain names a layer that is not there.")
+        if len({(gain.to, gain.source) for gain in self.gains}) < len(self.gains):
+            raise TemplateError(
+                f"Template '{self.name}': the couplings of a layer to another have one gain, got "
+                "two: multiply their tables."
+            )
 
     def _physics(self) -> tuple[object, ...]:
         """Return all that changes a run; two templates with the same of it are the same."""

@@ -197,7 +197,7 @@ def _gains(rng: np.random.Generator, layers: int, length: float) -> Any:
         points = tuple(zip(places.tolist(), levels.tolist(), strict=True))
         to, source = (int(n) for n in rng.integers(layers, size=2))
         found.append((to, source, str(rng.choice(["constant", "linear"])), points))
-    return tuple(found)
+    return tuple({gain[:2]: gain for gain in found}.values())
 
 
 def _bend(rng: np.random.Generator, layers: int, k: int) -> Bend:

@@ -172,10 +172,10 @@ def adaptive(plan: Plan, now: Frame, spread: bool, figures: Reals) -> None:
             if at < now.moments.size:
                 at = _look(plan, now, at, time, step, taken, error, before, spread)
             time, speed = time + step, largest(now.found, 3)
+            error, before = _grown(plan, error, step, before, now), speed
             if ends:
                 piece += 1
                 time, step = plan.pieces[piece, 1], max(step, usual)
-            error, before = _grown(plan, error, step, before, now), speed
             settled = 1.0 if settings.settle and largest(now.found, 2) <= 1.0 else 0.0
             all_bands(codes.ACCEPT, plan, now, codes.NONE, step, spread)
         longer = settings.caution * max(worst, 1e-10) ** settings.exponent

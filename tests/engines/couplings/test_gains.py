@@ -7,6 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import cnnum
+from cnnum.errors import TemplateError
 from cnnum.graph.nodes import RunSpec
 from cnnum.templating.couplings import DelayedCoupling, Gain
 from cnnum.templating.function_tables import Table
@@ -155,3 +156,24 @@ def test_the_mean_of_a_table_is_that_of_many_places(kind):
     for begin, end in ((-1.0, -0.6), (-1.0, 3.0), (0.21, 0.24), (0.1, 0.3), (0.9, 0.9001)):
         places = np.linspace(begin, end, 200_001)[1:] - 0.5 * (end - begin) / 200_000
         assert table.mean(begin, end) == pytest.approx(table(places).mean(), abs=1e-3)
+
+
+def test_two_gains_of_the_same_couplings_are_refused():
+    """Engines took the last of them, their sum, or their sum less 1."""
+    gains = [Gain(0, 0, Table("constant", ((0.0, level),))) for level in (0.5, 2.0)]
+    with pytest.raises(TemplateError, match="one gain"):
+        cnnum.Template("two", [[1.0]], gains=gains)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_an_error_decays_no_faster_after_a_point_than_the_array(engine):
+    """The length of the step after it was taken for that of the step up to it."""
+    points = ((12.68, 1.0), (12.91, 1.0), (14.4, 1.0), (14.87, 1.0))
+    gain = Gain(0, 0, Table("constant", points))
+    template = cnnum.Template("decays", [[1e-9]], output="tanh", z=0.3, tau=4.58, gains=[gain])
+    times = np.linspace(1.0, 22.0, 22)
+    got = cnnum.Engine(engine, precision="float64").run(
+        template, state=np.full((1, 1), 0.84), at=times, method="dormand-prince"
+    )
+    want = 0.3 + 0.54 * np.exp(-times / 4.58)
+    assert (np.abs(got.state[:, 0, 0] - want) <= got.error + 1e-8).all()
