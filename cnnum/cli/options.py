@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import click
+from click.shell_completion import CompletionItem
 
 from cnnum.safety.files import refuse_target
 from cnnum.safety.names import shown
@@ -59,6 +60,27 @@ def target_option(name: str, metavar: str, text: str) -> Callable[[Function], Fu
         callback=to_write,
         help=text,
     )
+
+
+def completed(kind: str, *, files: bool = False) -> Callable[..., list[CompletionItem]]:
+    """Return how the Tab key completes an argument: with names of a kind, or with files.
+
+    Parameters
+    ----------
+    kind : str
+        "template", "program" or "scene".
+    files : bool
+        Whether the argument may be a file, too.
+    """
+
+    def complete(_: click.Context, __: click.Parameter, begun: str) -> list[CompletionItem]:
+        import cnnum  # the names are read when they are asked for
+
+        named = getattr(cnnum, f"{kind}_names")()
+        found = [CompletionItem(n) for n in named if n.lower().startswith(begun.lower())]
+        return found or ([CompletionItem(begun, type="file")] if files else [])
+
+    return complete
 
 
 def setting_option(text: str) -> Callable[[Function], Function]:

@@ -13,7 +13,9 @@ from cnnum.drivers.own_data.layout import DataLayout
 from cnnum.drivers.registry import DRIVERS
 from cnnum.scenes import scene_file
 from cnnum.scenes.events import EVENT_RULES
-from cnnum.templating.files.toml_format import _READERS
+from cnnum.templating.files import measured, proof
+from cnnum.templating.files.toml_couplings import _DELAYED, _GAIN, _NONLINEAR
+from cnnum.templating.files.toml_format import _ABOUT, _READERS
 
 DOCS = Path(__file__).parents[2] / "docs"
 EXAMPLES = sorted((DOCS / "examples").glob("*.py"))
@@ -66,7 +68,11 @@ def test_every_key_of_a_scene_and_of_a_driver_is_on_its_page():
 
 def test_every_key_of_a_template_and_of_a_layout_is_on_its_page():
     page = (DOCS / "reference" / "template-keys.md").read_text()
-    assert all(f"`{key}`" in page for key in _READERS)
+    couplings = (_NONLINEAR, _GAIN, _DELAYED)
+    written = (measured.KEYS, proof.KEYS, ("aliases", "measured", "proof"))
+    keys = {key for table in (_READERS, _ABOUT, *couplings, *written) for key in table}
+    assert len(keys) > 40
+    assert {key for key in keys if f"`{key}`" not in page} == set()
     layout = (DOCS / "how-to" / "data.md").read_text()
     assert all(f"`{field.name}`" in layout for field in fields(DataLayout))
 

@@ -9,7 +9,14 @@ from typing import TYPE_CHECKING
 
 import click
 
-from cnnum.cli.options import assignments, json_option, seconds_option, setting_option, trust_option
+from cnnum.cli.options import (
+    assignments,
+    completed,
+    json_option,
+    seconds_option,
+    setting_option,
+    trust_option,
+)
 from cnnum.cli.output import Output, facts
 from cnnum.cli.progress import busy
 from cnnum.cli.signals import stoppable
@@ -23,7 +30,7 @@ MOST = 60_000
 
 
 @click.command("simulate")
-@click.argument("source", default="simulated")
+@click.argument("source", default="simulated", shell_complete=completed("scene", files=True))
 @click.option("--pty", is_flag=True, required=True, help="Behind a pseudo-terminal.")
 @click.option(
     "--protocol", default="open", help="The array's protocol; 'cnnum devices --arrays' lists them."

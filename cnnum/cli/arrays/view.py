@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from cnnum.cli.options import Changes, json_option, scene_options, trust_option
+from cnnum.cli.options import Changes, completed, json_option, scene_options, trust_option
 from cnnum.cli.output import Output
 from cnnum.cli.progress import COMPILING, busy
 from cnnum.cli.signals import stoppable
@@ -24,7 +24,7 @@ SHOWN = (
 
 
 @click.command("view")
-@click.argument("source")
+@click.argument("source", shell_complete=completed("scene", files=True))
 @click.option("--scene", help="Scene to run on a recording; 'demo' unless given.")
 @click.option("--host", default="127.0.0.1", help="Address to listen at; this machine's own.")
 @click.option("--port", type=click.IntRange(0, 65_535), default=8765, help="0 for any free one.")

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from cnnum.cli.options import force_option, json_option
+from cnnum.cli.options import completed, force_option, json_option
 from cnnum.cli.output import Output
 
 SHORT, LONG = 48, 160
@@ -14,7 +14,7 @@ SHORT, LONG = 48, 160
 
 
 @click.command("export")
-@click.argument("program")
+@click.argument("program", shell_complete=completed("program"))
 @click.option("--shape", default="8x8x3", show_default=True, help="Rows, columns and axes.")
 @click.option("--precision", default="q15", show_default=True, help="q15, q7, qM.N or float32.")
 @click.option(

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import click
 
 from cnnum.cli.following import left_out_records
-from cnnum.cli.options import Changes, json_option, scene_options, trust_option
+from cnnum.cli.options import Changes, completed, json_option, scene_options, trust_option
 from cnnum.cli.output import Output, facts, quantity, table
 
 if TYPE_CHECKING:
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 @click.command("plan")
-@click.argument("scene")
+@click.argument("scene", shell_complete=completed("scene", files=True))
 @scene_options
 @trust_option
 @click.option("--ops", is_flag=True, help="List the operations by function; --json has every line.")

@@ -8,6 +8,7 @@ import click
 
 from cnnum.cli.options import (
     assignments,
+    completed,
     force_option,
     json_option,
     setting_option,
@@ -29,7 +30,7 @@ SHOWN = 12
 
 
 @click.command("probe")
-@click.argument("source")
+@click.argument("source", shell_complete=completed("scene", files=True))
 @setting_option("An option of the driver.")
 @click.option(
     "--seconds", type=click.FloatRange(min=0, min_open=True), help="Look for so long (5 s)."

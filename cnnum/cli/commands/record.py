@@ -8,6 +8,7 @@ import click
 
 from cnnum.cli.options import (
     assignments,
+    completed,
     frames_option,
     json_option,
     seconds_option,
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
 
 
 @click.command("record")
-@click.argument("source")
+@click.argument("source", shell_complete=completed("scene", files=True))
 @click.argument("file", type=click.Path(path_type=Path))
 @setting_option("An option of the driver.")
 @seconds_option

@@ -9,6 +9,7 @@ from cnnum.cli import saving
 from cnnum.cli.following import follow
 from cnnum.cli.options import (
     Changes,
+    completed,
     force_option,
     frames_option,
     json_option,
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
 
 
 @click.command("run")
-@click.argument("scene")
+@click.argument("scene", shell_complete=completed("scene", files=True))
 @scene_options
 @trust_option
 @saving.save_option

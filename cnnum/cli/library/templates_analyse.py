@@ -7,7 +7,7 @@ import click
 
 from cnnum.cli.library.templates_check import array_shape
 from cnnum.cli.library.templates_choice import is_place
-from cnnum.cli.options import json_option
+from cnnum.cli.options import completed, json_option
 from cnnum.cli.output import Output, facts, table
 
 if TYPE_CHECKING:
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 @click.command("analyse")
-@click.argument("name")
+@click.argument("name", shell_complete=completed("template", files=True))
 @click.option("--shape", default="8x8", callback=array_shape, help="Array: ROWSxCOLS.")
 @json_option
 def analyse(name: str, shape: tuple[int, int], as_json: bool) -> None:

@@ -5,13 +5,13 @@ from dataclasses import asdict
 import click
 
 from cnnum.cli.library.templates_choice import chosen
-from cnnum.cli.options import json_option
+from cnnum.cli.options import completed, json_option
 from cnnum.cli.output import Output, table
 from cnnum.cli.progress import progress
 
 
 @click.command("audit")
-@click.argument("names", nargs=-1, metavar="[NAMES]...")
+@click.argument("names", nargs=-1, metavar="[NAMES]...", shell_complete=completed("template"))
 @click.option("--engine", default="numba", show_default=True, help="Engine to run on.")
 @json_option
 def audit(names: tuple[str, ...], engine: str, as_json: bool) -> None:

@@ -12,7 +12,7 @@ from rich.table import Table
 
 from cnnum.cli.library.templates_choice import chosen, is_place
 from cnnum.cli.library.templates_design import report
-from cnnum.cli.options import json_option
+from cnnum.cli.options import completed, json_option
 from cnnum.cli.output import Output, console, number, quantity, table, verdict
 from cnnum.cli.progress import progress
 from cnnum.cli.stopping import until_stopped
@@ -40,7 +40,9 @@ def array_shape(ctx: click.Context, parameter: click.Parameter, value: str) -> t
 
 
 @click.command("check")
-@click.argument("names", nargs=-1, metavar="[NAMES]...")
+@click.argument(
+    "names", nargs=-1, metavar="[NAMES]...", shell_complete=completed("template", files=True)
+)
 @click.option("--engine", "engines", multiple=True, help="Again for more; all unless given.")
 @click.option("--device", help="Part of the OpenCL device's name.")
 @click.option("--precision", help="float32 or float64; each engine's own unless given.")

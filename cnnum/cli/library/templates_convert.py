@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import click
 
 from cnnum.cli.library.templates_choice import is_place
-from cnnum.cli.options import force_option, json_option
+from cnnum.cli.options import completed, force_option, json_option
 from cnnum.cli.output import Output
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ def import_files(files: tuple[str, ...], folder: str, force: bool, as_json: bool
 
 
 @click.command("export")
-@click.argument("name")
+@click.argument("name", shell_complete=completed("template", files=True))
 @click.argument("file")
 @force_option
 @json_option

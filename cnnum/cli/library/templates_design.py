@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from cnnum.cli.library.templates_choice import is_place
-from cnnum.cli.options import force_option, json_option
+from cnnum.cli.options import completed, force_option, json_option
 from cnnum.cli.output import Output, facts, number, table
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ _DRAWS = 50
 
 
 @click.command("design")
-@click.argument("name")
+@click.argument("name", shell_complete=completed("template", files=True))
 @click.option("--engine", default="numba", show_default=True, help="Engine to run on.")
 @click.option("--weights", is_flag=True, help="Show how far each weight may go.")
 @click.option(

@@ -6,13 +6,13 @@ from pathlib import Path
 import click
 
 from cnnum.cli.library.templates_choice import chosen
-from cnnum.cli.options import file_option, force_option, json_option
+from cnnum.cli.options import completed, file_option, force_option, json_option
 from cnnum.cli.output import Output
 from cnnum.cli.progress import progress
 
 
 @click.command("gallery")
-@click.argument("names", nargs=-1, metavar="[NAMES]...")
+@click.argument("names", nargs=-1, metavar="[NAMES]...", shell_complete=completed("template"))
 @file_option("gallery.html", "The page's file.")
 @click.option("--engine", default="numba", show_default=True, help="Engine to run on.")
 @force_option

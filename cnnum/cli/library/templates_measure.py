@@ -5,13 +5,13 @@ from pathlib import Path
 import click
 
 from cnnum.cli.library.templates_choice import chosen
-from cnnum.cli.options import json_option
+from cnnum.cli.options import completed, json_option
 from cnnum.cli.output import Output, number, table
 from cnnum.cli.progress import progress
 
 
 @click.command("measure")
-@click.argument("names", nargs=-1, metavar="[NAMES]...")
+@click.argument("names", nargs=-1, metavar="[NAMES]...", shell_complete=completed("template"))
 @click.option("--engine", default="numba", show_default=True, help="Engine to measure on.")
 @click.option("--missing", is_flag=True, help="Only those without figures of their numbers.")
 @json_option

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from cnnum.cli.library.templates_choice import is_place
-from cnnum.cli.options import force_option, json_option, target_option
+from cnnum.cli.options import completed, force_option, json_option, target_option
 from cnnum.cli.output import Output, facts, number
 
 if TYPE_CHECKING:
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 @click.command("show")
-@click.argument("name")
+@click.argument("name", shell_complete=completed("template"))
 @target_option(
     "--transient",
     "FILE.html|png|gif",
