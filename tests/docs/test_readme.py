@@ -126,7 +126,7 @@ HELD = {
     "README.md-1": edges_are_those_of_the_punch,
     "docs/adding.md-0": a_product_settles_where_its_equation_does,
     "docs/bench/README.md-0": times_are_measured,
-    "docs/engines.md-0": times_are_measured,
+    "docs/engines.md-1": times_are_measured,
     "docs/how-to/learn.md-0": learned_outlines_are_those_of_edge,
     "docs/methods.md-1": the_step_is_two_over_the_fastest_rate,
     "docs/microcontrollers.md-0": noise_is_no_slip_in_whole_numbers,
