@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cnnum.arrays import Floats
-from cnnum.errors import CnnumError
+from cnnum.errors import ArrayError, CnnumError, MethodError
 from cnnum.templating.batch import TemplateBatch
 from cnnum.templating.checks.intervals import wilson
 from cnnum.templating.checks.measuring import SHAPE, WRONG
@@ -123,8 +123,8 @@ class Judge:
         allowed = WRONG if self.form.digital else self.form.tolerance
         try:
             result = run_case(changed, self.engine, self.case, self.form.rtol)
-        except CnnumError:
-            return 1.0  # it diverges
+        except (ArrayError, MethodError):
+            return 1.0  # it diverges, or no steps follow it; other failures say nothing of it
         found = np.asarray(getattr(result, self.form.compares), dtype=np.float64)
         return float(np.mean(~(np.abs(found - self.expected) <= allowed)))
 
@@ -136,7 +136,7 @@ class Judge:
         try:
             result = run_case(batch, self.engine, self.case, self.form.rtol)
         except CnnumError:
-            return [self.wrong(one) for one in changed]  # one of them diverges
+            return [self.wrong(one) for one in changed]  # one of them diverges, or fails
         allowed = WRONG if self.form.digital else self.form.tolerance
         found = np.asarray(result.output, dtype=np.float64)
         wrong = ~(np.abs(found - self.expected) <= allowed)

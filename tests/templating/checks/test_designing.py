@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from cnnum import Engine, Template, get_template
-from cnnum.errors import TemplateError
+from cnnum.errors import DeviceError, FrameError, TemplateError
 from cnnum.templating.checks import run_check
 from cnnum.templating.checks.audit import audit
 from cnnum.templating.checks.measuring import measure, settle_times, shifted
-from cnnum.templating.checks.robustness import flips, tolerances
+from cnnum.templating.checks.robustness import Judge, flips, tolerances
 from cnnum.templating.files import load_entry, write_measured
 from cnnum.templating.library import get_entry, template_path
 from cnnum.templating.numbers import numbers_of, with_numbers
@@ -173,3 +173,21 @@ def test_a_wrong_table_of_figures_is_named(tmp_path):
 
 def test_states_that_are_not_numbers_are_no_figures(engine):
     assert np.isfinite(measure(get_template("LOGNOT"), engine).rms)
+
+
+def test_only_what_diverges_counts_as_wrong():
+    """A device that fails says nothing of a template: it was a flip of every cell."""
+
+    class Fails:
+        name, precision = "numba", "float64"
+
+        def __init__(self, error):
+            self.error = error
+
+        def run(self, *_, **__):
+            raise self.error
+
+    edge = get_template("EDGE")
+    assert Judge(edge, Fails(FrameError("not finite"))).wrong(edge) == 1.0
+    with pytest.raises(DeviceError):
+        Judge(edge, Fails(DeviceError("gone"))).wrong(edge)
