@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,16 +38,15 @@ def npy_array(path: Path, layout: DataLayout) -> Arrays:
         raise CodecError(f"'{path}' holds one array and no '{name}': give 'rate', and no 'time'.")
     try:
         with open_regular(path) as file:
-            held = np.load(file, allow_pickle=False)
+            held: object = np.load(file, allow_pickle=False)
     except OSError as error:
         raise unreadable(RecordingError, f"'{path}'", error) from None
     except (*DAMAGE, MemoryError) as error:
         why = str(error).rstrip(".") or type(error).__name__
         raise CodecError(f"'{path}' is no NumPy array: {why}.") from None
     if not isinstance(held, np.ndarray):
-        held.close()
         raise CodecError(f"'{path}' is no NumPy array but an archive: give it the suffix '.npz'.")
-    return {VALUES: held}
+    return {VALUES: cast("NDArray[Any]", held)}
 
 
 def npz_arrays(path: Path, layout: DataLayout) -> Arrays:
