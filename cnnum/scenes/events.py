@@ -258,6 +258,14 @@ EVENT_RULES: dict[str, tuple[EventRule, ...]] = {
         EventRule("grasp_twist", "grasp_twist", sense="grasp_sense", steady=0.1),
         EventRule("grasp_squeeze", "grasp_squeeze", sense="grasp_sense", steady=0.1),
     ),
+    "outline": (
+        EventRule(
+            "outline",
+            "contour_holds",
+            ends="outline_lost",
+            where=("contour_row", "contour_column"),
+        ),
+    ),
     "onset": (EventRule("onset", "comes", where=("on_row", "on_column"), strength="on_strength"),),
     "offset": (
         EventRule("offset", "goes", where=("off_row", "off_column"), strength="off_strength"),

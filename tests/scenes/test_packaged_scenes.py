@@ -423,6 +423,34 @@ def test_on_off_tells_what_comes_from_what_goes():
     assert max(held_still[f"{sign}_transient"].max() for sign in ("on", "off")) < noise
 
 
+def test_active_contour_keeps_to_a_body_that_is_dragged():
+    scene, moments, truths = played("active_contour")
+    events = [event for moment in moments for event in moment.events]
+    assert [event.kind for event in events] == ["outline", "outline_lost"]
+    held = [m.frame.time for m, t in zip(moments, truths, strict=True) if t["contact"]]
+    assert 0 <= events[0].time - held[0] < 0.03
+    assert abs(events[1].time - held[-1]) < 0.03
+    pitch = scene.driver.pitch
+    # taxels whose middle lies below the bar
+    rows, cols = (pitch * (at - 3.5) for at in np.indices(scene.driver.shape))
+    turn, checked = 0.4, []
+    for moment, truth in zip(moments, truths, strict=True):
+        if truth["normal_force"] < 0.99 or moment.number % 20:
+            continue
+        x, y = cols - truth["x"], rows - truth["y"]
+        along, across = x * np.cos(turn) + y * np.sin(turn), y * np.cos(turn) - x * np.sin(turn)
+        inside = moment.outputs["contour_inside"] > 0
+        sides = ((along, 1.5e-3), (across, 3e-3))
+        far = np.hypot(*(np.maximum(np.abs(at) - half, 0.0) for at, half in sides))
+        deep = np.minimum(*(half - np.abs(at) for at, half in sides))
+        # within half a pitch of the outline a taxel may count either way
+        assert inside[deep > 0.5 * pitch].all()
+        assert not inside[far > pitch].any()
+        checked.append(np.average(cols[inside]))
+        assert checked[-1] == pytest.approx(truth["x"], abs=0.5 * pitch)
+    assert checked[-1] - checked[0] > 1.5e-3  # it went along
+
+
 def directed(name, kind):
     """Return the events of a kind of a scene, and the truth of each frame."""
     _, moments, truths = played(name)

@@ -152,6 +152,15 @@ STRESSES = tuple(
 )
 
 SCENES = {
+    "active_contour": Scene(
+        disc,
+        (
+            Same("contour_holds", 0.0),
+            Same("contour_row", 0.3),
+            Same("contour_column", 0.3, turns=True),
+        ),
+        {"rate": 20.0},
+    ),
     "contact": Scene(pulled, (*PLACE, *LOADS), {}),
     # outlines on 4×4 taxels lie at the rim of the array, where no edge is seen
     "edges": Scene(

@@ -5,6 +5,7 @@ from types import MappingProxyType
 
 from cnnum.templating.checks.program_records import ProgramForm
 from cnnum.templating.checks.tactile import codes as tactile_codes
+from cnnum.templating.checks.tactile import contours as tactile_contours
 from cnnum.templating.checks.tactile import halfspace as tactile_halfspace
 from cnnum.templating.checks.tactile import moving_patterns as tactile_moving_patterns
 from cnnum.templating.checks.tactile import outlines as tactile_outlines
@@ -18,6 +19,7 @@ _KINDS = (
     tactile_halfspace.FORMS,
     tactile_receptors.FORMS,
     tactile_moving_patterns.FORMS,
+    tactile_contours.FORMS,
 )
 _FORMS: Mapping[str, tuple[ProgramForm, ...]] = MappingProxyType(
     {

@@ -29,6 +29,8 @@ WRONG = {
     "drifting-grating": {"rate": 103.0},
     "correlated-grating": {"delay": 0.15},
     "centre-and-surround": {"surround": 0.032},
+    # it is on its way when the frames end
+    "one-of-two-bodies": {"speed": 2.0},
     "slip-and-twist": {"slip_false_reports": 0.5},
 }
 """Parameters that make a program wrong for its form."""

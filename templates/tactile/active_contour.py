@@ -1,0 +1,134 @@
+"""An active contour that keeps to the outline of the body that it was set on.
+
+    seed             where a contact begins: the taxel with the largest pressure
+    force            the contact's taxels draw black over them, the others white
+    front            contour_wave, for the time of a frame: it goes on from the frame before
+    contour          the cells of the region at its rim
+
+The region can only grow and shrink at its front, a cell in `CELL_TIME`. So it stays with its body
+where another one touches elsewhere, follows it as far as that moves no faster than the front, and a
+faulty frame moves it by no more than a front moves in that time.
+
+References
+----------
+Rekeczky & Chua, J. VLSI Signal Processing 23 (1999) 373: active contours by propagating fronts;
+Vilariño, Brea, Cabello & Pardo, Pattern Recognition Letters 19 (1998) 721: pixel-level snakes.
+"""
+
+from collections.abc import Mapping
+
+from cnnum.graph.nodes import RunSpec
+from cnnum.programs import program
+from cnnum.programs.fields import Field, maximum, minimum, where
+from cnnum.programs.machine import FrameFields
+from cnnum.programs.parameters import refuse_outside
+from cnnum.programs.transients import shift, transient
+from cnnum.tactile.fronts import front_time
+from cnnum.templates.tactile.cover_model.deconvolution import DEPTH, READS
+from cnnum.templates.tactile.shared.loads import PUSH, loads_of
+from cnnum.templates.tactile.shared.pressure import Carries, pressed_of
+from cnnum.templating.library import get_template
+
+SHARE = 0.1
+"""Share of the peak pressure from which a taxel counts as touched, as in `contact`."""
+
+CENTRE, RING, BIAS = 4.0, 0.25, 4.75
+"""Weights of `contour_wave`."""
+
+CELL_TIME = front_time(CENTRE, RING, BIAS)
+"""Time constants in which a front moves by a cell."""
+
+AT_REST = CENTRE + 8.0 * RING - BIAS
+"""Size of the state of a cell that a front is on its way to. States of cells that no front is near
+are larger, and would be late."""
+
+
+@program
+def active_contour(
+    frame: FrameFields,
+    *,
+    push: float = PUSH,
+    rate: float = 200.0,
+    speed: float = 100.0,
+    share: float = SHARE,
+    depth: float = DEPTH,
+    reads: Carries = READS,
+) -> Mapping[str, Field]:
+    """Follow the outline of a body by an active contour.
+
+    Parameters
+    ----------
+    frame : FrameFields
+        Strain, stress or calibrated signals, in any unit, as of `contact`.
+    push : float
+        −1 for strain and stress, which count tension as positive; +1 for signals and counts that
+        rise under a push.
+    rate : float, Hz
+        Frames a second.
+    speed : float, cells/s
+        Of the front, along rows and columns.
+    share, depth, reads : float, float, "strain", "stress" or "force"
+        As of `contact`.
+
+    Returns
+    -------
+    mapping
+        `contour` (logic map: the region's cells at its rim), `contour_inside` (logic map),
+        `contour_area` (cells), `contour_row`, `contour_column` (centroid, cells; afterwards, where
+        it was last), `contour_holds` (flag: there is a region), `contour_rests` (flag: its front
+        has nowhere to go).
+
+    Raises
+    ------
+    ProgramError
+        If a parameter is out of range.
+    PhysicsError
+        If the depth is out of range.
+    UnknownNameError
+        If `reads` is unknown.
+    """
+    refuse_outside(speed=(speed, 1e-3, 1e6))
+    loads = frame.once(loads_of, push=push)
+    touched = pressed_of(loads, share, depth, reads, 1.0)
+    memory, held = frame.memory("front"), frame.memory("region", logic=True)
+    front = where(held.value.any(), minimum(maximum(memory.value, -AT_REST), AT_REST), -AT_REST)
+    peak = touched.weight.max()
+    seed = ~held.value.any() & touched.touched & (touched.weight >= peak) & (peak > 0.0)
+    run = transient(
+        get_template("contour_wave"),
+        state=where(seed, AT_REST, front),
+        bias=where(touched.touched, 0.0, -2.0 * BIAS),
+        spec=RunSpec(duration=speed * CELL_TIME / rate),
+    )
+    state = run.states[0]
+    inside = (state > 0.0) & loads.contact
+    memory.store(where(loads.contact, state, -AT_REST))
+    held.store(inside)
+    holds = inside.any()
+    row, column = (
+        frame.memory(f"last {name}", scalar=True).hold(place, holds)
+        for name, place in zip(
+            ("row", "column"), frame.centroid(where(inside, 1.0, 0.0)), strict=True
+        )
+    )
+    moves = (_next_to(inside) & touched.touched & ~inside) | (inside & ~touched.touched)
+    return {
+        "contour": inside & _next_to(~inside),
+        "contour_inside": inside,
+        "contour_area": inside.count(),
+        "contour_row": row,
+        "contour_column": column,
+        "contour_holds": holds,
+        "contour_rests": holds & ~moves.any(),
+    }
+
+
+def _next_to(region: Field) -> Field:
+    """Return the cells that have one of a region among their eight neighbours."""
+    rows, cols = region.graph.shape
+    found = region & ~region
+    for down in (-1, 0, 1):
+        for right in (-1, 0, 1):
+            if (down or right) and abs(down) < rows and abs(right) < cols:
+                found = found | shift(region, down, right)
+    return found
