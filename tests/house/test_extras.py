@@ -1,0 +1,168 @@
+"""Each extra alone: with what it brings its feature works; without it one sentence names it."""
+
+import re
+import subprocess
+import sys
+import tomllib
+from importlib.metadata import PackageNotFoundError, packages_distributions, requires
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+
+HOOK = """
+import importlib.machinery, sys
+
+class Installed(importlib.machinery.PathFinder):
+    @classmethod
+    def find_spec(cls, name, path=None, target=None):
+        if name.partition(".")[0] in {others!r}:
+            return None
+        return super().find_spec(name, path, target)
+
+place = sys.meta_path.index(importlib.machinery.PathFinder)
+sys.meta_path[place] = Installed
+import numpy as np
+import cnnum
+"""
+
+SWEEP = """
+from cnnum.design import sweep
+from cnnum.design.experiment import Experiment
+experiment = Experiment("AVERAGE", axes={"mismatch": (0.0,)}, draws=2, engine="numba", pictures=2)
+"""
+
+# what a user does who has installed the extra, and nothing else
+FEATURES = {
+    "pictures": """
+picture = 1.0 - 2.0 * np.eye(4)
+cnnum.save_picture(picture, "a.png")
+assert (cnnum.load_picture("a.png") == picture).all()
+""",
+    "hdf5": """
+taxels = np.arange(60.0).reshape(5, 2, 2, 3)
+cnnum.Recording(taxels, rate=9.0).save("a.h5")
+import h5py
+with h5py.File("a.h5") as file:
+    assert (file["values"][...] == taxels).all()
+""",
+    "tables": """
+result = cnnum.Engine("numba").run("EDGE", input=np.eye(4))
+assert len(result.to_dataframe()) == 16
+assert result.to_xarray()["output"].shape == (4, 4)
+""",
+    "search": """
+from cnnum.design.search import Search, search
+wanted = Search(cnnum.get_template("CCD_HOR"), generations=1, restarts=1, population=4, draws=2)
+assert search(wanted, cnnum.Engine("numba")).template.name
+""",
+    "zarr": SWEEP
+    + """
+sweep(experiment, "a.zarr")
+import xarray
+assert xarray.open_zarr("a.zarr")["error"].shape[-1] == 2
+""",
+    "cluster": SWEEP
+    + """
+if __name__ == "__main__":
+    from cnnum.errors import missing_extra
+    try:
+        from dask.distributed import LocalCluster
+    except ModuleNotFoundError:
+        sweep(experiment, "a.zarr", scheduler="tcp://127.0.0.1:9")
+    with LocalCluster(n_workers=1, processes=False, dashboard_address=None) as cluster:
+        found = sweep(experiment, "a.zarr", scheduler=cluster.scheduler_address)
+    assert found.results["error"].size == 2
+""",
+    "lerobot": """
+import pathlib
+from cnnum.recordings.lerobot import write_lerobot
+taxels = np.random.default_rng(0).normal(size=(30, 2, 2, 3))
+recording = cnnum.Recording(taxels, rate=30.0)
+rows = write_lerobot(recording, pathlib.Path("set"), 30.0, task="a", robot="b")
+assert rows == 30
+""",
+    "fem": """
+from cnnum.tactile.cover.fem.geometry import Shape
+from cnnum.tactile.cover.fem.revolution import make_bodies
+bodies = make_bodies(Shape(20.0, 20.0, growth=1.5), 4, poisson=0.4, patch=0.4)
+assert np.isfinite(bodies.profiles(1.0, np.array([0.0, 1.0]))).all()
+""",
+    "texture": """
+from cnnum.tactile.texture_classes import classify
+rng = np.random.default_rng(0)
+truth = np.repeat([0, 1], 30)
+logs = rng.normal(size=(60, 2)) + 9.0 * truth[:, None]
+assert classify(np.exp(logs), truth, np.arange(60), names=("a", "b")).accuracy == 1.0
+""",
+    "peers": """
+from cnnum.lab.bench.peers.registry import PEERS
+for peer in PEERS:
+    if peer.extra == "peers":
+        peer.load()
+""",
+}
+# not here: "view" (the page is served in `tests/live`), "embedded" (minutes), and the sets that no
+# set of the lock file has, as they bring hundreds of megabytes
+
+
+def brought(names):
+    """The distributions that come with some requirements, as pip would bring them."""
+    found, left = set(), list(names)
+    while left:
+        name = re.split(r"[\[<>=!~;( ]", left.pop())[0].lower().replace("_", "-")
+        if name in found:
+            continue
+        found.add(name)
+        try:
+            needed = requires(name) or []
+        except PackageNotFoundError:
+            continue
+        left += [one for one in needed if "extra ==" not in one]
+    return found
+
+
+def others(extra):
+    """The importable names of what is installed here and neither the extra nor cnnum needs."""
+    wanted = [*PROJECT["dependencies"], *PROJECT["optional-dependencies"].get(extra, ())]
+    kept = brought(wanted)
+    return {
+        module
+        for module, owners in packages_distributions().items()
+        if not any(owner.lower().replace("_", "-") in kept for owner in owners)
+        and module not in {"cnnum", "_distutils_hack", "pkg_resources", "setuptools"}
+    }
+
+
+def ran(extra, feature, folder):
+    code = HOOK.format(others=others(extra)) + FEATURES[feature]
+    return subprocess.run(
+        [sys.executable, "-c", code], cwd=folder, capture_output=True, text=True, check=False
+    )
+
+
+@pytest.mark.parametrize("extra", FEATURES)
+def test_an_extra_alone_brings_what_its_feature_needs(extra, tmp_path):
+    for requirement in PROJECT["optional-dependencies"][extra]:
+        name = re.split(r"[\[<>=!~;( ]", requirement)[0]
+        try:
+            requires(name)
+        except PackageNotFoundError:
+            pytest.skip(f"{name} is not installed")
+    done = ran(extra, extra, tmp_path)
+    assert done.returncode == 0, done.stderr
+
+
+# Pillow comes with Matplotlib, too
+@pytest.mark.one_in(3)
+@pytest.mark.parametrize("extra", sorted(FEATURES.keys() - {"pictures"}))
+def test_without_it_a_sentence_names_the_extra(extra, tmp_path):
+    done = ran("", extra, tmp_path)
+    assert done.returncode == 1
+    last = done.stderr.strip().splitlines()[-1]
+    assert "MissingExtraError" in last, done.stderr
+    # what needs xarray alone says so by the smallest extra that brings it
+    named = {"zarr": "(zarr|tables)", "cluster": "(cluster|zarr|tables)"}.get(extra, extra)
+    assert re.search(rf"pip install '\.\[{named}\]'", last), last
