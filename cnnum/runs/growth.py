@@ -4,7 +4,8 @@ An error that is followed grows as the rates do. Where all of an array is small 
 may show the growth late: the part of the state that grows fastest is hidden behind others. And
 steps that are within the tolerance of a large state may be long for a small one, so that they
 grow it by too little. Then the first run is compared with one whose tolerances are a tenth, and
-relative to the start. The true error is below the distance of the two and the error of the second.
+relative to the start, and whose order is no less than 5. The true error is below the distance of
+the two and the error of the second.
 """
 
 import math
@@ -20,6 +21,7 @@ from cnnum.graph.nodes import RunSpec
 from cnnum.integrators.estimate import error_growth
 from cnnum.integrators.schemes import AdaptiveSteps, ChebyshevSteps
 from cnnum.integrators.solver import Solver
+from cnnum.integrators.tableau import BOGACKI_SHAMPINE, DORMAND_PRINCE
 from cnnum.runs.result import Result
 from cnnum.templating.pair_functions import PairFunction
 from cnnum.templating.template import Template
@@ -112,7 +114,7 @@ def compared(
     state = np.asarray(result.state, dtype=np.float64).reshape(times, -1, *_inner(result))
     error = np.array(result.error, dtype=np.float64).reshape(times, -1)
     try:
-        finer = again(_finer(spec, smallest), frames)
+        finer = again(_finer(spec, smallest, result.method), frames)
     except MethodError:  # it would take too many steps
         error[:, frames] = math.inf
     else:
@@ -126,11 +128,16 @@ def _inner(result: Result) -> tuple[int, ...]:
     return result.state.shape[np.ndim(result.time) :]
 
 
-def _finer(spec: RunSpec, begun: float) -> RunSpec:
-    """Return a finer run: its tolerances are powers of 10, so that few plans are made of them."""
+def _finer(spec: RunSpec, begun: float, taken: str) -> RunSpec:
+    """Return a finer run: its tolerances are powers of 10, so that few plans are made of them.
+
+    Where stability sets the steps, a finer run of the same method takes the same ones, and agrees.
+    """
     atol = FINER * min(spec.atol, max(spec.rtol, spec.atol) * begun)
     exponent = math.floor(math.log10(max(atol, SMALLEST)))
     method = spec.method if spec.dt is None else "auto"
+    if taken == BOGACKI_SHAMPINE.name:
+        method = DORMAND_PRINCE.name
     return replace(
         spec, method=method, dt=None, estimate=False, rtol=FINER * spec.rtol, atol=10.0**exponent
     )
