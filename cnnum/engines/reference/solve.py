@@ -58,6 +58,9 @@ The cases of `cnnum stability` take up to 3,206."""
 LATEST = 1e6
 """Time constants to which an array is followed whose equilibrium other engines know exactly."""
 
+SMALL = 1e-8
+"""Least size of a state to which tolerances are relative."""
+
 FINER = 4
 """Where rates jump and no step was asked for, steps of other engines are this much longer."""
 
@@ -197,7 +200,10 @@ def _smooth_stretch(
 
     # solve_ivp would keep the state of every step, which fills the memory where cells are many
     steps = _method(equation, length)
-    solver = steps(right, time, x.ravel(), time + length, rtol=precision, atol=precision)
+    # a start that is small is solved as well as others: it may grow far
+    moves = float(np.abs(right(time, x.ravel())).max()) * float(equation.template.tau.min())
+    size = min(1.0, max(SMALL, moves, float(np.abs(x).max())))
+    solver = steps(right, time, x.ravel(), time + length, rtol=precision, atol=precision * size)
     times = [time]
     pieces: list[DenseOutput[np.float64]] = []
     while solver.status == "running":
