@@ -14,8 +14,6 @@ Smooth contacts have a steepest place, too: which ones have a sharp edge is deci
 
 from collections.abc import Mapping
 from dataclasses import replace
-from functools import reduce
-from operator import and_, or_
 from typing import NamedTuple
 
 import numpy as np
@@ -105,8 +103,11 @@ def _links(fall: Field, across: Field, on: Field, least: Field, way: tuple[int, 
     before, behind = shift(steep, rows, cols), shift(steep, -rows, -cols)
     most = rows * on.graph.shape[0] + cols * on.graph.shape[1]
     steps = [(-k * rows, -k * cols) for k in SEEN if abs(k) <= most]
-    taxels = [on, *(shift(on, *step, boundary="zero-flux") for step in steps)]
-    passes = reduce(or_, taxels) & ~reduce(and_, taxels)
+    taxels = [shift(on, *step, boundary="zero-flux") for step in steps]
+    somewhere, everywhere = on, on
+    for taxel in taxels:
+        somewhere, everywhere = somewhere | taxel, everywhere & taxel
+    passes = somewhere & ~everywhere
     slope = 0.5 * (across + shift(across, -rows, -cols))
     ridge = (steep >= before) & (steep > behind) & (steep > ALONG * slope) & (steep > least)
     # the top of the parabola through three falls, which is never beyond half a link

@@ -294,7 +294,9 @@ def by_cover(engine: Engine, count: int, seed: int = 9) -> Iterator[str]:
     yield f"| cover | {' | '.join(finders)} |"
     rng = np.random.default_rng(seed)
     bodies = [SHARP[name](rng, 8, count) for name in SHARP if name not in CHOSEN_ON]
-    for depth, reads in ((BARE, "stress"), *((d, r) for r in READINGS for d in DEPTHS)):
+    covers: list[tuple[float, Reads]] = [(BARE, "stress")]
+    covers.extend((depth, reads) for reads in READINGS for depth in DEPTHS)
+    for depth, reads in covers:
         cells = list[str]()
         for finder in finders.values():
             found = [tally(finder, each, [Skin(depth=depth, reads=reads)]) for each in bodies]
