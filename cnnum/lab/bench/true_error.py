@@ -65,7 +65,8 @@ OMISSIONS = (
     "tactile is made of the others. mindlin_slip takes the law that the simulated sphere obeys: "
     "`python docs/figures/incipient_slip.py` has its delays. receptors and on_off are filters in "
     "time, and tactile_flow and motion_direction compare frames in time, without a lattice that "
-    "stands for a continuum: `cnnum templates check NAME`.",
+    "stands for a continuum, and active_contour moves a wave of cells: "
+    "`cnnum templates check NAME`.",
     "halfspace_layers and halfspace_equilibrium stop at two cells: beyond, one takes minutes to "
     "build and the other relaxes for seconds.",
     "The cover of the half-space programs is 1 mm over taxels 1.5 mm apart, with one value a cell. "
