@@ -191,6 +191,9 @@ class _Channels(Clock):
                 where(fired & (count < 0.5), lasts - left + takes, first),
             )
 
+        def over(left: Field, *_: Field) -> Field:
+            return ~(left > 0.0).any()
+
         none = 0.0 * current
         left, held, count, first = loop(
             next_spike,
@@ -199,7 +202,7 @@ class _Channels(Clock):
             none,
             none,
             limit=ceil(lasts / refractory) + 2,
-            until=lambda left, *_: ~(left > 0.0).any(),
+            until=over,
         ).values
         charge.store(sign * held)
         # what is left below 0 is silence that goes on in the next frame
