@@ -39,12 +39,26 @@ SETTINGS: Any = {
 @contextmanager
 def page_style() -> Generator[None]:
     """Have Matplotlib draw as pages look, until the block ends."""
-    import matplotlib
     from cycler import cycler
 
-    library: Any = matplotlib
-    with library.rc_context(SETTINGS | {"axes.prop_cycle": cycler(color=list(PALETTE))}):
+    with own_defaults() as settings:
+        settings.update(SETTINGS | {"axes.prop_cycle": cycler(color=list(PALETTE))})
         yield
+
+
+@contextmanager
+def own_defaults() -> Generator[Any]:
+    """Have Matplotlib draw by its own defaults, which are yielded, until the block ends.
+
+    A `matplotlibrc` in the working folder may be another's, and with `text.usetex` in it every
+    figure would run LaTeX.
+    """
+    import matplotlib
+
+    library: Any = matplotlib
+    with library.rc_context():
+        library.rcdefaults()
+        yield library.rcParams
 
 
 def inline_svg(figure: Any, title: str) -> str:

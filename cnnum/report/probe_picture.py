@@ -9,6 +9,7 @@ import numpy as np
 
 from cnnum.arrays import Floats
 from cnnum.errors import ReportError
+from cnnum.report.plots import own_defaults
 from cnnum.safety.files import write_whole
 
 
@@ -40,6 +41,21 @@ def draw(
     ReportError
         If there is such a file, or the picture cannot be written.
     """
+    kind = path.suffix.lower().removeprefix(".") or "png"
+    try:
+        with own_defaults():
+            picture = drawn(_figure(maps, channels, unit, marked), kind)
+    except ValueError as error:
+        raise ReportError(f"The picture '{path}' cannot be written: {error}.") from None
+    write_whole(path, picture, force=force)
+
+
+def _figure(
+    maps: Mapping[str, Floats],
+    channels: tuple[str, ...],
+    unit: str,
+    marked: Iterable[tuple[int, int]],
+) -> Any:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -56,12 +72,7 @@ def draw(
             figure.colorbar(shown, ax=ax).ax.tick_params(labelsize=7)
     if len(crosses):
         figure.supxlabel("× cell that is dead, stuck or noisy", color="r", fontsize=8)
-    kind = path.suffix.lower().removeprefix(".") or "png"
-    try:
-        picture = drawn(figure, kind)
-    except ValueError as error:
-        raise ReportError(f"The picture '{path}' cannot be written: {error}.") from None
-    write_whole(path, picture, force=force)
+    return figure
 
 
 def drawn(figure: Any, kind: str = "png") -> bytes:

@@ -189,3 +189,52 @@ def test_no_module_of_the_working_folder_runs(faults, tmp_path):
         if done.returncode or list((tmp_path / "ran").iterdir()):
             ran = [mark.name for mark in (tmp_path / "ran").iterdir()]
             faults.lose(f"{words}: {done.returncode}, ran {ran}: {done.stderr[-300:]}")
+
+
+POOL = """
+if __name__ == "__main__":
+    from cnnum.lab.scoring import family_tables
+    with family_tables._workers() as workers:
+        print(workers.submit(pow, 2, 3).result())
+"""
+PICTURE = """
+import sys
+from pathlib import Path
+import numpy as np
+from cnnum.report import probe_picture
+probe_picture.draw(Path(sys.argv[1]), {"rest": np.zeros((4, 4, 1))}, ("x",), "N")
+"""
+
+
+def test_scenes_for_scores_are_drawn_by_no_module_of_the_working_folder(tmp_path):
+    """The processes that draw them start as a script does, without the flag -P."""
+    script, folder = tmp_path / "own" / "script.py", tmp_path / "others"
+    for place in (script.parent, folder):
+        place.mkdir()
+    script.write_text(POOL)
+    for name in HOSTILE:
+        (folder / f"{name}.py").write_text("open('ran', 'w')\nraise SystemExit(9)\n")
+    done = subprocess.run(
+        [sys.executable, script], cwd=folder, capture_output=True, text=True, check=False
+    )
+    assert (done.stdout, done.returncode) == ("8\n", 0), done.stderr[-300:]
+    assert not (folder / "ran").exists()
+
+
+def test_a_matplotlibrc_in_the_working_folder_starts_no_program(tmp_path):
+    """With `text.usetex` Matplotlib would run what is called latex on every figure."""
+    (tmp_path / "matplotlibrc").write_text("text.usetex : True\nbackend : module://evil\n")
+    latex = tmp_path / "bin" / "latex"
+    latex.parent.mkdir()
+    latex.write_text(f"#!/bin/sh\ntouch {tmp_path}/ran\nexit 1\n")
+    latex.chmod(0o700)
+    done = subprocess.run(
+        [sys.executable, "-P", "-c", PICTURE, "drawn.png"],
+        cwd=tmp_path,
+        env=os.environ | {"PATH": f"{latex.parent}{os.pathsep}{os.environ['PATH']}"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode, (tmp_path / "ran").exists()) == (0, False), done.stderr[-300:]
+    assert (tmp_path / "drawn.png").is_file()

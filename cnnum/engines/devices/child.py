@@ -3,7 +3,12 @@
 import os
 import subprocess
 import sys
+from collections.abc import Generator
+from contextlib import contextmanager
 from dataclasses import dataclass
+
+SAFE_PATH = "PYTHONSAFEPATH"
+"""Variable of the environment that keeps the working folder off Python's path."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,6 +53,20 @@ def run_child(module: str, arguments: list[str], patience: float) -> Ended:
     except subprocess.TimeoutExpired as late:
         return Ended(_text(late.stdout), _text(late.stderr), None)
     return Ended(_text(done.stdout), _text(done.stderr), done.returncode)
+
+
+@contextmanager
+def safe_path() -> Generator[None]:
+    """Let a process that starts find no module in the working folder, which may be another's."""
+    before = os.environ.get(SAFE_PATH)
+    os.environ[SAFE_PATH] = "1"
+    try:
+        yield
+    finally:
+        if before is None:
+            del os.environ[SAFE_PATH]
+        else:
+            os.environ[SAFE_PATH] = before
 
 
 def _text(raw: bytes | None) -> str:

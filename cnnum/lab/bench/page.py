@@ -9,7 +9,7 @@ from cnnum.lab.bench.charts import CHARTS, png
 from cnnum.lab.bench.records import data_text
 from cnnum.report.environment import Environment
 from cnnum.report.html import Cell, both, document, paragraph, section, table
-from cnnum.report.plots import inline_svg, page_style
+from cnnum.report.plots import inline_svg, own_defaults, page_style
 from cnnum.safety.files import write_files
 
 Row = Mapping[str, object]
@@ -86,7 +86,8 @@ def write_report(
     asked = command or f"cnnum bench {name}"
     data = data_text(asked, rows, device, omissions)
     page = _page(name, asked, rows, data, device, omissions)
-    contents: tuple[bytes | str, ...] = (png(CHARTS[name](rows)), data, page)
+    with own_defaults():
+        contents: tuple[bytes | str, ...] = (png(CHARTS[name](rows)), data, page)
     named = {place.name: content for place, content in zip(places, contents, strict=True)}
     write_files(folder, named, force=force)
     return places

@@ -10,6 +10,7 @@ from multiprocessing import get_context
 
 import numpy as np
 
+from cnnum.engines.devices.child import safe_path
 from cnnum.lab.scoring.families.arrays import Arrays
 from cnnum.lab.scoring.families.catalogue import FAMILIES, Family
 from cnnum.lab.scoring.judge import NEAR, Verdict, judge, sense_right
@@ -122,12 +123,15 @@ def _workers() -> Generator[ProcessPoolExecutor]:
     before = {name: os.environ.get(name) for name in THREADS}
     os.environ.update(dict.fromkeys(THREADS, "1"))
     try:
-        workers = ProcessPoolExecutor(mp_context=get_context("spawn"), initializer=_not_by_ctrl_c)
-        try:
-            yield workers
-        finally:
-            # families that wait are dropped: after Ctrl-C only those in hand are drawn
-            workers.shutdown(cancel_futures=True)
+        with safe_path():  # its semaphores alone start a process
+            workers = ProcessPoolExecutor(
+                mp_context=get_context("spawn"), initializer=_not_by_ctrl_c
+            )
+            try:
+                yield workers
+            finally:
+                # families that wait are dropped: after Ctrl-C only those in hand are drawn
+                workers.shutdown(cancel_futures=True)
     finally:
         for name, value in before.items():
             os.environ.pop(name)

@@ -1,11 +1,9 @@
 """Run cases in a process of their own, which is ended where a case does not end."""
 
-import os
 import time
-from collections.abc import Generator, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
 from functools import cache
 from math import inf, isfinite, nan
 from multiprocessing import get_context
@@ -13,6 +11,7 @@ from multiprocessing import get_context
 import numpy as np
 
 from cnnum.engine import Engine
+from cnnum.engines.devices.child import safe_path
 from cnnum.errors import CnnumError
 from cnnum.lab.stability.record import Case, Outcome, Row, Solved
 from cnnum.lab.stability.registry import by_name
@@ -50,7 +49,7 @@ def run(
         for case in cases:
             if pool is None:
                 # a device that was never used is tried first, which is no case's time
-                with _safe_path():
+                with safe_path():
                     pool = ProcessPoolExecutor(1, get_context("spawn"))
                     opened = pool.submit(_opened, engine, precision, device)
                 opened.result()
@@ -81,20 +80,6 @@ def _end(pool: ProcessPoolExecutor) -> None:
 def _engine(engine: str, precision: str, device: str | None) -> Engine:
     """Return the engine of this process."""
     return Engine(engine, precision=precision, device=device)
-
-
-@contextmanager
-def _safe_path() -> Generator[None]:
-    """Let a process that starts find no module in the working folder, which may be another's."""
-    before = os.environ.get("PYTHONSAFEPATH")
-    os.environ["PYTHONSAFEPATH"] = "1"
-    try:
-        yield
-    finally:
-        if before is None:
-            del os.environ["PYTHONSAFEPATH"]
-        else:
-            os.environ["PYTHONSAFEPATH"] = before
 
 
 def _opened(engine: str, precision: str, device: str | None) -> None:
