@@ -130,7 +130,7 @@ def read_scene(
 
 def _refuse_code(spec: SceneSpec, scene: str | Path, changes: Mapping[str, object]) -> None:
     """Refuse drivers that are code, but for those that the user has named: nothing is imported."""
-    named = set(_strings(changes))
+    named = set(_named_drivers(changes))
     for key, name in (("array", spec.driver), ("engine.ranges", (spec.ranges or {}).get("driver"))):
         if isinstance(name, str) and ":" in name and name not in named:
             raise SceneError(
@@ -140,13 +140,13 @@ def _refuse_code(spec: SceneSpec, scene: str | Path, changes: Mapping[str, objec
             )
 
 
-def _strings(value: object) -> Iterator[str]:
-    """Yield every string among values."""
-    if isinstance(value, str):
-        yield value
-    elif isinstance(value, Mapping):
-        for inner in cast("Mapping[str, object]", value).values():
-            yield from _strings(inner)
+def _named_drivers(changes: Mapping[str, object]) -> Iterator[str]:
+    """Yield what the user gives as a driver: a file of such a name is no permission."""
+    for key, value in changes.items():
+        if isinstance(value, Mapping):
+            yield from _named_drivers(cast("Mapping[str, object]", value))
+        elif isinstance(value, str) and key.rpartition(".")[2] == "driver":
+            yield value
 
 
 def text_of(scene: str | Path) -> str:

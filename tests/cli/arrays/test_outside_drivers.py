@@ -88,6 +88,8 @@ COMMANDS = {
     "run": ("SCENE",),
     "run --trace": ("run", "SCENE", "--trace", "trace.html"),
     "run --set": ("run", "SCENE", "--set", "array.driver=simulated", "--frames", 3),
+    # a value of another key may be the name of a file that came with the scene
+    "plan --set": ("plan", "SCENE", "--set", "engine.device=evil:Options"),
     "view": ("SCENE", "--port", 0),
     "record": ("SCENE", "tape.npz"),
     "probe": ("SCENE",),
