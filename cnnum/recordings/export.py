@@ -3,10 +3,11 @@
 import contextlib
 import os
 from collections.abc import Callable, Mapping
+from importlib.util import find_spec
 from pathlib import Path
 from typing import IO
 
-from cnnum.errors import RecordingError, name_error
+from cnnum.errors import RecordingError, missing_extra, name_error
 from cnnum.recordings.csv_writer import write_table
 from cnnum.recordings.hdf5_writer import write_hdf5
 from cnnum.recordings.mcap_writer import write_mcap
@@ -31,10 +32,14 @@ def suffix_of(target: Path) -> str:
     ------
     UnknownNameError
         If it is none of `WRITERS`.
+    MissingExtraError
+        If its library is not installed: better before frames are recorded than after it.
     """
     suffix = target.suffix.lower()
     if suffix not in WRITERS:
         raise name_error("kind of recording", suffix or target.name, WRITERS)
+    if WRITERS[suffix] is write_hdf5 and find_spec("h5py") is None:
+        raise missing_extra("HDF5 files", "h5py", "hdf5")
     return suffix
 
 

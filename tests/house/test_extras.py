@@ -166,3 +166,22 @@ def test_without_it_a_sentence_names_the_extra(extra, tmp_path):
     # what needs xarray alone says so by the smallest extra that brings it
     named = {"zarr": "(zarr|tables)", "cluster": "(cluster|zarr|tables)"}.get(extra, extra)
     assert re.search(rf"pip install '\.\[{named}\]'", last), last
+
+
+def test_a_recording_that_cannot_be_written_is_refused_before_it_begins(tmp_path):
+    """HDF5 without h5py: one sentence at once, and nothing on the disk."""
+    code = HOOK.format(others=others("")) + (
+        "from cnnum.cli import main\n"
+        "sys.argv = ['cnnum', 'record', 'contact', 'a.h5']\n"
+        "import cnnum.drivers.registry as registry\n"
+        "def opened(*_, **__): raise AssertionError('the array was opened')\n"
+        "registry.open_driver = opened\n"
+        "main()\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 2, done.stderr
+    assert "pip install '.[hdf5]'" in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+    assert list(tmp_path.iterdir()) == []

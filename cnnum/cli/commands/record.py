@@ -55,7 +55,9 @@ def command(
     """
     from cnnum.cli.commands.recorders import Recorder
     from cnnum.cli.source import scene_text
+    from cnnum.recordings.export import suffix_of
 
+    suffix_of(file)  # before the array is opened
     with open_source(source, assignments(settings), trust=trust) as driver:
         scene, stopped = scene_text(source), True
         recorder = Recorder(file, driver, force=force, scene=scene, raw=raw)

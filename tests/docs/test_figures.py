@@ -1,0 +1,42 @@
+"""A figure that stands on several pages is that of the file that a command wrote."""
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+DOCS = Path(__file__).parents[2] / "docs"
+ROWS = {
+    row["case"]: row for row in json.loads((DOCS / "bench/epyc/latency.json").read_text())["rows"]
+}
+
+# of a frame, in microseconds: where a page says it, and of which program
+STATED = [
+    ("../README.md", r"through slip and twist in ([\d.]+) µs", "slip and twist"),
+    ("results.md", r"slip and twist program ([\d.]+) µs", "slip and twist"),
+    ("results.md", r"diffusion waves take ([\d.]+) µs", "halfspace_stress"),
+    ("results.md", r"depth layers takes ([\d.]+) µs", "halfspace_layers"),
+    ("scoring.md", r"on a Zen 5 ([\d.]+) µs and", "slip and twist"),
+    ("scoring.md", r"; ([\d.]+) µs for slip", "slip"),
+    ("scoring.md", r"and ([\d.]+) for twist", "twist"),
+    ("programs/halfspace.md", r"transform and take ([\d.]+) µs", "halfspace_stress"),
+    ("programs/halfspace.md", r"9e-6 and take ([\d.]+) µs", "halfspace_layers"),
+    ("programs/halfspace.md", r"8×8 taxels takes ([\d.]+) µs", "halfspace_equilibrium"),
+    ("programs/edges.md", r"8×8 taxels takes ([\d.]+) µs", "edges"),
+]
+
+
+@pytest.mark.parametrize(("page", "words", "case"), STATED)
+def test_a_page_says_the_time_that_was_measured(page, words, case):
+    (stated,) = re.findall(words, " ".join((DOCS / page).read_text().split()))
+    assert abs(float(stated) - ROWS[case]["p50_us"]) <= 0.051  # rounded once, from any digit
+
+
+def test_the_table_of_latencies_is_that_of_its_file():
+    page = (DOCS / "latency.md").read_text()
+    rows = re.findall(r"^\| ([a-z_ ]+) \| ([\d.]+) µs \| ([\d.]+) µs \|", page, re.MULTILINE)
+    assert {case for case, *_ in rows} == ROWS.keys()
+    for case, median, tail in rows:
+        assert abs(float(median) - ROWS[case]["p50_us"]) <= 0.051
+        assert abs(float(tail) - ROWS[case]["p99_us"]) <= 0.051
