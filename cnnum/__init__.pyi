@@ -22,6 +22,7 @@ from .programs.fields import minimum as minimum
 from .programs.fields import sqrt as sqrt
 from .programs.fields import where as where
 from .programs.library import get_program as get_program
+from .programs.library import load_program as load_program
 from .programs.library import program_names as program_names
 from .programs.logic import logic as logic
 from .programs.loops import branch as branch

@@ -2,10 +2,14 @@
 
 from functools import cache
 from importlib import import_module, resources
+from importlib.util import module_from_spec, spec_from_file_location
+from os import PathLike
+from pathlib import Path
 from typing import cast
 
-from cnnum.errors import name_error
+from cnnum.errors import ProgramError, missing_file, name_error, unreadable
 from cnnum.programs import Program
+from cnnum.safety.reading import open_regular
 
 _ROOMS = ("tactile", "tactile.contact_mechanics", "pictures")
 
@@ -60,3 +64,47 @@ def get_program(name: str) -> Program:
         if name in _modules(room) and (program := _program(room, name)) is not None:
             return program
     raise name_error("program", name, program_names())
+
+
+def load_program(path: str | PathLike[str], name: str | None = None) -> Program:
+    """Return a program that a Python file defines. The file is code, and it is run.
+
+    Parameters
+    ----------
+    path : str or Path
+        A file that ends in ``.py``.
+    name : str, optional
+        Which one, where the file has several.
+
+    Raises
+    ------
+    ProgramError
+        If the file cannot be read or run, or has no program, or several and none is named.
+    UnknownNameError
+        If it has no program of that name.
+    """
+    file = Path(path)
+    try:
+        open_regular(file).close()
+    except FileNotFoundError:
+        raise missing_file(ProgramError, f"There is no file '{file}' of programs.") from None
+    except OSError as error:
+        raise unreadable(ProgramError, f"'{file}'", error) from None
+    spec = spec_from_file_location(file.stem, file)
+    if spec is None or spec.loader is None:
+        raise ProgramError(f"'{file}' is no Python file: programs are read from '.py'.")
+    module = module_from_spec(spec)
+    try:
+        spec.loader.exec_module(module)
+    except Exception as error:
+        why = f"{type(error).__name__}: {error}"
+        raise ProgramError(f"'{file}' cannot be run: {why}.") from error
+    own = {n: found for n, found in vars(module).items() if isinstance(found, Program)}
+    if name is not None:
+        if name not in own:
+            raise name_error(f"program of '{file.name}'", name, own)
+        return own[name]
+    if len(own) != 1:
+        held = f"the programs {', '.join(own)}: name one of them" if own else "no program"
+        raise ProgramError(f"'{file}' holds {held}.")
+    return next(iter(own.values()))
