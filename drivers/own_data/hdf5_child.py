@@ -7,6 +7,7 @@ argument: ``names`` of the arrays, ``most`` bytes that all of them together may 
 bytes beyond its own, and ``seconds``. It answers with a line of JSON, then the arrays' bytes.
 """
 
+import codecs
 import json
 import math
 import sys
@@ -92,7 +93,9 @@ def run(request: dict[str, Any], source: Any, target: Any) -> None:
     """Answer a request; what goes wrong is a sentence of the answer."""
     import numpy as np
 
-    import_module("h5py")  # before there is a limit on files
+    # before there is a limit on files: the codec is that of types of text
+    import_module("h5py")
+    codecs.lookup("ascii")
     limit(int(request["memory"]), int(request["seconds"]))
     try:
         head, held = answer(source, list(request["names"]), int(request["most"]))

@@ -74,6 +74,11 @@ def text(_, file):
     file.create_dataset("values", (20,), h5py.string_dtype())
 
 
+def short_text(_, file):
+    """Texts of one length in ASCII, whose codec Python would load on first use."""
+    file["values"] = np.full(SHAPE, b"12")
+
+
 ATTACKS = {
     external: "lie in other files",
     pipe: "lie in other files",
@@ -83,6 +88,7 @@ ATTACKS = {
     large: "more than the file can hold",
     large_chunk: "more than the file can hold",
     text: "must hold numbers",
+    short_text: "must hold numbers",
 }
 
 
