@@ -76,6 +76,37 @@ if __name__ == "__main__":
         found = sweep(experiment, "a.zarr", scheduler=cluster.scheduler_address)
     assert found.results["error"].size == 2
 """,
+    "view": """
+import asyncio, urllib.request
+from cnnum.drivers import open_driver
+from cnnum.live.feeds import ArrayFeed
+from cnnum.live.server import Place, serving
+
+async def served():
+    async with serving(ArrayFeed("a", open_driver("simulated")), Place(port=0)) as (_, _, port):
+        page = await asyncio.to_thread(urllib.request.urlopen, f"http://127.0.0.1:{port}/")
+        return page.read()
+
+assert b"<html" in asyncio.run(served())
+""",
+    "embedded": """
+from cnnum.embedded.making import make
+from cnnum.embedded.formats import precision_named
+from cnnum.graph.passes import schedule
+from cnnum.lab.embedded.cortex_m import Board
+
+@cnnum.program
+def doubled(frame):
+    return {"twice": 2.0 * frame.normal}
+
+names = ("shear_x", "shear_y", "normal")
+planned = schedule(doubled.trace((2, 2), names), names, None)
+frames = np.random.default_rng(0).uniform(-1, 1, (4, 2, 2, 2, 3))
+made = make("doubled", planned, precision_named("q15"), frames)
+counted = Board.built(made, frames[:, 0], "m4").run(frames[:, 0])
+assert counted.wrong == 0
+assert all(counted.instructions)
+""",
     "lerobot": """
 import pathlib
 from cnnum.recordings.lerobot import write_lerobot
@@ -104,8 +135,8 @@ for peer in PEERS:
         peer.load()
 """,
 }
-# not here: "view" (the page is served in `tests/live`), "embedded" (minutes), and the sets that no
-# set of the lock file has, as they bring hundreds of megabytes
+# not here: Rerun and the engines to race, which bring hundreds of megabytes and are in no locked
+# set; and "autodiff" and "oracles", which tests alone import
 
 
 def brought(names):
