@@ -118,6 +118,12 @@ class Explanation:
         return f" (with loops at their limits {self.ops_most} operations, {self.flops_most} flops)"
 
 
+_FOR_USERS = (
+    *("program", "engine", "device", "precision", "schedule", "source"),
+    *("explain", "plot", "stream", "trace", "warm_up"),
+)
+
+
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Plan(OfThisProcess):
     """A compiled program; call it with a frame or a batch of frames.
@@ -152,6 +158,10 @@ class Plan(OfThisProcess):
             f"Plan({self.program} on {rows}×{cols} cells, {self.engine} {self.precision}: "
             f"{', '.join(self.schedule.outputs)})"
         )
+
+    def __dir__(self) -> list[str]:
+        """Return what a prompt offers a user; all else serves the rooms that run plans."""
+        return [*_FOR_USERS, *(name for name in object.__dir__(self) if name.startswith("__"))]
 
     def _elsewhere(self) -> str:
         return f"pickle the program '{self.program}', and compile it there by engine.compile"

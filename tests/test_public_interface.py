@@ -100,3 +100,13 @@ def test_scenes_have_names_as_templates_and_programs_do():
         assert scene.spec.name == "contact"
     with pytest.raises(UnknownNameError, match=r"scene 'contacts'.*did you mean 'contact'"):
         cnnum.get_scene("contacts")
+
+
+def test_a_plan_offers_no_internals_at_the_prompt():
+    plan = ENGINE.compile("contact", (8, 8))
+    offered = {name for name in dir(plan) if not name.startswith("_")}
+    assert offered == {
+        "program", "engine", "device", "precision", "schedule", "source",
+        "explain", "plot", "stream", "trace", "warm_up",
+    }  # fmt: skip
+    assert all(getattr(plan, name) is not None for name in offered)
