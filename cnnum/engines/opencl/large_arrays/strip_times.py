@@ -20,10 +20,13 @@ RING = "strip_ring"
 """The outputs with which the last steps began."""
 
 
-def gain_lines(text: TransientBuilder, since: str) -> list[str]:
+def gain_lines(
+    text: TransientBuilder, since: str, within: tuple[str, str] | None = None
+) -> list[str]:
     """Return the text that finds the varying factors, at a time since the start."""
     at = ir.Constant(since)  # no gain jumps
-    return text.tables.printer.lines(gains(text, at, at))
+    step = None if within is None else (ir.Constant(within[0]), ir.Constant(within[1]))
+    return text.tables.printer.lines(gains(text, at, at, step))
 
 
 def uneven(scheme: FixedSteps) -> bool:
@@ -64,12 +67,17 @@ class Moments:
         """Return the statements on a stage's moment, before it takes its rows."""
         lines, literal = list[str](), self.rows.text.literal
         at, step = literal(self._place(stage)), literal(self.scheme.step)
+        length = step
         if uneven(self.scheme):
             share = literal(self.scheme.last / self.scheme.step)
             last = f"steps == {self.scheme.count - 1} ? {share} : ONE"
             at += f" * ({last})"
+            length += f" * ({last})"
             lines.append(f"const vec {PART.text} = (vec)({last});")
-        lines += gain_lines(self.rows.text, f"{step} * (R(steps) + {at})")
+        # with a delay a step may hold bends of a gain, which counts by its mean
+        delays = self.rows.text.template.delayed is not None
+        within = (f"{step} * R(steps)", length) if delays else None
+        lines += gain_lines(self.rows.text, f"{step} * (R(steps) + {at})", within)
         if self.keeps:
             # the outputs of a step's end are those that the next begins with
             late = int(self._place(stage) == 1.0 and not uneven(self.scheme))

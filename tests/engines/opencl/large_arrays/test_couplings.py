@@ -12,6 +12,8 @@ from cnnum.templating.template import Template
 
 RAMP = Table("linear", ((-1.0, -0.3), (-0.2, 0.1), (0.4, 0.1), (1.1, 0.5)))
 STEPS = Table("constant", ((-0.5, -0.2), (0.3, 0.1), (0.9, 0.4)))
+# without a point within a run, at which steps end: such steps are not taken strip by strip
+SLOW = Table("linear", ((0.0, 0.2), (9.0, 1.0)))
 RISING = Table("linear", ((0.0, 0.2), (0.4, 1.0), (0.9, -0.5)))
 
 
@@ -52,7 +54,7 @@ CASES = {
                        20, (90, 21), False),
     "outputs": (lambda r: nonlinear(r, (("y", None), ("u", "y")), 1, STEPS), "zero-flux",
                 "periodic", "standard", "euler", 0.1, 12, (44, 61), False),
-    "gains": (lambda r: {"gains": [Gain(0, 0, RISING)]}, 0.3, 0.0, "standard", "rk4", 0.1, 9,
+    "gains": (lambda r: {"gains": [Gain(0, 0, SLOW)]}, 0.3, 0.0, "standard", "rk4", 0.1, 9,
               (50, 33), True),
     "late outputs": (lambda r: delayed(r, 0.3, control=False), "zero-flux", 0.0, "standard",
                      "euler", 0.05, 40, (64, 33), True),
@@ -128,7 +130,7 @@ LAYERS = {
     },
     "bogacki-shampine": lambda rng: {
         "nonlinear": [coupling(rng.normal(size=(3, 3)) * 0.1, "x", "y", to=1, source=1)],
-        "gains": [Gain(0, 1, RISING), Gain(0, 0, RAMP)],
+        "gains": [Gain(0, 1, SLOW), Gain(0, 0, SLOW)],
     },
 }
 
