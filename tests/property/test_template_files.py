@@ -95,7 +95,13 @@ def templates(draw: Any) -> Template:
         output=output,
         nonlinear=draw(st.lists(couplings(layers, inputs), max_size=2)),
         delayed=draw(st.one_of(st.none(), delays(layers, inputs))),
-        gains=draw(st.lists(st.builds(Gain, layer, layer, tables()), max_size=2)),
+        gains=draw(
+            st.lists(
+                st.builds(Gain, layer, layer, tables()),
+                max_size=2,
+                unique_by=lambda gain: (gain.to, gain.source),
+            )
+        ),
         description=draw(TEXTS),
         source=draw(TEXTS),
         check=draw(st.one_of(st.none(), CHECKS)),
