@@ -95,7 +95,9 @@ def differences(
 
 def test_a_value_out_of_range_costs_one_frame_of_every_program(faults, fast, strain):
     """A NaN, an infinity or an outlier of 1e5 to 1e38 in any cell changes no later frame."""
-    every = list(product(program_names("tactile"), places(strain[0]), BAD))
+    # a program takes seconds to build: a short run has every third
+    names = program_names("tactile")[:: 1 if faults.full else 3]
+    every = list(product(names, places(strain[0]), BAD))
     for name, cases in groupby(faults.each(every, short=52), key=lambda case: case[0]):
         plan = fast.compile(get_program(name), SHAPE, channels=FORCE_AXES)
         frames = strain[:: 10 if name in SLOW else 2]
