@@ -580,7 +580,7 @@ def _link(name: Path, place: Path) -> None:
     except FileExistsError:
         raise
     except (OSError, NotImplementedError):  # a file system without hard links
-        os.close(os.open(place, _NEW | _FLAGS, 0o600))  # claims the name, which nobody else has
+        os.close(os.open(place, _NEW | _FLAGS, 0o600))  # claims the name: no other program has it
         try:
             name.replace(place)
         except BaseException:

@@ -56,7 +56,7 @@ def on_off(
     receptor, surround, adapting : float, s
         Time constants of the layers.
     level, hold_time : float, none, s
-        An event begins when the largest transient answer exceeds so many times its noise at rest,
+        An event begins when the largest transient answer exceeds `level` times its noise at rest,
         and is the larger one of both signs. It ends after a time below half of that.
 
     Returns

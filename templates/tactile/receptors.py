@@ -83,8 +83,8 @@ def receptors(
         Corners of the layers: the low-pass of SA-I and SA-II; high-pass and low-pass of RA-I; those
         of PC, whose high-pass counts twice.
     level, hold_time : float, none, s
-        An event begins when a channel's largest output exceeds so many times its noise at rest. It
-        ends when the output has been below half of that for a time.
+        An event begins when a channel's largest output exceeds this multiple of its noise at rest.
+        It ends when the output has been below half of that for a time.
     threshold : float
         Output of a channel from which its cells send spikes, in its own unit; 0 for `level` times
         its noise, which depends on the rate.

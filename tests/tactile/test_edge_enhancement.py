@@ -70,7 +70,7 @@ def test_the_enhanced_frame_is_the_band_pass_of_the_load(engine, run):
 
 @pytest.mark.parametrize("name", ["ring", "bar", "triangle", "two punches"])
 def test_outlines_are_nearer_than_by_the_usual_gradient(numba, name):
-    """Through covers that the program is not told of; twice as near as Sobel's cells and EDGE's."""
+    """Through covers that the program does not know; twice as near as Sobel's cells and EDGE's."""
     bodies = SHARP[name](np.random.default_rng(201), 8, 8)
     skins = [Skin(depth=0.1, reads="stress"), Skin(depth=0.3), Skin(depth=0.667)]
     ours = tally(partial(by_enhancement, numba), bodies, skins)

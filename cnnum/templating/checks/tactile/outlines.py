@@ -133,7 +133,7 @@ def _off_loads(case: ProgramCase, outputs: Outputs) -> float:
 
 
 def _unaided(rng: np.random.Generator, shape: Shape) -> ProgramCase:
-    """Draw three punches, of whose cover the program is told nothing."""
+    """Draw three punches under a cover that the program does not know."""
     case = _punches(rng, shape, "strain")
     expected = {name: case.expected[name][:3] for name in ("radius", "place")}
     return ProgramCase(case.frames[:, :3], {**expected, "size": case.expected["size"]})
