@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+import cnnum
+
 DOCS = Path(__file__).parents[2] / "docs"
 ROWS = {
     row["case"]: row for row in json.loads((DOCS / "bench/epyc/latency.json").read_text())["rows"]
@@ -40,3 +42,12 @@ def test_the_table_of_latencies_is_that_of_its_file():
     for case, median, tail in rows:
         assert abs(float(median) - ROWS[case]["p50_us"]) <= 0.051
         assert abs(float(tail) - ROWS[case]["p99_us"]) <= 0.051
+
+
+def test_the_readme_counts_the_checks_of_the_library():
+    checks = [cnnum.get_template(name).check for name in cnnum.template_names()]
+    finer = sum(check is not None and check.name.startswith("refined") for check in checks)
+    page = " ".join((DOCS.parent / "README.md").read_text().split())
+    closed = len(checks) - finer
+    assert f"{closed} of the {len(checks)} against a closed form, and {finer} whose" in page
+    assert all(check is not None for check in checks)
