@@ -6,12 +6,14 @@ from difflib import get_close_matches
 from cnnum.errors import name_error
 from cnnum.lab.reproduce.chapters import (
     bumps,
+    capacitive,
     errata,
     error_budget,
     fields,
     finger,
     flat_models,
     hair,
+    heat,
     hyperacuity,
     inverse,
     pads,
@@ -21,6 +23,7 @@ from cnnum.lab.reproduce.chapters import (
     silicon,
     skin,
     texture_rows,
+    thick_rubber,
 )
 from cnnum.lab.reproduce.figure import Figure
 from cnnum.lab.reproduce.record import Chapter, Item
@@ -28,9 +31,12 @@ from cnnum.lab.reproduce.record import Chapter, Item
 CHAPTERS: tuple[Chapter, ...] = (
     skin.CHAPTER,
     receptor_rows.CHAPTER,
+    capacitive.CHAPTER,
     silicon.CHAPTER,
+    heat.CHAPTER,
     fields.CHAPTER,
     receptive.CHAPTER,
+    thick_rubber.CHAPTER,
     flat_models.CHAPTER,
     inverse.CHAPTER,
     hyperacuity.CHAPTER,

@@ -17,7 +17,8 @@ class Heat:
     Attributes
     ----------
     amplitude : float, V
-        At switch-on, after the amplifier: about 1 mV bare, 10 mV under a cover (Table 3.II).
+        At switch-on, after the amplifier. Before it, 1 mV bare and 10 mV under a cover were
+        measured (4.3.2).
     time_constant : float, s
         The dissertation waits a quarter of an hour: five of these.
     """

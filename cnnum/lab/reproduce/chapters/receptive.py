@@ -30,6 +30,9 @@ X = np.linspace(-1.2e-3, 1.2e-3, 2401)
 THICKNESS = np.array([0.18, 0.2, 0.25, 0.3, 0.4, 0.5]) * 1e-3
 TRIALS = 6
 MEASURED_BETA = 1.46
+THICK, PITCH = 0.5e-3, 1.5e-3
+"""Rubber of Fig. 4.11, and distance of the taxels of the 2 × 2 array, m."""
+
 SENSITIVITIES = (0.7, 1.0, 1.46, 2.0, 3.0)
 """β_ns of taxels that are scanned."""
 
@@ -110,13 +113,13 @@ def compensated() -> Floats:
     return np.stack([beta * tangential, beta * across, normal], axis=-1) / top
 
 
-def plane() -> tuple[Floats, Floats, Floats]:
+def plane(depth: float = Z, reach: float = 0.5e-3) -> tuple[Floats, Floats, Floats]:
     """Return x, y, m, of a square of places, and (n, n, 4) voltages of a needle there."""
-    side = np.linspace(-0.5e-3, 0.5e-3, 61)
+    side = np.linspace(-reach, reach, 61)
     x, y = np.meshgrid(side, side)
-    taxel = covered_taxel(MEASURED_BETA)
+    taxel = covered_taxel(MEASURED_BETA, depth)
     exact = replace(taxel, readout=replace(taxel.readout, noise=0.0, bits=None))
-    seen = point_strain(x, y, LOAD)[:, np.newaxis, np.newaxis]
+    seen = point_strain(x, y, LOAD, depth)[:, np.newaxis, np.newaxis]
     return x, y, exact.read(seen.reshape(-1, 1, 1, 3)).volts.reshape(*x.shape, 4)
 
 
@@ -143,14 +146,72 @@ def collapse() -> float:
     return float(np.abs(gaps).max() / np.abs(rows[0]).max())
 
 
+def best_place() -> float:
+    """Return where along x a load makes the right bridge answer most under 500 µm, mm."""
+    x = np.linspace(-0.5e-3, 0.5e-3, 100001)
+    strain = point_strain(x, 0.0 * x, LOAD, THICK)
+    taxel = covered_taxel(MEASURED_BETA, THICK)
+    right = -taxel.bridge.voltages(taxel.coupling.force(strain))[:, 1]
+    return float(MM * x[np.argmax(right)])
+
+
+def best_place_by_hand() -> float:
+    """Return the same from (4.12), with signals as (4.14) and (4.15) have them, mm.
+
+    Half of S_n and half of T_x are the right bridge's. With s = x/z that is ((2 − s²) − 3 s/β) over
+    (1 + s²)^{5/2}: a load on the left moves the rubber below it outwards, to the right.
+    """
+    s = np.linspace(-1.0, 1.0, 200001)
+    right = ((2.0 - s**2) - 3.0 * s / MEASURED_BETA) / (1.0 + s**2) ** 2.5
+    return float(MM * THICK * s[np.argmax(right)])
+
+
+def half_width(depth: float) -> float:
+    """Return the width in which S_n exceeds a half of its peak, mm."""
+    strain = -point_strain(X, 0.0 * X, LOAD, depth)[:, 2]
+    return float(MM * np.ptp(X[strain > 0.5 * strain.max()]))
+
+
+def figure_4_11() -> Figure:
+    """Return maps of the four bridges under 500 µm, and of a 2 × 2 array."""
+    x, y, volts = plane(THICK, 1.0e-3)
+    panels = [
+        Panel(f"{name} bridge (× −1)", "x (mm)", "y (mm)",
+              [Field(MM * x[0], MM * y[:, 0], -1e3 * volts[..., n], "mV", levels=9)], equal=True)
+        for n, name in enumerate(("left", "right", "top", "bottom"))
+    ]  # fmt: skip
+    side = np.linspace(-1.75e-3, 1.75e-3, 71)
+    x, y = np.meshgrid(side, side)
+    apart = 0.5 * PITCH
+    places = [(a, b) for a in (-apart, apart) for b in (-apart, apart)]
+    taxel = covered_taxel(MEASURED_BETA, THICK)
+    signals_there = [
+        -0.5 * taxel.bridge.voltages(
+            taxel.coupling.force(point_strain(x - a, y - b, LOAD, THICK))).sum(axis=-1)
+        for a, b in places
+    ]  # fmt: skip
+    four = 1e3 * taxel.readout.gain * np.max(signals_there, axis=0)
+    panels.append(
+        Panel("2 × 2 array, the taxel that answers most", "x (mm)", "y (mm)",
+              [Field(MM * side, MM * side, four, "mV", levels=9)], equal=True)
+    )  # fmt: skip
+    return Figure(
+        "fig-4.11",
+        "Fig. 4.11",
+        "Receptive fields of four bridges, and of four taxels",
+        f"Simulated under 500 µm, {1e3 * LOAD:.0f} mN, without noise. A load moves the rubber "
+        "below it outwards, so each bridge answers most to loads on the other side of the middle. "
+        "Four taxels 1.5 mm apart leave places between them where none answers much. The measured "
+        "fields are drawn from single touches 75 µm apart, in grey and without a scale.",
+        panels,
+    )
+
+
 def figure_4_14() -> Figure:
-    """Return maps of the four bridges and the three signals, over the place of the needle."""
+    """Return maps of the three signals, over the place of the needle, and profiles of each."""
     x, y, volts = plane()
     left, right, top, bottom = np.moveaxis(volts, -1, 0)
     maps = {
-        "left bridge (× −1)": -left,
-        "top bridge (× −1)": -top,
-        "four bridges, largest": -np.minimum(np.minimum(left, right), np.minimum(top, bottom)),
         "T_x": left - right,
         "T_y": bottom - top,
         "S_n": -0.5 * (left + right + top + bottom),
@@ -162,10 +223,10 @@ def figure_4_14() -> Figure:
     ]  # fmt: skip
     return Figure(
         "fig-4.14",
-        "Fig. 4.11, 4.14",
-        "Receptive fields over the plane",
-        f"A simulated taxel under 200 µm, {1e3 * LOAD:.0f} mN, without noise. Each bridge is most "
-        "sensitive on its own side; their sum is round, and their differences have two lobes.",
+        "Fig. 4.14",
+        "Three-axial receptive field over the plane",
+        f"A simulated taxel under 200 µm, {1e3 * LOAD:.0f} mN, without noise. The sum of the "
+        "bridges is round with a negative rim, and their differences have two lobes.",
         panels,
     )
 
@@ -265,6 +326,7 @@ def figure_4_17() -> Figure:
 
 
 FIGURES: dict[str, Callable[[], Figure]] = {
+    "fig-4.11": figure_4_11,
     "fig-4.13": figure_4_13,
     "fig-4.14": figure_4_14,
     "fig-4.15": figure_4_15,
@@ -315,6 +377,17 @@ CHAPTER = Chapter(
              "and the first sample below zero counts: 5 µm", "mm", figure="fig-4.13",
              faults=(scaled(receptive_field, 1.03, part="width"),
                      misled(strain, 2, "z", factor=1.03))),
+        Item("fig-4.11", "place of the load to which the right bridge answers most, 500 µm",
+             "Fig. 4.11; (4.12), (4.14), (4.15)", best_place_by_hand(), best_place, 2e-5,
+             "two searches in steps of 10 and 5 nm", "mm", figure="fig-4.11",
+             faults=(scaled(Coupling.force, 1.01, entry=0),
+                     scaled(Bridge.matrix, -1.0, entry=(1, 0)),
+                     scaled(strain, 1.01, entry=(0, 2)))),
+        Item("fig-4.11-width", "width of S_n at half its peak, 500 µm of rubber",
+             "section 4.3.2: a sensitive area of 500 × 500 µm", 0.5,
+             lambda: half_width(THICK), 0.0,
+             "how the area was read from the figure is not said; a half-space", "mm",
+             kind="comparison", figure="fig-4.11"),
         Item("eq-4.15", "three signals over the plane against the strain of (4.16), with β_ns",
              "Fig. 4.11, 4.14; (4.14), (4.15)", 0.0, plane_gap, 1e-12,
              "without noise and converter: rounding", "of the peak", figure="fig-4.14",
