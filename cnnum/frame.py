@@ -1,5 +1,6 @@
 """A frame: one scan of a tactile array, as its driver hands it on."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import IntFlag
 from typing import cast
@@ -7,6 +8,7 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
+from cnnum.arrays import Floats
 from cnnum.errors import ArrayError
 from cnnum.sharing import html
 from cnnum.values import ByContent, read_only
@@ -176,3 +178,12 @@ class Frame(ByContent):
     def repeated(self) -> bool:
         """Whether this is the scan before once more."""
         return bool(self.quality & Quality.REPEATED)
+
+
+def truth_columns(truths: Sequence[Truth | None]) -> dict[str, Floats]:
+    """Return (frames,) arrays of the ground truth by name; NaN in frames without."""
+    names = dict.fromkeys(name for truth in truths if truth for name in truth.values)
+    return {
+        name: np.array([truth.get(name, np.nan) if truth else np.nan for truth in truths])
+        for name in names
+    }

@@ -85,8 +85,8 @@ def only(wanted: str) -> None:
     Processes that a test starts choose for themselves: `measure` counts all devices, as they do.
     """
     from cnnum.engines.devices import listing, selection, self_test
+    from cnnum.engines.devices import peak as measure
     from cnnum.errors import DeviceError
-    from cnnum.lab.bench.device import peak_measurement as measure
 
     listed = listing.list_devices
     # their own names for it are kept: they count devices as the processes that they start do

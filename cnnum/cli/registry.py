@@ -1,38 +1,30 @@
 """The commands by name. A new command is one new file and one line here.
 
 A command's module is imported when the command is called, so that `cnnum --help` is quick. The
-module holds the command as `command`.
+module holds the command as `command`. Those that measure and verify live in `cnnum.lab`, which
+may be left out of an installation.
 """
 
 from collections.abc import Mapping
+from importlib import import_module
+from importlib.util import find_spec
+from typing import cast
 
 ROOM = "cnnum.cli.commands"
 ARRAYS = "cnnum.cli.arrays"
+LAB = "cnnum.lab"
 
-COMMANDS: Mapping[str, tuple[str, str]] = {
+_SERVING: Mapping[str, tuple[str, str]] = {
     "demo": (f"{ROOM}.demo", "Run the simulated scene and write a report of it."),
     "run": (f"{ROOM}.run", "Run a scene and print its events as they come."),
     "plan": (f"{ROOM}.plan", "Show the operations of a scene, and those left out."),
     "templates": (f"{ROOM}.templates", "List, show and check the template library."),
-    "bench": (
-        f"{ROOM}.bench",
-        "Measure error against run time, speed, latency and the peers.",
-    ),
     "sweep": ("cnnum.cli.library.sweep", "Sweep a template over weights, sizes and noise."),
     "devices": (f"{ROOM}.devices", "Show the OpenCL devices and their speed."),
-    "stability": (
-        f"{ROOM}.stability",
-        "Run stiff, marginal and extreme cases on every engine.",
-    ),
-    "reproduce": (
-        f"{ROOM}.reproduce",
-        "Compare the dissertation's numbers and figures with ours.",
-    ),
     "calibrate": (
         f"{ROOM}.calibrate",
         "Fit a taxel's calibration to a scan of point loads.",
     ),
-    "score": (f"{ROOM}.score", "Score slip and twist where the truth is known."),
     "probe": (f"{ROOM}.probe", "Measure an array's rate, losses and dead cells."),
     "simulate": (
         f"{ARRAYS}.simulate",
@@ -48,4 +40,14 @@ COMMANDS: Mapping[str, tuple[str, str]] = {
     "view": (f"{ARRAYS}.view", "Show an array or a recording in a browser."),
     "replay": (f"{ROOM}.replay", "Run a scene's program over a recording."),
 }
-"""Name to module and to the line of help."""
+"""The commands that serve: name to module and to the line of help."""
+
+
+def _lab() -> Mapping[str, tuple[str, str]]:
+    if find_spec(LAB) is None:
+        return {}
+    return cast("Mapping[str, tuple[str, str]]", import_module(f"{LAB}.commands").COMMANDS)
+
+
+COMMANDS = {**_SERVING, **_lab()}
+"""All commands of this installation."""

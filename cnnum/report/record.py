@@ -1,6 +1,5 @@
 """The record of a scene's run for a report: frames, outputs, events, ground truth."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import cast
 
@@ -8,7 +7,7 @@ import numpy as np
 
 from cnnum.arrays import Floats, Shape
 from cnnum.drivers.registry import driver_options
-from cnnum.frame import FORCE_AXES, Truth
+from cnnum.frame import FORCE_AXES, truth_columns
 from cnnum.plan import Explanation
 from cnnum.report.environment import Environment
 from cnnum.scenes.conversion import ByCalibration
@@ -164,12 +163,3 @@ def _outputs(moments: list[FrameResult]) -> dict[str, Floats]:
         for name, value in moment.outputs.items():
             found[name][number] = value
     return found
-
-
-def truth_columns(truths: Sequence[Truth | None]) -> dict[str, Floats]:
-    """Return (frames,) arrays of the ground truth by name; NaN in frames without."""
-    names = dict.fromkeys(name for truth in truths if truth for name in truth.values)
-    return {
-        name: np.array([truth.get(name, np.nan) if truth else np.nan for truth in truths])
-        for name in names
-    }

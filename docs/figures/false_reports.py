@@ -9,13 +9,11 @@ from functools import partial
 
 from scipy.special import gammaincinv
 
+from cnnum.drivers.simulated.grips import Arrays, runs
 from cnnum.engine import Engine
-from cnnum.lab.scoring.families.arrays import Arrays
 from cnnum.lab.scoring.families.catalogue import FAMILIES
-from cnnum.lab.scoring.judge import judge
+from cnnum.lab.scoring.judge import judge, per_ten_minutes
 from cnnum.lab.scoring.judged_programs import in_batches, reports, side_by_side
-from cnnum.lab.scoring.measures import per_ten_minutes
-from cnnum.lab.scoring.trial import runs
 from cnnum.programs.library import get_program
 from cnnum.templates.tactile.twist import LEVELS as TWIST
 

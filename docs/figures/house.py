@@ -41,9 +41,9 @@ FLOORS: list[dict[str, str]] = [
     {"drivers": "arrays, recordings, and the simulated array"},
     {"scenes": "scene files, and the path of a frame to its events"},
     {"report": "the page of a scene, and its pictures", "live": "the live view in a browser"},
-    {"lab": "benchmarks, scores, and the dissertation's figures"},
     {"cli": "the commands"},
     {"__init__": "the public names", "__main__": "`python -m cnnum`"},
+    {"lab": "what verifies: benchmarks, scores, stability, the dissertation's figures"},
 ]
 FLOOR = {room: floor for floor, rooms in enumerate(FLOORS) for room in rooms}
 

@@ -13,14 +13,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from cnnum.drivers.simulated import grips as pulls
+from cnnum.drivers.simulated.grips import PITCH, Array, Arrays, Draw, Make, Trial, first, pulled
 from cnnum.engine import Engine
 from cnnum.frame import FORCE_AXES
-from cnnum.lab.scoring.families import faces, pulls
-from cnnum.lab.scoring.families.arrays import Arrays
+from cnnum.lab.scoring.families import faces
 from cnnum.lab.scoring.families.dragged import dragged
-from cnnum.lab.scoring.families.draw import PITCH, Array, Draw
-from cnnum.lab.scoring.families.spheres import Make, pulled
-from cnnum.lab.scoring.trial import Trial, first
 from cnnum.programs.library import get_program
 
 OUTPUTS = ("mindlin_holds", "incipient_slip")

@@ -19,12 +19,11 @@ import numpy as np
 from cnnum.arrays import Floats
 from cnnum.design.decisions import decision_entry, unscaled
 from cnnum.design.learning import Lesson, learn, untied
+from cnnum.drivers.simulated.grips import Arrays, Trial
 from cnnum.engine import Engine
-from cnnum.lab.scoring.families.arrays import Arrays
 from cnnum.lab.scoring.families.catalogue import FAMILIES
+from cnnum.lab.scoring.judge import auc
 from cnnum.lab.scoring.judged_programs import Answers, in_batches, side_by_side
-from cnnum.lab.scoring.measures import auc
-from cnnum.lab.scoring.trial import Trial
 from cnnum.templates.tactile.twist import APART
 from cnnum.templating.files import save_entry
 from cnnum.templating.template import Template

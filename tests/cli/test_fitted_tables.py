@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import pytest
 
 from cnnum.cli import fitted_tables
-from cnnum.cli.commands import bench
 from cnnum.cli.output import Output, table
 from cnnum.lab.bench.page import cell
 from cnnum.lab.bench.records import as_row
 from cnnum.lab.bench.scene_costs import SceneCost
 from cnnum.lab.bench.throughput import Throughput
+from cnnum.lab.commands import bench
 
 LONG = "8×8×3, batch 1024, equal weights, 5×5"
 

@@ -7,14 +7,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from cnnum.cli.commands.bench_embedded import Wanted
 from cnnum.lab.bench.charts import CHARTS
 from cnnum.lab.bench.records import as_row
-from cnnum.lab.embedded import costs, scores
-from cnnum.lab.embedded.answer import Bounds, answers, front
+from cnnum.lab.commands.bench import Wanted
+from cnnum.lab.embedded import costs
 from cnnum.lab.embedded.cortex_m import missing_tools
-from cnnum.lab.embedded.costs import CostRow
-from cnnum.lab.embedded.scores import Loss
+from cnnum.lab.embedded.costs import Bounds, CostRow, Loss, answers, front
 from tests.embedded.conftest import made, streams, too_long
 
 ROW = CostRow(
@@ -121,9 +119,9 @@ def test_what_has_no_form_is_left_out_with_the_reason(monkeypatch):
 
 def test_flags_that_differ_are_a_share_of_those_that_are_up():
     one, other = ({"flag": np.array(some)} for some in ([1, 1, 0, 0, 0], [1, 0, 1, 0, 0]))
-    assert scores._unlike(one, other, ["flag"]) == pytest.approx(2 / 3)
-    assert scores._unlike(one, one, ["flag"]) == 0.0
-    assert isnan(scores._unlike({"flag": np.zeros(3)}, {"flag": np.zeros(3)}, ["flag"]))
+    assert costs._unlike(one, other, ["flag"]) == pytest.approx(2 / 3)
+    assert costs._unlike(one, one, ["flag"]) == 0.0
+    assert isnan(costs._unlike({"flag": np.zeros(3)}, {"flag": np.zeros(3)}, ["flag"]))
 
 
 def test_reports_are_compared_with_those_of_float32(monkeypatch):
@@ -135,7 +133,7 @@ def test_reports_are_compared_with_those_of_float32(monkeypatch):
     )
     longer = SimpleNamespace(**vars(scene) | {"frames": np.zeros((120, 2, 2, 3))})
     longer.sense, longer.scored = np.zeros(120), np.ones(120, dtype=bool)
-    monkeypatch.setattr(scores, "trials", lambda *given: (scene, longer))
+    monkeypatch.setattr(costs, "trials", lambda *given: (scene, longer))
 
     def program(start):
         flags = np.zeros((120, 2))
@@ -145,8 +143,8 @@ def test_reports_are_compared_with_those_of_float32(monkeypatch):
             run=lambda frames: {"twist": flags, "twist_sense": flags},
         )
 
-    monkeypatch.setattr(scores, "made_program", lambda *given: program(50))
-    found = scores.events(program(60), (2, 2), 1)
+    monkeypatch.setattr(costs, "made_program", lambda *given: program(50))
+    found = costs.events(program(60), (2, 2), 1)
     assert found.reports_differ == pytest.approx(10 / 40)
     assert (found.twist_recall, found.false_reports) == (1.0, 0.0)
     assert isnan(found.slip_recall)

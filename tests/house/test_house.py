@@ -1,6 +1,7 @@
 """The house itself: imports point one way, and `import cnnum` is light."""
 
 import importlib.util
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -15,7 +16,7 @@ HEAVY = {
         "cnnum/engines/opencl",
         "cnnum/engines/devices",
         "cnnum/engines/whole/device_frames.py",
-        "cnnum/lab/bench/device",
+        "cnnum/lab/bench",
     },
     "serial": {"drivers/serial_port.py"},
     "mcap": {"cnnum/recordings"},
@@ -59,6 +60,57 @@ def test_imports_point_one_way():
             if other and (FLOOR[other] > FLOOR[room] or (room in ORACLES and other in MACHINE)):
                 wrong.append(f"{relative} imports {module}")
     assert not wrong
+
+
+def test_nothing_imports_the_lab():
+    """The floors say so as well; here no import in a function or by its name slips through."""
+    naming = {
+        relative.as_posix()
+        for path, relative in sources()
+        if own_room(relative) != "lab" and "cnnum.lab" in path.read_text()
+    }
+    assert naming == {"cnnum/cli/registry.py"}
+
+
+def test_all_else_runs_without_the_lab(tmp_path):
+    """A folder of the package without `lab`: nothing is missed but the commands that live there."""
+    for folder, source in (("", "cnnum"), ("drivers", "drivers"), ("templates", "templates")):
+        ignored = ["__pycache__", *([] if folder else ["lab", "drivers", "templates"])]
+        shutil.copytree(
+            ROOT / source, tmp_path / "cnnum" / folder, ignore=shutil.ignore_patterns(*ignored)
+        )
+    assert not (tmp_path / "cnnum" / "lab").exists()
+
+    def run(*arguments):
+        return subprocess.run(
+            [sys.executable, "-m", "cnnum", *arguments],
+            capture_output=True,
+            text=True,
+            cwd=tmp_path,
+        )
+
+    helped = run("--help")
+    assert helped.returncode == 0
+    assert "templates" in helped.stdout
+    assert "bench" not in helped.stdout
+    assert (refused := run("bench")).returncode == 2
+    assert "Unknown command 'bench'" in refused.stderr
+    for arguments in (
+        ("run", "contact", "--frames", "60"),
+        ("plan", "slip"),
+        ("templates", "check", "EDGE"),
+        ("devices", "--no-measure"),
+    ):
+        done = run(*arguments)
+        assert done.returncode == 0, (arguments, done.stderr)
+        assert done.stdout
+    modules = [
+        ".".join(relative.with_suffix("").parts)
+        for _, relative in sources()
+        if own_room(relative) != "lab" and relative.parts[0] == "cnnum"
+    ]
+    importing = f"import importlib; [importlib.import_module(m) for m in {modules} if m[-1] != '_']"
+    subprocess.run([sys.executable, "-c", importing], check=True, cwd=tmp_path)
 
 
 def test_the_page_draws_the_house_as_it_is():

@@ -106,7 +106,7 @@ OWN_DATA = {
     "cnnum/safety/files.py",  # a draft of its own, and the head of a file once it is regular
     "cnnum/scenes/scene_file.py",  # a scene of the package
     "cnnum/tactile/cover/tables.py",  # tables of the package
-    "cnnum/lab/bench/device/peak_kernels.py",
+    "cnnum/engines/devices/peak.py",
     "drivers/own_data/hdf5_child.py",  # /proc/self/statm
     "drivers/own_data/sources.py",  # np.load of a file that open_regular gave
 }

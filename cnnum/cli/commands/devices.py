@@ -12,8 +12,8 @@ from cnnum.cli.progress import progress
 
 if TYPE_CHECKING:
     from cnnum.engines.devices.listing import Device
+    from cnnum.engines.devices.peak import Figures
     from cnnum.engines.devices.verdicts import Verdict
-    from cnnum.lab.bench.device.peak_measurement import Figures
 
 
 @click.command("devices")
@@ -133,8 +133,8 @@ class _Tried:
 def _tried(asked: str | None, *, measure: bool, as_json: bool) -> list[_Tried]:
     """Try every device anew, without earlier findings; measure those that work."""
     from cnnum.engines.devices.listing import list_devices
+    from cnnum.engines.devices.peak import measure as measured
     from cnnum.engines.devices.selection import devices_named, verdict_on
-    from cnnum.lab.bench.device.peak_measurement import measure as measured
 
     found, named, tried = list_devices(), devices_named(asked), list[_Tried]()
     with progress("devices", len(found), as_json=as_json) as steps:

@@ -49,7 +49,7 @@ def command(
     Memory is static, and precisions of whole numbers need no mathematics library. The range of
     every value is measured on simulated scenes; values beyond it saturate.
     """
-    from cnnum.lab.embedded.streams import made, vector_streams
+    from cnnum.scenes.range_streams import made, vector_streams
 
     size = shape_of(shape)
     ours = require_room(out, program, force=force)

@@ -7,15 +7,175 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
-from cnnum.lab.bench.true_error_chart import true_error
-from cnnum.lab.bench.work_precision_chart import work_precision
-from cnnum.lab.embedded.chart import embedded
+from cnnum.lab.bench.true_error_chart import Axes, Picture, Row, mark_few, true_error
 from cnnum.report.probe_picture import drawn
+from cnnum.report.work_precision import LEAST
 
-Row = Mapping[str, object]
-Axes = Any
-Picture = Any
-"""Matplotlib says little of the types of its arguments."""
+METHOD_STYLES = {
+    "euler": ("#d1495b", "o"),
+    "heun": ("#e8a33d", "o"),
+    "rk4": ("#5b9a3c", "o"),
+    "exponential-euler": ("#c06fb0", "s"),
+    "etd-rk2": ("#7b4fa0", "s"),
+    "bogacki-shampine": ("#2a9d8f", "^"),
+    "dormand-prince": ("#2f6db5", "^"),
+    "runge-kutta-chebyshev": ("#1d3557", "D"),
+    "propagator": ("#000000", "*"),
+    "auto": ("#6b7280", "X"),
+}
+"""Colour and marker of a method: circles for fixed steps, squares for exponential ones. Triangles
+and diamonds are steps that follow the error, a star none, a cross each transient's own method."""
+
+
+def work_precision(rows: Sequence[Row]) -> Picture:
+    """Return error over time, by method: a row of panels a case."""
+    places = list(dict.fromkeys(_where(row) for row in rows))
+    cases = list(dict.fromkeys(str(row["case"]) for row in rows))
+    figure: Picture = Figure(
+        figsize=(1.2 + 3.1 * len(places), _height(len(cases), len(places))), layout="constrained"
+    )
+    grid: Any = figure.subplots(len(cases), len(places), sharex="row", sharey="row", squeeze=False)
+    for line, case in enumerate(cases):
+        for axes, place in zip(grid[line], places, strict=True):
+            inside = [r for r in rows if r["case"] == case and _where(r) == place]
+            _methods(axes, inside)
+            _frame(axes, place if line == 0 else "", axes is grid[line][0], case)
+    for axes in grid.flat:
+        mark_few(axes)
+    for axes in grid[-1]:
+        axes.set_xlabel("µs a picture, or a frame of a stream")
+    _legend(figure, grid)
+    return figure
+
+
+def _height(lines: int, places: int) -> float:
+    """Return the height of a number of panels and of the names above them, inches."""
+    return 0.5 + 2.15 * lines + 0.25 * -(-len(METHOD_STYLES) // _columns(places))
+
+
+def _columns(places: int) -> int:
+    return 2 * places
+
+
+def _where(row: Row) -> str:
+    return f"{row['engine']} {row['precision']}"
+
+
+def _point(row: Row) -> tuple[float, float]:
+    """Return µs a picture, and the error."""
+    values = (row["seconds"], row["pictures"], row["error"])
+    seconds, pictures, error = (float(v) if isinstance(v, int | float) else 0.0 for v in values)
+    return 1e6 * seconds / max(pictures, 1.0), max(error, LEAST)
+
+
+def _methods(axes: Axes, rows: Sequence[Row]) -> None:
+    for method, (colour, marker) in METHOD_STYLES.items():
+        # along its rungs, not along the time, so that a curve shows the gain of a smaller step
+        points = [_point(row) for row in rows if row["method"] == method]
+        if points:
+            x, y = zip(*points, strict=True)
+            axes.plot(
+                x, y, color=colour, marker=marker, label=method, linewidth=1.2,
+                markersize=9 if marker == "*" else 4, alpha=0.9, clip_on=False,
+                zorder=4 if marker == "*" else 3,
+            )  # fmt: skip
+
+
+def _frame(axes: Axes, title: str, first: bool, case: str) -> None:
+    axes.set(xscale="log", yscale="log")
+    axes.set_title(title, fontsize=10)
+    axes.grid(visible=True, which="major", color="#dddddd", linewidth=0.6)
+    axes.tick_params(labelsize=7.5)
+    for side in ("top", "right"):
+        axes.spines[side].set_visible(False)
+    if first:
+        axes.set_ylabel(f"{case}\nlargest error", fontsize=8.5)
+
+
+def _legend(figure: Picture, grid: Any) -> None:
+    found = {
+        text: line
+        for axes in grid.flat
+        for line, text in zip(*axes.get_legend_handles_labels(), strict=True)
+    }
+    ordered = {name: found[name] for name in METHOD_STYLES if name in found}
+    if ordered:
+        figure.legend(
+            ordered.values(),
+            ordered.keys(),
+            loc="outside upper center",
+            ncols=min(len(ordered), _columns(grid.shape[1])),
+            fontsize=8.5,
+            frameon=False,
+        )
+
+
+STYLES = {"q15": ("o", "C0"), "q7": ("s", "C1"), "q23": ("v", "C2"), "float32": ("D", "C3")}
+OTHER = ("^", "C4")
+"""Marker and colour of a precision; a method of Euler's steps is hollow."""
+
+LEAST_EMBEDDED = 1e-9
+"""A smaller error is drawn there: the axis is logarithmic."""
+
+COSTS = {"instructions": "instructions a frame", "ram_bytes": "bytes of RAM"}
+
+
+def _number(row: Row, key: str) -> float:
+    value = row[key]
+    return max(float(value), LEAST_EMBEDDED) if isinstance(value, int | float) else LEAST_EMBEDDED
+
+
+def _title(row: Row) -> str:
+    rows, cols = cast("Sequence[int]", row["shape"])
+    return f"{row['case']}, {rows}×{cols}"
+
+
+def _front(points: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
+    """Return the corners of a staircase below which no point lies."""
+    found = list[tuple[float, float]]()
+    for x, y in sorted(points):
+        if not found or y < found[-1][1]:
+            found.append((x, y))
+    return found
+
+
+def _panel(axes: Axes, rows: Sequence[Row], cost: str, first: bool) -> None:
+    for row in rows:
+        name = f"{row['precision']} {row['method']}, {row['core']}"
+        marker, colour = STYLES.get(str(row["precision"]), OTHER)
+        filled = row["method"] == "auto"
+        axes.plot(
+            [_number(row, cost)], [_number(row, "error")], marker, label=name, color=colour,
+            markerfacecolor=colour if filled else "none", markersize=6, linestyle="none",
+        )  # fmt: skip
+    x, y = zip(*_front([(_number(r, cost), _number(r, "error")) for r in rows]), strict=True)
+    axes.step(x, y, where="post", color="0.6", linewidth=1, zorder=0, label="Pareto front")
+    axes.set(xscale="log", yscale="log", xlabel=COSTS[cost])
+    axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axes.xaxis.set_major_formatter("{x:,.0f}")
+    axes.xaxis.set_minor_formatter(NullFormatter())
+    axes.tick_params(axis="x", labelsize=8, labelrotation=30)  # bytes of one decade lie close
+    axes.set_title(_title(rows[0]), fontsize=9)
+    axes.grid(visible=True, alpha=0.3)
+    axes.margins(0.15)
+    if first:
+        axes.set_ylabel("relative error of the worst output")
+        axes.legend(fontsize=7)
+
+
+def embedded(rows: Sequence[Row]) -> Picture:
+    """Return the picture of costs on microcontrollers."""
+    groups: dict[str, list[Row]] = {}
+    for row in rows:
+        groups.setdefault(_title(row), []).append(row)
+    figure: Picture = Figure(figsize=(9, 3.6 * len(groups)), layout="constrained")
+    grid = figure.subplots(len(groups), 2, squeeze=False)
+    for line, mine in enumerate(groups.values()):
+        for place, cost in enumerate(COSTS):
+            _panel(grid[line][place], mine, cost, place == 0)
+    return figure
+
+
 MARKERS = "osD^v<>Ph*X"
 
 

@@ -12,13 +12,56 @@ from numpy.typing import NDArray
 from cnnum.arrays import Floats, Shape
 from cnnum.engine import Engine
 from cnnum.graph.nodes import RunSpec
-from cnnum.lab.bench.device.peak_meter import PeakMeter
 from cnnum.lab.bench.errors import STEPS, ends_error
 from cnnum.lab.bench.samples import channelwise, even_template, frames, full_template
 from cnnum.lab.bench.timing import difference, seconds_of
 from cnnum.plan import Plan
 from cnnum.templating.batch import TemplateBatch
 from cnnum.templating.template import Template
+
+
+class PeakMeter:
+    """Measures the multiply-add peak of an engine's device; the best of a whole run counts.
+
+    Only OpenCL devices have kernels to measure it with: it is NaN on other engines.
+
+    Attributes
+    ----------
+    best : float
+        Best rate so far of any kernel, operations a second; 0 before the first measurement.
+    kernel : str
+        The kernel that had it; empty before.
+    """
+
+    def __init__(self, engine: Engine) -> None:
+        self._name = engine.device if engine.name == "opencl" else None
+        self.best, self.kernel = (math.nan if self._name is None else 0.0), ""
+
+    def measure(self, times: int = 1) -> None:
+        """Measure all kernels a number of times."""
+        if self._name is None:
+            return
+        from cnnum.engines.devices.peak import measure
+        from cnnum.engines.devices.selection import choose_device
+
+        for _ in range(times):
+            found = measure(choose_device(self._name))
+            if found.flops > self.best:
+                self.best, self.kernel = found.flops, found.kernel
+
+    def turn(self) -> Callable[[], float]:
+        """Return a function that runs the best kernel once, some 20 ms, for operations a second.
+
+        It runs here, not in a process of its own, for it has run in one: `measure` comes first.
+        """
+        if self._name is None:
+            return lambda: math.nan
+        from cnnum.engines.devices.peak import Bench, arithmetic_kernels
+        from cnnum.engines.devices.selection import choose_device
+
+        (kernel,) = (known for known in arithmetic_kernels() if known.label == self.kernel)
+        return Bench(choose_device(self._name)).rate(kernel)
+
 
 STEP = 0.01
 

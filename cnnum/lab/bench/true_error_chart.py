@@ -4,8 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from matplotlib.figure import Figure
-
-from cnnum.lab.bench.work_precision_chart import mark_few
+from matplotlib.ticker import LogLocator, NullFormatter
 
 Row = Mapping[str, object]
 Axes = Any
@@ -18,6 +17,9 @@ PARTS = (("error", "-", 1.2, "total"), ("discretisation", "-", 5.0, "lattice"),
 
 COLOURS = {"float32": "#2f6db5", "float64": "#d1495b"}
 ACROSS = 4
+
+FEW_DECADES = 2.3
+"""Decades of an axis up to which it also has room for ticks at 2 and 5."""
 
 
 def true_error(rows: Sequence[Row]) -> Picture:
@@ -93,3 +95,12 @@ def _delays(axes: Axes, rows: Sequence[Row]) -> None:
     axes.set_xlabel("µs of work a second of touch", fontsize=8)
     axes.set_ylabel("delay of the report, ms", fontsize=8)
     axes.legend(fontsize=6.5)
+
+
+def mark_few(axes: Axes) -> None:
+    """Mark 1, 2 and 5 where there is room for them, else whole decades; nothing in between."""
+    low, high = axes.get_xlim()
+    few = high / low < 10.0**FEW_DECADES
+    axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if few else (1.0,), numticks=8))
+    axes.xaxis.set_major_formatter("{x:g}")
+    axes.xaxis.set_minor_formatter(NullFormatter())

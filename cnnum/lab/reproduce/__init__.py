@@ -5,7 +5,6 @@ An `Item` is one published result and the function that computes ours. `run` mak
 """
 
 from cnnum.lab.reproduce.record import Item, Row
-from cnnum.lab.reproduce.registry import item_names, select
-from cnnum.lab.reproduce.run import run
+from cnnum.lab.reproduce.registry import item_names, run, select
 
 __all__ = ["Item", "Row", "item_names", "run", "select"]

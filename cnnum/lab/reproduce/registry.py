@@ -1,9 +1,9 @@
 """All items and figures, chapter by chapter. A new part is one file and one line here."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from difflib import get_close_matches
 
-from cnnum.errors import name_error
+from cnnum.errors import MissingExtraError, name_error
 from cnnum.lab.reproduce.chapters import (
     bumps,
     capacitive,
@@ -26,7 +26,7 @@ from cnnum.lab.reproduce.chapters import (
     thick_rubber,
 )
 from cnnum.lab.reproduce.figure import Figure
-from cnnum.lab.reproduce.record import Chapter, Item
+from cnnum.lab.reproduce.record import Chapter, Item, Row, not_run
 
 CHAPTERS: tuple[Chapter, ...] = (
     skin.CHAPTER,
@@ -96,3 +96,36 @@ def _begins(item: Item, name: str) -> bool:
     whole, start = item.name.casefold(), name.casefold()
     ends_a_part = whole == start or not (whole + "-")[len(start) : len(start) + 1].isalnum()
     return whole.startswith(start) and ends_a_part
+
+
+def run(items: Iterable[Item]) -> Iterator[Row]:
+    """Compute items one after the other.
+
+    Parameters
+    ----------
+    items : iterable of Item
+
+    Yields
+    ------
+    Row
+        One an item; where an optional package is missing, a row that says so.
+    """
+    for item in items:
+        try:
+            yield run_item(item)
+        except MissingExtraError as missing:
+            yield not_run(item, str(missing))
+
+
+def run_item(item: Item) -> Row:
+    """Return the row of an item.
+
+    Raises
+    ------
+    MissingExtraError
+        If it needs a package that is not installed.
+    """
+    got = float(item.compute())
+    error = item.error(got)
+    passed = error <= item.tolerance if item.kind == "check" else None
+    return Row(item, got, error, passed, item.printed() if item.printed else None)

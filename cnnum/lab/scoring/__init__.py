@@ -1,9 +1,9 @@
 """Scoring: slip and twist judged on scenes beyond the simulator's own, and on real recordings.
 
-The way of the data: `families` or `recorded` → a `trial` → `judged_programs` → `judge` and `onsets`
+The way of the data: `families` or `recorded` → a `trial` → `judged_programs` → `judge`
 → `family_tables`, `levels`, `left_out` and `recordings` → a `table`. `families` are scenes by seed,
-`recorded` are real trials. A `trial` holds frames with their truth. `judge` and `onsets` hold
-reports against the truth. `recordings` go with `baselines`. `suites` puts it together, `page`
+`recorded` are real trials. A `trial` holds frames with their truth. `judge` and `suites` hold
+reports against the truth. `recordings` go with simple baselines. `suites` puts it together, `page`
 writes it down.
 """
 

@@ -10,14 +10,20 @@ from multiprocessing import get_context
 
 import numpy as np
 
+from cnnum.drivers.simulated.grips import Arrays, Trial
 from cnnum.engines.devices.child import safe_path
-from cnnum.lab.scoring.families.arrays import Arrays
 from cnnum.lab.scoring.families.catalogue import FAMILIES, Family
-from cnnum.lab.scoring.judge import NEAR, Verdict, judge, sense_right
+from cnnum.lab.scoring.judge import (
+    NEAR,
+    Verdict,
+    judge,
+    median,
+    per_ten_minutes,
+    sense_right,
+    share,
+)
 from cnnum.lab.scoring.judged_programs import Answers, Subject
-from cnnum.lab.scoring.measures import median, per_ten_minutes, share
 from cnnum.lab.scoring.table import Column, Row, Table
-from cnnum.lab.scoring.trial import Trial
 
 FOUND, SENSE, FALSE = 0.95, 0.98, 1.0
 """Aims: shares found and of right senses, and false reports in ten minutes."""

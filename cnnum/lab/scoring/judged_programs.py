@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 
 from cnnum.arrays import Floats
+from cnnum.drivers.simulated.grips import Flags, Trial
 from cnnum.engine import Engine
 from cnnum.frame import FORCE_AXES
-from cnnum.lab.scoring.measures import latched
-from cnnum.lab.scoring.trial import Flags, Trial
+from cnnum.lab.scoring.judge import latched
 from cnnum.programs import Program
 from cnnum.programs.library import get_program
 from cnnum.programs.reports import HOLD, level_of

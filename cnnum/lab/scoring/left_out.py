@@ -6,15 +6,14 @@ from itertools import product
 
 import numpy as np
 
+from cnnum.drivers.simulated.grips import Trial
 from cnnum.engine import Engine
 from cnnum.lab.scoring.families.catalogue import FAMILIES
 from cnnum.lab.scoring.family_tables import FALSE, FOUND, played
-from cnnum.lab.scoring.judge import NEAR
+from cnnum.lab.scoring.judge import NEAR, median
 from cnnum.lab.scoring.judged_programs import Subject
 from cnnum.lab.scoring.levels import LEVELS, Outcome, outcome, rate_of
-from cnnum.lab.scoring.measures import median
 from cnnum.lab.scoring.table import Column, Row, Table
-from cnnum.lab.scoring.trial import Trial
 
 STILL, PULL = (0.15, 0.2, 0.3), (0.3, 0.6, 1.0, 1.5)
 GRID = tuple({"still": still, "pull": pull} for still, pull in product(STILL, PULL))

@@ -11,11 +11,11 @@ from pathlib import Path
 import numpy as np
 
 from cnnum.arrays import Floats
+from cnnum.drivers.simulated.grips import Flags, Trial, first, runs
 from cnnum.drivers.text_table import read_table
 from cnnum.drivers.uskin_csv import UskinCsvOptions
 from cnnum.errors import RecordingError, RecordingWarning
 from cnnum.frame import Frame, Quality
-from cnnum.lab.scoring.trial import Flags, Trial, first, runs
 
 USKIN, FLAT = "uskin_grasp", "tactile_prediction_flat_dataset"
 """Folders of the data sets in CNNUM_RECORDINGS."""

@@ -2,17 +2,20 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from cnnum.arrays import Floats
+from cnnum.drivers.simulated.grips import Trial
 from cnnum.engine import Engine
 from cnnum.errors import RecordingError
-from cnnum.lab.scoring import baselines
+from cnnum.lab.scoring.judge import auc
 from cnnum.lab.scoring.judged_programs import Answers, Subject
 from cnnum.lab.scoring.left_out import GRID
-from cnnum.lab.scoring.measures import auc
 from cnnum.lab.scoring.recorded import (
     FLAT,
     USKIN,
@@ -22,13 +25,106 @@ from cnnum.lab.scoring.recorded import (
     uskin_trial,
 )
 from cnnum.lab.scoring.table import Column, Row, Table
-from cnnum.lab.scoring.trial import Trial
+
+WINDOWS = (1, 5)
+"""Frames over which a change of shear is averaged."""
+
+LEARNED_WINDOWS = (1, 2, 5)
+
+RIDGE = 0.1
+"""Inverse weight of the regression's penalty."""
+
+
+def shear_change(trial: Trial, window: int, *, incoherent: bool) -> Floats:
+    """Return the mean change of shear from frame to frame, over the last frames.
+
+    Parameters
+    ----------
+    trial : Trial
+        Pads side by side.
+    window : int
+        Frames.
+    incoherent : bool
+        Whether the pad's mean change is taken off.
+
+    Returns
+    -------
+    (frames,) float
+    """
+    change = _change_of_frames(trial)[..., :2]
+    change = change - change.mean(axis=(2, 3), keepdims=True) if incoherent else change
+    return _averaged(np.sqrt((change**2).sum(axis=-1).mean(axis=(1, 2, 3))), window)
+
+
+def features(trial: Trial) -> Floats:
+    """Return logarithms of changes, load and friction in use, (frames, features)."""
+    pads = _pads(trial)
+    load = np.abs((pads - pads[:4].mean(axis=0))[..., 2].mean(axis=(2, 3))).mean(axis=1)
+    shear = (pads - pads[:4].mean(axis=0))[..., :2].mean(axis=(2, 3))
+    pull = np.sqrt((shear**2).sum(axis=-1)).mean(axis=1)
+    normal = _change_of_frames(trial)[..., 2]
+    mean = normal.mean(axis=(2, 3), keepdims=True)
+    grows, shifts = np.abs(mean).mean(axis=(1, 2, 3)), np.abs(normal - mean).mean(axis=(1, 2, 3))
+    columns = [np.log(load + 20.0), np.log(pull + 3.0) - np.log(load + 20.0)]
+    for window in LEARNED_WINDOWS:
+        columns += [
+            np.log(shear_change(trial, window, incoherent=False) + 0.5),
+            np.log(shear_change(trial, window, incoherent=True) + 0.5),
+            np.log(_averaged(grows, window) + 0.5),
+            np.log(_averaged(shifts, window) + 0.5),
+        ]
+    return np.stack(columns, axis=-1)
+
+
+def can_learn() -> bool:
+    """Return whether scikit-learn (extra `texture`) is there."""
+    return find_spec("sklearn") is not None
+
+
+def regression(learned: Sequence[Trial], judged: Sequence[Trial]) -> list[Floats]:
+    """Return a logistic regression's score on trials, learned on others.
+
+    Parameters
+    ----------
+    learned, judged : sequence of Trial
+
+    Returns
+    -------
+    list of (frames,) float
+    """
+    known = [trial.scored & np.isfinite(trial.slips) for trial in learned]
+    x = np.concatenate([features(t)[k] for t, k in zip(learned, known, strict=True)])
+    y = np.concatenate([t.slips[k] for t, k in zip(learned, known, strict=True)])
+    middle, spread = x.mean(axis=0), x.std(axis=0) + 1e-9
+    linear: Any = import_module("sklearn.linear_model")
+    model = linear.LogisticRegression(C=RIDGE, class_weight="balanced", max_iter=500)
+    model.fit((x - middle) / spread, y)
+    return [model.decision_function((features(t) - middle) / spread) for t in judged]
+
+
+def _pads(trial: Trial) -> Floats:
+    """Return (frames, pads, rows, cols, 3) readings."""
+    count = int(trial.setting.get("pads", 1))
+    return np.stack(np.split(trial.frames.astype(np.float64), count, axis=2), axis=1)
+
+
+def _change_of_frames(trial: Trial) -> Floats:
+    pads = _pads(trial)
+    return np.diff(pads, axis=0, prepend=pads[:1])
+
+
+def _averaged(values: Floats, window: int) -> Floats:
+    """Return the mean of the last values, of fewer at the start."""
+    total, place = np.concatenate([[0.0], np.cumsum(values)]), np.arange(len(values))
+    start = np.maximum(place - window + 1, 0)
+    return np.asarray((total[place + 1] - total[start]) / (place + 1 - start))
+
 
 POOLED, USKIN_AUC = 0.90, 0.96
 """Aims."""
 
 SHIPPED, CHOSEN = "slip_strength", "constants chosen without the object"
-"""Rows of the program; the others are baselines."""
+"""Rows of the program; the others are """
 
 NOTE = (
     "Area under the ROC curve of the frames in which an object is held. Its marker moves faster "
@@ -96,12 +192,12 @@ def read(
 
 
 def score_table(engine: Engine, recorded: Recorded) -> Table:
-    """Return the areas under the curve of the program and of its baselines."""
+    """Return the areas under the curve of the program and of its"""
     rows = _shipped(recorded)
     rows |= {name: _change(recorded, *how) for name, how in CHANGES.items()}
     if recorded.flat:
         rows[CHOSEN] = _chosen(engine, recorded.flat), []
-        if baselines.can_learn():
+        if can_learn():
             rows["logistic regression without the object"] = _learned(recorded.flat), []
     objects = sorted({trial.family for trial in recorded.flat}, key=_number)
     columns = (
@@ -111,14 +207,14 @@ def score_table(engine: Engine, recorded: Recorded) -> Table:
         Column("uskin", "uSkin trials", 3, least=USKIN_AUC),
     )
     made = [_row(name, recorded, objects, *scores) for name, scores in rows.items()]
-    missing = "" if baselines.can_learn() else " scikit-learn is missing: no regression."
+    missing = "" if can_learn() else " scikit-learn is missing: no regression."
     return Table("recordings", "Real recordings", NOTE + missing, columns, made)
 
 
 CHANGES = {
     f"{name}, {window} frame{'s' * (window > 1)}": (window, incoherent)
     for name, incoherent in (("mean change of shear", False), ("incoherent change", True))
-    for window in baselines.WINDOWS
+    for window in WINDOWS
 }
 
 
@@ -130,7 +226,7 @@ def _shipped(recorded: Recorded) -> dict[str, tuple[list[Floats], list[Floats]]]
 
 def _change(recorded: Recorded, window: int, incoherent: bool) -> tuple[list[Floats], list[Floats]]:
     flat, uskin = (
-        [baselines.shear_change(trial, window, incoherent=incoherent) for trial in trials]
+        [shear_change(trial, window, incoherent=incoherent) for trial in trials]
         for trials in (recorded.flat, recorded.uskin)
     )
     return flat, uskin
@@ -158,7 +254,7 @@ def _chosen(engine: Engine, trials: Sequence[Trial]) -> list[Floats]:
 def _learned(trials: Sequence[Trial]) -> list[Floats]:
     found: dict[int, Floats] = {}
     for _, mine, others in folds(trials):
-        scores = baselines.regression([trials[n] for n in others], [trials[n] for n in mine])
+        scores = regression([trials[n] for n in others], [trials[n] for n in mine])
         found.update(zip(mine, scores, strict=True))
     return [found[n] for n in range(len(trials))]
 

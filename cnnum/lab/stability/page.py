@@ -7,7 +7,7 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
-from cnnum.lab.reproduce.style import STYLE
+from cnnum.lab.reproduce.drawing import STYLE
 from cnnum.lab.stability.record import Row
 from cnnum.report.environment import Environment
 from cnnum.report.plots import PALETTE, inline_svg, page_style

@@ -1,7 +1,7 @@
 """Run cases in a process of their own, which is ended where a case does not end."""
 
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from functools import cache
@@ -12,9 +12,44 @@ import numpy as np
 
 from cnnum.engine import Engine
 from cnnum.engines.devices.child import safe_path
-from cnnum.errors import CnnumError
+from cnnum.errors import CnnumError, name_error
+from cnnum.lab.stability.cases import closed_forms, extreme, marginal, precision, programs, stiff
 from cnnum.lab.stability.record import Case, Outcome, Row, Solved
-from cnnum.lab.stability.registry import by_name
+
+ROOMS = (stiff, marginal, extreme, precision, programs, closed_forms)
+
+
+@cache
+def all_cases() -> tuple[Case, ...]:
+    """Return every case of the suite."""
+    return tuple(case for room in ROOMS for case in room.cases())
+
+
+def by_name(name: str) -> Case:
+    """Return a case."""
+    return next(case for case in all_cases() if case.name == name)
+
+
+def select(names: Sequence[str]) -> tuple[Case, ...]:
+    """Return the cases whose name begins with one of these, or of that family; all without any.
+
+    Raises
+    ------
+    UnknownNameError
+        If a name is the beginning of none.
+    """
+    for name in names:
+        if not any(_meant(case, name) for case in all_cases()):
+            families = dict.fromkeys(case.family for case in all_cases())
+            raise name_error("case", name, [*families, *(case.name for case in all_cases())])
+    return tuple(
+        case for case in all_cases() if not names or any(_meant(case, name) for name in names)
+    )
+
+
+def _meant(case: Case, name: str) -> bool:
+    return case.name.startswith(name) or case.family == name
+
 
 PATIENCE = 60.0
 """Seconds after which a case is said to hang; the slowest takes a tenth of it on two cores."""

@@ -5,10 +5,10 @@ import json
 import click
 import pytest
 
-from cnnum.cli.commands import bench
 from cnnum.errors import MissingExtraError, NotSupportedError
 from cnnum.lab.bench.charts import CHARTS
 from cnnum.lab.bench.compile_time import CompileTime
+from cnnum.lab.commands import bench
 
 ROW = CompileTime("a dozen", "a device", 12, 2.0, 0.5, 1e-7)
 

@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import pytest
 
-from cnnum.cli.commands.bench import SPARES
 from cnnum.cli.fitted_tables import fitted
 from cnnum.cli.output import table
 from cnnum.lab.bench.page import cell
 from cnnum.lab.bench.records import as_row
+from cnnum.lab.commands.bench import SPARES
 from cnnum.lab.embedded.cortex_m import missing_tools
 from tests.embedded.test_costs import ROW
 

@@ -2,12 +2,11 @@
 
 import pytest
 
+from cnnum.engines.devices import peak as room
 from cnnum.engines.devices.listing import list_devices
+from cnnum.engines.devices.peak import Arithmetic, Bench, measure
 from cnnum.engines.devices.selection import choose_device
 from cnnum.errors import DeviceError
-from cnnum.lab.bench.device import peak_measurement as room
-from cnnum.lab.bench.device.peak_kernels import Arithmetic, Bench
-from cnnum.lab.bench.device.peak_measurement import measure
 
 
 def test_every_device_with_its_figures(call, records):

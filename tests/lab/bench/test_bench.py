@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 from own_process import in_own_process, peer_answer
 
-from cnnum.cli.commands import bench
 from cnnum.engine import Engine
 from cnnum.errors import MissingExtraError
-from cnnum.lab.bench import budget, scaling, work_precision
+from cnnum.lab.bench import scaling, work_precision
 from cnnum.lab.bench.charts import CHARTS
 from cnnum.lab.bench.page import write_report
 from cnnum.lab.bench.peers import PEERS, Work
@@ -19,6 +18,7 @@ from cnnum.lab.bench.programs import program_rungs
 from cnnum.lab.bench.records import as_row
 from cnnum.lab.bench.samples import full_template, generator
 from cnnum.lab.bench.timing import Timing, interleaved
+from cnnum.lab.commands import bench
 from cnnum.report import work_precision as report
 from cnnum.report.work_precision import WorkPrecision
 
@@ -103,7 +103,7 @@ def test_pages_hold_their_data(tmp_path):
 
 
 def test_every_benchmark_has_a_picture():
-    from cnnum.cli.commands.bench import command
+    from cnnum.lab.commands.bench import command
 
     assert set(command.commands) - {"all"} == set(CHARTS)
 
@@ -156,7 +156,7 @@ class _Clock:
 
     def __init__(self, monkeypatch):
         self.now = 0.0
-        monkeypatch.setattr(budget.time, "perf_counter", lambda: self.now)
+        monkeypatch.setattr(work_precision.time, "perf_counter", lambda: self.now)
 
     def takes(self, seconds, row):
         def measure():
@@ -172,7 +172,7 @@ def test_what_there_is_no_time_for_is_named(monkeypatch):
         "slow": [(f"rung {n}", clock.takes(4.0, f"row {n}")) for n in range(5)],
         "quick": [(f"rung {n}", clock.takes(1.0, f"row {n}")) for n in range(5)],
     }
-    found = list(budget.shared_out(list(tasks), tasks.__getitem__, 20.0))
+    found = list(work_precision.shared_out(list(tasks), tasks.__getitem__, 20.0))
     # 10 s of 20 for the first: its third rung begins at 8 s and is finished; 8 s for the second
     assert found[:3] == ["row 0", "row 1", "row 2"]
     assert found[3].startswith("slow: not run")
@@ -184,7 +184,7 @@ def test_what_there_is_no_time_for_is_named(monkeypatch):
 def test_time_that_a_case_leaves_over_is_there_for_the_next(monkeypatch):
     clock = _Clock(monkeypatch)
     tasks = {"quick": [("one", clock.takes(1.0, 1))], "slow": [("all", clock.takes(9.0, 2))] * 2}
-    assert list(budget.shared_out(list(tasks), tasks.__getitem__, 12.0)) == [1, 2, 2]
+    assert list(work_precision.shared_out(list(tasks), tasks.__getitem__, 12.0)) == [1, 2, 2]
 
 
 def test_without_time_every_rung_is_named_and_none_is_run():

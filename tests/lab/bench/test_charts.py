@@ -5,8 +5,7 @@ import itertools
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-from cnnum.lab.bench.charts import CHARTS
-from cnnum.lab.bench.work_precision_chart import work_precision
+from cnnum.lab.bench.charts import CHARTS, work_precision
 
 PLACES = [("opencl", "float32"), ("opencl", "float64"), ("numba", "float32"), ("numba", "float64")]
 

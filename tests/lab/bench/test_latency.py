@@ -4,9 +4,9 @@ import time
 
 import pytest
 
-from cnnum.cli.commands import bench
 from cnnum.lab.bench import errors, latency
 from cnnum.lab.bench.samples import scene_frames, touch
+from cnnum.lab.commands import bench
 from cnnum.programs.library import program_names
 from cnnum.scenes.events import EventDetector
 from cnnum.scenes.pipeline import load_scene

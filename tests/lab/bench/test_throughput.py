@@ -6,12 +6,11 @@ from functools import partial
 import numpy as np
 import pytest
 
-from cnnum.cli.commands import bench
+from cnnum.engines.devices import peak as device
+from cnnum.engines.devices.peak import Figures, arithmetic_kernels
 from cnnum.lab.bench import throughput
-from cnnum.lab.bench.device import peak_measurement as device
-from cnnum.lab.bench.device.peak_kernels import arithmetic_kernels
-from cnnum.lab.bench.device.peak_measurement import Figures
 from cnnum.lab.bench.timing import Difference, Timing, difference
+from cnnum.lab.commands import bench
 
 SMALL = tuple(
     throughput.ThroughputCase(f"case {n}", (8, 8), 4, 1, 8, throughput.FULL) for n in range(3)

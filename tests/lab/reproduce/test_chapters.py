@@ -11,8 +11,15 @@ from cnnum.errors import MissingExtraError, PhysicsError, UnknownNameError
 from cnnum.lab.reproduce.chapters import fields, inverse
 from cnnum.lab.reproduce.faults import Fault, changed, misled, mutant, mutants, scaled
 from cnnum.lab.reproduce.record import Item
-from cnnum.lab.reproduce.registry import CHAPTERS, beginnings, figure_makers, item_names, select
-from cnnum.lab.reproduce.run import run, run_item
+from cnnum.lab.reproduce.registry import (
+    CHAPTERS,
+    beginnings,
+    figure_makers,
+    item_names,
+    run,
+    run_item,
+    select,
+)
 
 ITEMS = select([])
 CHECKS = [item for item in ITEMS if item.kind == "check"]

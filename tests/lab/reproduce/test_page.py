@@ -12,16 +12,14 @@ from click.testing import CliRunner
 
 import cnnum.lab.reproduce
 import cnnum.tactile.halfspace
-from cnnum.cli.commands.reproduce import command
 from cnnum.errors import MissingExtraError, RecordingError, UnknownNameError
+from cnnum.lab.commands.reproduce import command
 from cnnum.lab.reproduce.drawing import INK, draw
 from cnnum.lab.reproduce.faults import scaled
 from cnnum.lab.reproduce.figure import Arrows, Curve, Dots, Field, Matrix, Panel
-from cnnum.lab.reproduce.page import figures_of, page, write_page
+from cnnum.lab.reproduce.page import figures_of, number, page, rows_table, write_page, written
 from cnnum.lab.reproduce.record import Item
-from cnnum.lab.reproduce.registry import select
-from cnnum.lab.reproduce.run import run
-from cnnum.lab.reproduce.table import number, rows_table, written
+from cnnum.lab.reproduce.registry import run, select
 
 NAMES = ("W", "fig-4.3", "fig-5.2", "erratum")
 FIELDS = {"item", "source", "expected", "got", "error", "tolerance", "passed", "kind", "unit"}

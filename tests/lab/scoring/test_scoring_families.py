@@ -5,20 +5,32 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from cnnum.drivers.simulated import grips as drawing
+from cnnum.drivers.simulated import grips as pulls
 from cnnum.drivers.simulated.array import SimulatedArray
+from cnnum.drivers.simulated.grips import (
+    CREEP_TIME,
+    FADES,
+    LOOSE_TORQUE,
+    YOUNGS_MODULUS,
+    Array,
+    Arrays,
+    Bounds,
+    Draw,
+    Drawn,
+    creeping,
+    load_of,
+    loops,
+    mixed,
+    stick_slip,
+)
 from cnnum.drivers.simulated.motion import Command
 from cnnum.drivers.simulated.script import Phase
 from cnnum.drivers.simulated.settings import Settings
-from cnnum.lab.scoring.families import draw as drawing
-from cnnum.lab.scoring.families import faces, pulls
-from cnnum.lab.scoring.families.arrays import Arrays
-from cnnum.lab.scoring.families.bounds import LOOSE_TORQUE, Bounds, load_of
+from cnnum.frame import truth_columns
+from cnnum.lab.scoring.families import faces
 from cnnum.lab.scoring.families.catalogue import FAMILIES
 from cnnum.lab.scoring.families.dragged import Dragged, spread
-from cnnum.lab.scoring.families.draw import YOUNGS_MODULUS, Array, Draw
-from cnnum.lab.scoring.families.stick_slip import FADES, Drawn, stick_slip
-from cnnum.lab.scoring.families.taxel_effects import CREEP_TIME, creeping, loops, mixed
-from cnnum.report.record import truth_columns
 from cnnum.tactile.contact import sliding_torque, torsion_slip
 from cnnum.tactile.grid import make_grid
 

@@ -6,16 +6,14 @@ from itertools import product
 import numpy as np
 import pytest
 
-from cnnum.lab.scoring.baselines import can_learn, regression, shear_change
-from cnnum.lab.scoring.judge import judge, sense_right
+from cnnum.drivers.simulated.grips import Trial, runs
+from cnnum.lab.scoring.judge import auc, judge, latched, median, per_ten_minutes, sense_right
 from cnnum.lab.scoring.left_out import Choice, chosen, reached
 from cnnum.lab.scoring.levels import Outcome, rate_of
-from cnnum.lab.scoring.measures import auc, latched, median, per_ten_minutes
-from cnnum.lab.scoring.onsets import onsets, report_table
 from cnnum.lab.scoring.recorded import held, labels, speeds
-from cnnum.lab.scoring.recordings import folds, pooled
+from cnnum.lab.scoring.recordings import can_learn, folds, pooled, regression, shear_change
+from cnnum.lab.scoring.suites import onsets, report_table
 from cnnum.lab.scoring.table import Column, Table
-from cnnum.lab.scoring.trial import Trial, runs
 
 FRAMES, RATE = 600, 100.0
 SETTLED, LOOSE, ONSET, END = 45, 280, 300, 500

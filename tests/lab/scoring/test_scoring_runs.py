@@ -9,10 +9,10 @@ import pytest
 from click.testing import CliRunner
 
 from cnnum.cli import main
+from cnnum.drivers.simulated.grips import Arrays
 from cnnum.engine import Engine
 from cnnum.errors import RecordingError, SceneError
 from cnnum.lab.scoring import recordings
-from cnnum.lab.scoring.families.arrays import Arrays
 from cnnum.lab.scoring.families.catalogue import FAMILIES
 from cnnum.lab.scoring.family_tables import played, tables
 from cnnum.lab.scoring.judged_programs import Subject, reports, shipped_level

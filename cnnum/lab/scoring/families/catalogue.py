@@ -3,15 +3,14 @@
 from dataclasses import dataclass
 from typing import Literal
 
-from cnnum.lab.scoring.families import faces, held, pulls
+from cnnum.drivers.simulated import grips as pulls
+from cnnum.drivers.simulated import hands as held
+from cnnum.drivers.simulated.grips import SHAKEN, Array, Make, Skin, pulled, twisted
+from cnnum.lab.scoring.families import faces
 from cnnum.lab.scoring.families.dragged import dragged
-from cnnum.lab.scoring.families.draw import Array
-from cnnum.lab.scoring.families.spheres import Make, pulled, twisted
-from cnnum.lab.scoring.families.taxel_effects import Skin
 
 Kind = Literal["slip", "twist", "held"]
 
-SHAKEN = Skin(gains=0.2, creep=0.05, hysteresis=0.05, crosstalk=0.05)
 EVEN = pulls.power(1.0)
 
 

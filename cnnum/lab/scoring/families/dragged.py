@@ -6,13 +6,21 @@ import numpy as np
 
 from cnnum.arrays import Floats
 from cnnum.drivers.simulated.array import SimulatedArray
-from cnnum.lab.scoring.families.arrays import CHUNK, Arrays
-from cnnum.lab.scoring.families.draw import HOLD, PRESS, REST, Array, Draw
+from cnnum.drivers.simulated.grips import (
+    CHUNK,
+    HOLD,
+    PRESS,
+    REST,
+    SETTLED,
+    Array,
+    Arrays,
+    Draw,
+    Make,
+    Skin,
+    Trial,
+    power,
+)
 from cnnum.lab.scoring.families.faces import PRESSURE, Face, Shaping
-from cnnum.lab.scoring.families.pulls import power
-from cnnum.lab.scoring.families.spheres import SETTLED, Make
-from cnnum.lab.scoring.families.taxel_effects import Skin
-from cnnum.lab.scoring.trial import Trial
 from cnnum.tactile.grid import Grid
 
 

@@ -14,7 +14,7 @@ from importlib import resources
 import numpy as np
 
 from cnnum.arrays import Floats
-from cnnum.lab.scoring.families.draw import YOUNGS_MODULUS, Draw
+from cnnum.drivers.simulated.grips import YOUNGS_MODULUS, Draw
 
 SIDE, POINTS = 6.0e-3, 60
 """m, of the square that holds a face, and its points a side."""

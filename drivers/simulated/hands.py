@@ -5,14 +5,22 @@ from math import pi
 
 import numpy as np
 
+from cnnum.drivers.simulated.grips import (
+    SWINGS,
+    Array,
+    Arrays,
+    Draw,
+    Make,
+    Skin,
+    Trial,
+    part,
+    played,
+    shaken,
+    touch,
+    trial_of,
+)
 from cnnum.drivers.simulated.motion import Command, total_scans
 from cnnum.drivers.simulated.script import Phase
-from cnnum.lab.scoring.families.arrays import Arrays, touch
-from cnnum.lab.scoring.families.draw import Array, Draw
-from cnnum.lab.scoring.families.pulls import SWINGS, part, shaken
-from cnnum.lab.scoring.families.spheres import Make, played, trial_of
-from cnnum.lab.scoring.families.taxel_effects import Skin
-from cnnum.lab.scoring.trial import Trial
 
 SECONDS = 6.0
 """Length of a scene."""

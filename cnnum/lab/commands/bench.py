@@ -1,22 +1,203 @@
 """`cnnum bench`: error against run time, throughput, latency, scenes, the peers… one or all."""
 
+import re
 import shlex
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import click
+from rich.text import Text
 
-from cnnum.cli.commands.bench_all import run_all
-from cnnum.cli.commands.bench_embedded import Wanted, embedded_options
+from cnnum.cli.commands.export import shape_of
 from cnnum.cli.following import STOPPED
 from cnnum.cli.options import force_option, json_option, results_option, together
 from cnnum.cli.output import Output, table
 from cnnum.cli.progress import progress
 from cnnum.cli.signals import stoppable, undisturbed
+from cnnum.errors import CnnumError, MissingExtraError
+from cnnum.safety.names import visible
 
 if TYPE_CHECKING:
     from cnnum.engine import Engine
+    from cnnum.lab.embedded.costs import Bounds, Case
+
+
+SUFFIXES = {"": 1.0, "k": 1e3, "m": 1e6, "g": 1e9}
+KIB = {"": 1.0, "k": 1024.0, "m": 1024.0**2}
+
+
+SEVERAL: dict[str, Any] = {"multiple": True, "metavar": "NAME"}
+
+embedded_options = together(
+    click.option("--program", "programs", **SEVERAL, help="slip and twist unless given."),
+    click.option("--shape", "shapes", **SEVERAL, help="As 8x8x3, which it is unless given."),
+    click.option("--precision", "precisions", **SEVERAL, help="q15, q7, q23 and float32."),
+    click.option("--method", "methods", **SEVERAL, help="auto or euler; auto unless given."),
+    click.option("--core", "cores", **SEVERAL, help="m0, m4 or m7; m4 unless given."),
+    click.option("--clock", default="168MHz", show_default=True, help="Of the core."),
+    click.option("--max-error", type=click.FloatRange(min=0, min_open=True), help="Bound."),
+    click.option("--ram", help="Bound in bytes, as 32k."),
+    click.option("--flash", help="Bound in bytes, as 128k."),
+    click.option("--rate", help="Frames a second to reach, as 1kHz."),
+    click.option("--quick", is_flag=True, help="q15 and q7 alone, and no scenes scored."),
+    results_option,
+    force_option,
+    json_option,
+)
+"""Options of the command."""
+
+
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """Configurations to measure.
+
+    Attributes
+    ----------
+    cases : list of Case
+    clock : float
+        Hz.
+    scenes : int
+        Of each kind, in which reports are scored.
+    bounds : Bounds
+    """
+
+    cases: "list[Case]"
+    clock: float
+    scenes: int
+    bounds: "Bounds"
+
+    @classmethod
+    def of(cls, asked: Mapping[str, object]) -> "Wanted":
+        """Return the runs that options ask for.
+
+        Raises
+        ------
+        click.UsageError
+            If one is not understood.
+        UnknownNameError
+            If a program, a precision, a method or a core has another name.
+        """
+        from cnnum.embedded.formats import precision_named
+        from cnnum.embedded.lowering.solvers import METHODS
+        from cnnum.errors import name_error
+        from cnnum.lab.embedded.cortex_m import CORES
+        from cnnum.lab.embedded.costs import PRECISIONS, SCENES, USUAL, Bounds, cases
+        from cnnum.programs.library import get_program
+
+        def names(key: str, usual: tuple[str, ...]) -> tuple[str, ...]:
+            return cast("tuple[str, ...]", asked[key]) or usual
+
+        quick = bool(asked["quick"])
+        programs = names("programs", USUAL)
+        precisions = names("precisions", PRECISIONS[:2] if quick else PRECISIONS)
+        methods, cores = names("methods", ("auto",)), names("cores", ("m4",))
+        for program in programs:
+            get_program(program)
+        for precision in precisions:
+            precision_named(precision)
+        for kind, some, known in (("method", methods, METHODS), ("core", cores, CORES)):
+            for name in some:
+                if name not in known:
+                    raise name_error(kind, name, known)
+        shapes = [shape_of(text) for text in names("shapes", ("8x8x3",))]
+        bounds = Bounds(
+            cast("float | None", asked["max_error"]) or inf,
+            _amount("ram", asked, KIB, "") or inf,
+            _amount("flash", asked, KIB, "") or inf,
+            _amount("rate", asked, SUFFIXES, "hz"),
+        )
+        clock = _amount("clock", asked, SUFFIXES, "hz")
+        some_cases = cases(programs, shapes, precisions, methods, cores)
+        return cls(some_cases, clock, 0 if quick else SCENES, bounds)
+
+    @property
+    def label(self) -> str:
+        """The runs, in words."""
+        cores = sorted({case[-1] for case in self.cases})
+        return f"Cortex {', '.join(core.upper() for core in cores)}, counted by Unicorn"
+
+
+def _amount(
+    key: str, asked: Mapping[str, object], suffixes: Mapping[str, float], unit: str
+) -> float:
+    """Return a number with a suffix; 0 where none is given."""
+    given = asked[key]
+    if given is None:
+        return 0.0
+    text = str(given).strip().lower().removesuffix(unit or "b")
+    found = re.fullmatch(r"(\d+(?:\.\d+)?)\s*([kmg]?)(?:i?b?)", text)
+    if found is None or found[2] not in suffixes or not float(found[1]) > 0.0:
+        example = "168MHz" if unit else "32k"
+        raise click.UsageError(f"--{key} is a number above 0, as {example}, got '{given!s:.40}'.")
+    return float(found[1]) * suffixes[found[2]]
+
+
+FAILED = 2
+"""Exit code where a benchmark could not be run, as it would be of that benchmark alone."""
+
+
+def run_all(
+    ctx: click.Context,
+    benchmarks: Mapping[str, click.Command],
+    options: Mapping[str, object],
+    output: Output,
+) -> int:
+    """Run benchmarks with the same options, name those that did not end, return a code.
+
+    Parameters
+    ----------
+    ctx : click.Context
+        Of the command that runs them.
+    benchmarks : mapping
+        In the order in which they run.
+    options : mapping
+        By parameter; others of a benchmark are as if they had not been given.
+    output : Output
+
+    Returns
+    -------
+    int
+        0 where all have come to their end but for those that want an extra that is not
+        installed. 130 where one was stopped, after which none begins. 2 where one has failed.
+    """
+    unfinished: dict[str, str] = {}
+    names, code = list(benchmarks), 0
+    for place, name in enumerate(names):
+        output.show(Text(f"\ncnnum bench {name}", style="bold"))
+        try:
+            if _invoke(ctx, benchmarks[name], options) == STOPPED:
+                unfinished[name] = "It was stopped."
+                unfinished |= dict.fromkeys(names[place + 1 :], "It was not begun.")
+                code = STOPPED
+                break
+        except MissingExtraError as missing:
+            unfinished[name] = str(missing)
+        except CnnumError as error:
+            unfinished[name], code = str(error), FAILED
+            click.echo(visible(f"cnnum bench {name}: {error}"), err=True)
+    _summarise(output, names, unfinished)
+    return code
+
+
+def _invoke(ctx: click.Context, benchmark: click.Command, options: Mapping[str, object]) -> object:
+    try:
+        taken = {one.name for one in benchmark.params}
+        given = {name: value for name, value in options.items() if name in taken}
+        return ctx.invoke(benchmark, **given)
+    except KeyboardInterrupt:  # before its first row, or after its last
+        return STOPPED
+
+
+def _summarise(output: Output, names: Sequence[str], unfinished: Mapping[str, str]) -> None:
+    done = [name for name in names if name not in unfinished]
+    output.record({"kind": "benchmarks", "run": done, "unfinished": unfinished})
+    output.show(f"\nRun to the end: {', '.join(done) or 'nothing'}.\nNot run to the end:")
+    lines = [f"  {name}: {reason}" for name, reason in unfinished.items()]
+    output.show(*(lines or ["  nothing"]))
+
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -332,8 +513,7 @@ def embedded(**asked: Any) -> int:
     Instructions are counted, not timed, and are no cycles. With a bound, it names the cheapest
     configuration within it, or the nearest one.
     """
-    from cnnum.lab.embedded.answer import answers
-    from cnnum.lab.embedded.costs import CostRow, measure_costs
+    from cnnum.lab.embedded.costs import CostRow, answers, measure_costs
 
     wanted, kept = Wanted.of(asked), list[CostRow]()
 

@@ -7,6 +7,8 @@ from functools import cache, lru_cache
 import numpy as np
 
 from cnnum.arrays import Floats, Shape
+from cnnum.drivers.simulated import hands
+from cnnum.drivers.simulated.grips import SHAKEN, Array, Arrays, Trial, power, pulled, twisted
 from cnnum.embedded.formats import precision_named
 from cnnum.embedded.lowering.solvers import solvers_for
 from cnnum.embedded.making import Made, make_with
@@ -14,12 +16,6 @@ from cnnum.embedded.measuring import Seen, measured
 from cnnum.frame import FORCE_AXES
 from cnnum.graph.passes import schedule
 from cnnum.graph.schedule import Schedule
-from cnnum.lab.scoring.families.arrays import Arrays
-from cnnum.lab.scoring.families.catalogue import FAMILIES, SHAKEN
-from cnnum.lab.scoring.families.draw import Array
-from cnnum.lab.scoring.families.pulls import power
-from cnnum.lab.scoring.families.spheres import pulled, twisted
-from cnnum.lab.scoring.trial import Trial
 from cnnum.programs import Program
 from cnnum.programs.library import get_program
 
@@ -46,10 +42,10 @@ def trials(shape: Shape, seed: int, count: int) -> tuple[Trial, ...]:
         ("slip, gains", pulled(power(2.0), array, SHAKEN)),
         ("twist", twisted(array)),
     )
-    held = next(family for family in FAMILIES if family.name == "grip")
     found = [maker(arrays, name, n) for name, maker in makers for n in range(seed, seed + count)]
     if shape == (8, 8):
-        found += [held.make(arrays, held.name, n) for n in range(seed, seed + count)]
+        grip = hands.held(hands.grips)
+        found += [grip(arrays, "grip", n) for n in range(seed, seed + count)]
     return tuple(found)
 
 
