@@ -96,9 +96,11 @@ class Frame(ByContent):
         s, on the device's clock where it has one, else on the host's, from the first frame.
     quality : Quality
     truth : Truth or None
-    monotonic_ns, wall_ns : int or None
-        When it came, by the host's clock that never goes back and by the time of day. None of
-        frames that did not just come.
+    monotonic_ns : int or None
+        When it came, by the host's clock that never goes back; None of frames that did not just
+        come.
+    wall_ns : int or None
+        When it came by the time of day, ns from 1970. Recordings keep it.
     saturated : (rows, cols) bool, optional
         Taxels at an end of their range, where the driver knows which; only with the flag.
     calibration : str

@@ -6,7 +6,7 @@ from types import TracebackType
 from typing import Protocol, Self
 
 from cnnum.arrays import Shape
-from cnnum.frame import Frame
+from cnnum.frame import Frame, Quality
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,6 +118,13 @@ class Driver(Protocol):
     ) -> None:
         """Close the driver."""
         ...
+
+
+def lost_before(frame: Frame, last: int | None) -> int:
+    """Return how many scans never arrived between a frame and the one before it, by its number."""
+    if last is None or not frame.quality & Quality.DROPPED_BEFORE:
+        return 0
+    return max(0, frame.sequence - last - 1)
 
 
 class Closing:

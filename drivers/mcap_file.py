@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from cnnum.arrays import Shape
-from cnnum.drivers.driver import Counters, Counting
+from cnnum.drivers.driver import Counters, Counting, lost_before
 from cnnum.drivers.options import require
-from cnnum.frame import Frame, Quality
+from cnnum.frame import Frame
 from cnnum.recordings.reader import Contents, look
 
 
@@ -76,13 +76,6 @@ class McapFile(Counting):
         self._counters = Counters()
         last: int | None = None
         for frame, _ in self._contents.stored():
-            self.count(repeated=frame.repeated, dropped=_lost_before(frame, last))
+            self.count(repeated=frame.repeated, dropped=lost_before(frame, last))
             last = frame.sequence
             yield frame
-
-
-def _lost_before(frame: Frame, last: int | None) -> int:
-    """Return how many scans never arrived between a frame and the one before it."""
-    if last is None or not frame.quality & Quality.DROPPED_BEFORE:
-        return 0
-    return max(0, frame.sequence - last - 1)

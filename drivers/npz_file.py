@@ -2,9 +2,9 @@
 
 An archive holds, a row a frame: ``values`` (frames, rows, cols, channels), ``sequence``, ``time``
 (s), ``quality`` (flags of `cnnum.frame.Quality`), ``truth`` (frames, truths) and ``saturated``
-(frames, rows, cols), the taxels at an end of their range. Next to these it holds ``channels``,
-``unit``, ``rate`` (Hz), ``truths`` (names) and ``calibration_*`` where the array had a calibration.
-``kind`` marks it as one.
+(frames, rows, cols), the taxels at an end of their range, and ``log_time`` (ns). Next to these it
+holds ``channels``, ``unit``, ``rate`` (Hz), ``truths`` (names) and ``calibration_*`` where the
+array had a calibration. ``kind`` marks it as one.
 """
 
 import math
@@ -21,7 +21,8 @@ from cnnum.drivers.driver import Counters, Counting
 from cnnum.drivers.npz_archive import read_arrays
 from cnnum.errors import CalibrationError, CodecError
 from cnnum.frame import Frame, Quality, Truth
-from cnnum.recordings.npz_writer import CALIBRATION, FRAMES, KIND, MARKS
+from cnnum.recordings.chunks import untimed
+from cnnum.recordings.npz_writer import CALIBRATION, CAME, FRAMES, KIND, MARKS
 from cnnum.safety.names import shown
 from cnnum.tactile.taxel import Calibration
 from cnnum.tactile.taxel.readout import Heat
@@ -31,7 +32,7 @@ _FLAGS = int(~Quality.GOOD)
 _NUMBERS, _WHOLE, _TEXT = "fiub", "iub", "U"
 _KINDS = {
     **dict.fromkeys(("kind", "channels", "unit", "truths"), _TEXT),
-    **dict.fromkeys(("sequence", "quality"), _WHOLE),
+    **dict.fromkeys(("sequence", "quality", CAME), _WHOLE),
 }
 _HELD = (*CALIBRATION, "depth", "heat")
 _PARTS = tuple(f"calibration_{name}" for name in _HELD)
@@ -40,7 +41,7 @@ _AXES = {
     **dict.fromkeys(("kind", "unit", "rate", *_SINGLE), 0),
     **dict.fromkeys(("channels", "truths", "calibration_heat"), 1),
 }
-_WANTED = frozenset((*_KEYS, MARKS, *_PARTS))
+_WANTED = frozenset((*_KEYS, MARKS, CAME, *_PARTS))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -61,6 +62,8 @@ class Archive:
     calibration : Calibration or None
     saturated : (frames, rows, cols) bool or None
         Taxels at an end of their range; None in archives of earlier versions.
+    came : (frames,) int or None
+        When each came by the time of day, ns; None in archives of earlier versions.
     """
 
     values: Floats
@@ -74,6 +77,7 @@ class Archive:
     truth: Floats
     calibration: Calibration | None
     saturated: NDArray[np.bool_] | None = None
+    came: NDArray[np.int64] | None = None
 
     def __post_init__(self) -> None:
         frames = len(self.values)
@@ -90,6 +94,8 @@ class Archive:
             raise CodecError(
                 f"'{MARKS}' must be {self.values.shape[:3]}, got {self.saturated.shape}."
             )
+        if self.came is not None and self.came.shape != (frames,):
+            raise CodecError(f"'{CAME}' must be {(frames,)}, got {self.came.shape}.")
         if not frames:
             raise CodecError("there is no frame in it.")
 
@@ -106,7 +112,12 @@ class Archive:
             truth=Truth(dict(known)) if self.truths else None,
             calibration=calibration,
             saturated=self._marked(number),
+            wall_ns=self._wall(number),
         )
+
+    def _wall(self, number: int) -> int | None:
+        came = None if self.came is None else int(self.came[number])
+        return None if came == untimed(float(self.time[number])) else came
 
     def _marked(self, number: int) -> NDArray[np.bool_] | None:
         if self.saturated is None or not self.saturated[number].any():
@@ -157,6 +168,7 @@ def _recording(held: Mapping[str, NDArray[Any]]) -> Archive:
         truth=held["truth"].astype(np.float64, copy=False),
         calibration=_calibration(held),
         saturated=held[MARKS] != 0 if MARKS in held else None,
+        came=held[CAME].astype(np.int64, copy=False) if CAME in held else None,
     )
 
 

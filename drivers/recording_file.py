@@ -9,7 +9,8 @@ from cnnum.drivers.own_data.sources import READERS
 from cnnum.drivers.registry import open_driver
 from cnnum.errors import RecordingError, missing_file
 from cnnum.frame import Frame
-from cnnum.recordings.recording import Recording, rate_of
+from cnnum.recordings.recording import Recording
+from cnnum.recordings.times import rate_of
 from cnnum.safety.names import shown
 from cnnum.safety.reading import DAMAGE, names_something, open_regular
 from cnnum.safety.values import as_path
@@ -100,7 +101,15 @@ def load_recording(path: str | Path, *, budget: float = 1.0) -> Recording:
         truth={n: [f.truth.get(n, np.nan) if f.truth else np.nan for f in frames] for n in names},
         quality=[int(frame.quality) for frame in frames],
         saturated=_saturated(frames),
+        sequence=[frame.sequence for frame in frames],
+        wall_ns=_wall(frames),
     )
+
+
+def _wall(frames: list[Frame]) -> list[int] | None:
+    """Return when all frames came; None where one does not say."""
+    came = [frame.wall_ns for frame in frames if frame.wall_ns is not None]
+    return came if len(came) == len(frames) else None
 
 
 def _saturated(frames: list[Frame]) -> NDArray[np.bool_] | None:

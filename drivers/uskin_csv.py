@@ -22,6 +22,7 @@ from cnnum.drivers.options import require
 from cnnum.drivers.text_table import TextTable, read_table
 from cnnum.errors import CodecError, RecordingError, RecordingWarning
 from cnnum.frame import FORCE_AXES, Frame, Quality, Truth
+from cnnum.recordings.times import FASTEST, rate_of
 from cnnum.safety.reading import names_something
 
 SIDE = 4
@@ -41,9 +42,6 @@ lack rows in between, or are of two trials: their rows would not belong together
 
 LISTED = 4
 """Trials that are named where a folder of trials is given instead of one."""
-
-FASTEST = 1e6
-"""Hz, above the rate of any array."""
 
 ENDS = (0.0, 65535.0)
 """Range of a count: unsigned, 16 bits."""
@@ -250,8 +248,7 @@ def _rate(options: UskinCsvOptions, meta: Path, times: Floats) -> float:
                 f"{FASTEST:g}, got {rate}."
             )
         return rate
-    span = float(times[-1] - times[0])
-    return (len(times) - 1) / span if span > 0 else 0.0
+    return rate_of(times)
 
 
 def _truths(table: TextTable) -> list[Truth]:

@@ -222,6 +222,12 @@ class Waiting:
         )
 
 
+def untimed(time: float) -> int:
+    """Return the log time of a frame that does not say when it came: its own time, ns."""
+    scaled = time * 1e9
+    return round(scaled) if 0 <= scaled <= _LATEST else 0
+
+
 def _nanoseconds(time: float, otherwise: int) -> int:
     """Return the device's time in ns, or the host's where it is none that MCAP has."""
     scaled = time * 1e9

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from cnnum.errors import CodecError
 from cnnum.frame import Frame, Quality, Truth
-from cnnum.recordings.chunks import ENCODING, SCHEMA
+from cnnum.recordings.chunks import ENCODING, SCHEMA, untimed
 from cnnum.recordings.layout import Layout
 from cnnum.recordings.mcap_records import PREFIX, RECORD, Budget, Fields, records_in
 from cnnum.recordings.raw_chunks import is_raw
@@ -173,5 +173,6 @@ def frames_of(rows: NDArray[np.void], layout: Layout) -> Iterator[tuple[Frame, i
             truth=known,
             calibration=layout.calibration_id,
             saturated=at_end,
+            wall_ns=None if log_time == untimed(time) else log_time,
         )
         yield frame, log_time

@@ -18,6 +18,10 @@ FRAMES = ("values", "sequence", "time", "quality", "truth")
 MARKS = "saturated"
 """Another one, (frames, rows, cols): taxels at an end of their range. It was not always there."""
 
+CAME = "log_time"
+"""And another, (frames,): when each came by the time of day, ns. It was not always there, either.
+"""
+
 CALIBRATION = ("alpha_normal", "beta_ns", "limit", "offsets", "cross", "drift")
 """Fields of a calibration that are members; its depth and heat are, too."""
 
@@ -34,9 +38,9 @@ def write_archive(file: IO[bytes], contents: Contents) -> None:
         for name, value in _facts(contents).items():
             _member(archive, name, np.asarray(value))
         shapes = {"values": layout.whole, "truth": (len(layout.truths),)}
-        for name in FRAMES:
+        for name in (*FRAMES, CAME):
             shape = (contents.frames, *shapes.get(name, ()))
-            kind = np.dtype(np.int64 if name in ("sequence", "quality") else np.float64)
+            kind = np.dtype(np.int64 if name in ("sequence", "quality", CAME) else np.float64)
             _stream(archive, name, shape, kind, _columns(contents, name, kind))
         marks = (marks_of(rows, layout).tobytes() for rows in contents.chunks())
         _stream(archive, MARKS, (contents.frames, *layout.shape), np.dtype(np.bool_), marks)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations  # signatures that `help` shows as they are written
 
-import math
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -15,11 +14,13 @@ from numpy.typing import ArrayLike, NDArray
 from cnnum.arrays import Floats, numbers
 from cnnum.errors import ArrayError, RecordingError
 from cnnum.frame import FORCE_AXES, Frame, Quality, Truth, shown_maps
-from cnnum.recordings.chunks import CHUNK_BYTES, ChunkMaker, beginning
+from cnnum.recordings.chunks import CHUNK_BYTES, ChunkMaker, beginning, untimed
+from cnnum.recordings.csv_writer import marked_text
 from cnnum.recordings.export import export, suffix_of
 from cnnum.recordings.layout import Layout
 from cnnum.recordings.mcap_index import write_index
 from cnnum.recordings.reader import look
+from cnnum.recordings.times import FASTEST, numbered
 from cnnum.renamed import renamed, warn_of
 from cnnum.safety.files import refuse_target, written
 from cnnum.safety.names import checked_name, shown
@@ -30,11 +31,6 @@ from cnnum.values import ByContent, read_only
 
 AXES = {"x": "shear_x", "y": "shear_y", "z": "normal"}
 """Short names of the three axes of a taxel: to the right, downwards, and into the skin."""
-
-FASTEST = 1e6
-"""Hz, above the rate of any array."""
-
-_NANO = 1_000_000_000
 
 
 @dataclass(frozen=True, slots=True, eq=False, init=False, repr=False)
@@ -60,6 +56,11 @@ class Recording(ByContent):
         Flags of `cnnum.Quality`.
     saturated : (frames, rows, cols) bool, optional
         Taxels at an end of their range, where it is known which; their frames have the flag.
+    sequence : (frames,) int, optional
+        Numbers of the scans. Unless given they follow from the times: after a pause, or where scans
+        are missing, the number jumps, and the frame has the flag `Quality.DROPPED_BEFORE`.
+    wall_ns : (frames,) int, optional
+        When the frames came, by the time of day, ns from 1970.
 
     Raises
     ------
@@ -75,6 +76,8 @@ class Recording(ByContent):
     truth: Mapping[str, Floats] = field(default_factory=dict[str, Floats])
     quality: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
     saturated: NDArray[np.bool_] | None = None
+    sequence: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
+    wall_ns: NDArray[np.int64] | None = None
 
     @renamed(axes="channels")
     def __init__(
@@ -88,6 +91,8 @@ class Recording(ByContent):
         truth: Mapping[str, ArrayLike] | None = None,
         quality: ArrayLike | None = None,
         saturated: ArrayLike | None = None,
+        sequence: ArrayLike | None = None,
+        wall_ns: ArrayLike | None = None,
     ) -> None:
         array = numbers("values", values)
         array = array[..., np.newaxis] if array.ndim == 3 else array
@@ -104,12 +109,20 @@ class Recording(ByContent):
         marks = _marks(saturated, array.shape[:3])
         if marks is not None:
             flags[marks.any(axis=(1, 2))] |= int(Quality.SATURATED)
+        at = _times(times, frames, rate)
+        if sequence is not None:
+            scans = _whole("sequence", sequence, frames)
+        elif times is None:
+            scans = np.arange(frames)
+        else:
+            scans = numbered(at, rate, flags & int(Quality.REPEATED) != 0)
+            flags[1:][np.diff(scans) > 1] |= int(Quality.DROPPED_BEFORE)
         parts: dict[str, object] = {
             "values": read_only(array),
             "rate": float(rate),
             "unit": checked_name("a unit", unit, ArrayError),
             "channels": channel_names(channels, array.shape[3]),
-            "times": read_only(_times(times, frames, rate)),
+            "times": read_only(at),
             "truth": {
                 checked_name("a truth", name, ArrayError): _per_frame(
                     f"truth '{name}'", row, frames
@@ -118,6 +131,8 @@ class Recording(ByContent):
             },
             "quality": read_only(flags),
             "saturated": marks,
+            "sequence": read_only(scans),
+            "wall_ns": None if wall_ns is None else _whole("wall_ns", wall_ns, frames),
         }
         for name, value in parts.items():
             object.__setattr__(self, name, value)
@@ -168,11 +183,23 @@ class Recording(ByContent):
         return tables.dataset(variables, coordinates, {"unit": self.unit, "rate": self.rate})
 
     def to_dataframe(self) -> Any:
-        """Return a `pandas.DataFrame`: a row a frame, a column a channel (extra `tables`)."""
-        columns: dict[str, Any] = {"time": self.times, "quality": self.quality}
+        """Return a `pandas.DataFrame`: a row a frame, a column a channel (extra `tables`).
+
+        What its `to_csv` writes is read again by `cnnum.load_recording` and every command.
+        """
+        columns: dict[str, Any] = {
+            "time": self.times,
+            "sequence": self.sequence,
+            "quality": self.quality,
+        }
         for number, name in enumerate(self.channels):
             columns |= tables.cell_columns(name, self.values[..., number])
-        return tables.data_frame(columns | dict(self.truth))
+        columns |= {f"truth {name}": values for name, values in self.truth.items()}
+        if self.saturated is not None:
+            columns["saturated"] = [marked_text(marks) for marks in self.saturated]
+        if self.wall_ns is not None:
+            columns["log time (ns)"] = self.wall_ns
+        return tables.data_frame(columns | {"rate (Hz)": self.rate, "unit": self.unit})
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -188,11 +215,12 @@ class Recording(ByContent):
                 values=values,
                 channels=self.channels,
                 unit=self.unit,
-                sequence=number,
+                sequence=int(self.sequence[number]),
                 time=float(self.times[number]),
                 quality=Quality(int(self.quality[number])),
                 truth=Truth(known) if names else None,
                 saturated=self._marked(number),
+                wall_ns=None if self.wall_ns is None else int(self.wall_ns[number]),
             )
 
     def _marked(self, number: int) -> NDArray[np.bool_] | None:
@@ -230,6 +258,8 @@ class Recording(ByContent):
             truth=self.truth,
             quality=self.quality,
             saturated=self.saturated,
+            sequence=self.sequence,
+            wall_ns=self.wall_ns,
         )
 
     def save(self, path: str | Path, *, force: bool = False) -> Path:
@@ -238,7 +268,7 @@ class Recording(ByContent):
         Parameters
         ----------
         path : str or Path
-            Its suffix says the kind: ".mcap", ".npz" or ".csv".
+            Its suffix says the kind: ".mcap", ".npz", ".csv" or ".h5".
         force : bool
             Whether a file that is there is replaced.
 
@@ -265,7 +295,7 @@ class Recording(ByContent):
             layout = Layout.of(next(self.frames()), self.rate, None)
             maker = ChunkMaker(layout)
             for frame in self.frames():
-                maker.add(frame, max(0, round(frame.time * _NANO)))
+                maker.add(frame, untimed(frame.time) if frame.wall_ns is None else frame.wall_ns)
                 if maker.size >= CHUNK_BYTES:
                     file.write(maker.end())
             if maker.count:
@@ -296,6 +326,16 @@ def channel_names(names: Sequence[str] | None, count: int) -> tuple[str, ...]:
     return found
 
 
+def _whole(name: str, values: ArrayLike, frames: int) -> NDArray[np.int64]:
+    """Return whole numbers; beyond 2^53 they would not stay so as floats."""
+    array = np.asarray(values)
+    if array.dtype.kind != "i":
+        array = _per_frame(name, values, frames).astype(np.int64)
+    if array.shape != (frames,):
+        raise ArrayError(f"{name!r} must be one number a frame, ({frames},), got {array.shape}.")
+    return read_only(array.astype(np.int64))
+
+
 def _times(times: ArrayLike | None, frames: int, rate: float) -> Floats:
     if times is None:
         return np.arange(frames) / rate
@@ -319,10 +359,3 @@ def _marks(saturated: ArrayLike | None, shape: tuple[int, ...]) -> NDArray[np.bo
     if found.shape != shape:
         raise ArrayError(f"'saturated' must be a mark a taxel, {shape}, got {found.shape}.")
     return read_only(found != 0.0) if found.any() else None
-
-
-def rate_of(times: Floats) -> float:
-    """Return the mean rate of frames by their times, Hz; 0 where they give none."""
-    span = float(times[-1] - times[0]) if len(times) > 1 else 0.0
-    rate = (len(times) - 1) / span if span > 0.0 and math.isfinite(span) else 0.0
-    return rate if rate < FASTEST else 0.0

@@ -21,6 +21,17 @@ KINDS = (
 
 MEGABYTE = 1 << 20
 
+LONGEST_POINTER = 1024
+POINTERS = (
+    (
+        b"version https://git-lfs.github.com/spec/",
+        "Git LFS",
+        "fetch these with 'git lfs pull' in their repository",
+    ),
+    (b"/annex/objects/", "git-annex", "fetch these with 'git annex get' in their repository"),
+)
+"""Beginnings of small files that stand in a checkout for large ones, their makers, and the cure."""
+
 DAMAGE = (
     zipfile.BadZipFile,
     zlib.error,
@@ -67,8 +78,8 @@ def open_regular(path: Path, *, most: int | None = None) -> IO[bytes]:
     Raises
     ------
     OSError
-        If the path names no file, another thing than a regular file, or a file that is too large.
-        `strerror` says which.
+        If the path names no file, another thing than a regular file, a file that is too large, or
+        a pointer to data that were not fetched. `strerror` says which.
     """
     try:
         _refuse_other(path.stat(), most)  # before it is opened: opening a device can have effects
@@ -76,7 +87,11 @@ def open_regular(path: Path, *, most: int | None = None) -> IO[bytes]:
     except ValueError:  # a NUL, or letters that no file name can have
         raise OSError(errno.EINVAL, "the name is not a valid file name") from None
     try:
-        _refuse_other(os.fstat(handle), most)  # another thing may have come to the path since
+        status = os.fstat(handle)
+        _refuse_other(status, most)  # another thing may have come to the path since
+        if status.st_size <= LONGEST_POINTER:
+            _refuse_pointer(os.read(handle, LONGEST_POINTER))
+            os.lseek(handle, 0, os.SEEK_SET)
         return os.fdopen(handle, "rb")
     except BaseException:
         os.close(handle)
@@ -108,6 +123,12 @@ def read_text(path: Path, *, most: int) -> str:
         If it is not UTF-8.
     """
     return read_bytes(path, most=most).decode("utf-8")
+
+
+def _refuse_pointer(content: bytes) -> None:
+    for begin, what, how in POINTERS:
+        if content.startswith(begin):
+            raise OSError(errno.EINVAL, f"it is a pointer of {what} in place of the data: {how}")
 
 
 def _refuse_other(status: os.stat_result, most: int | None) -> None:

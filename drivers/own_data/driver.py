@@ -1,30 +1,45 @@
 """A data file as an array: a CSV, NumPy or HDF5 file of your own, or a CSV file of cnnum."""
 
+import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
-from cnnum.arrays import Shape
-from cnnum.drivers.driver import Counters, Counting
+from cnnum.arrays import Floats, Shape
+from cnnum.drivers.driver import Counters, Counting, lost_before
 from cnnum.drivers.own_data.layout import EXAMPLE, SECONDS, DataLayout, read_layout
-from cnnum.drivers.own_data.own_csv import is_own, read_own
-from cnnum.drivers.own_data.sources import READERS, VALUES, shaped
-from cnnum.drivers.text_table import read_table
+from cnnum.drivers.own_data.own_files import is_own_csv, read_own_csv, read_own_hdf5
+from cnnum.drivers.own_data.sources import (
+    HDF5,
+    LINES,
+    NUMBERS,
+    READERS,
+    TEXTS,
+    VALUES,
+    Arrays,
+    shaped,
+)
 from cnnum.errors import (
     ArrayError,
     CodecError,
     RecordingError,
+    RecordingWarning,
     SceneError,
     missing_file,
     name_error,
 )
-from cnnum.frame import Frame
+from cnnum.frame import Frame, Quality
 from cnnum.recordings.export import calibration_of
-from cnnum.recordings.recording import Recording, rate_of
+from cnnum.recordings.recording import Recording
+from cnnum.recordings.times import rate_of
 from cnnum.safety.reading import names_something
 from cnnum.tactile.taxel import Calibration
+
+MOST_SHARE_BACK = 0.05
+"""Share of the frames before which a clock may be set back: one that falls more often is none."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,10 +49,10 @@ class DataFileOptions:
     Attributes
     ----------
     path : Path
-        A .csv, .npy, .npz, .h5 or .hdf5 file.
+        A text file (.csv, .txt, .tsv, .dat, .asc), or a .npy, .npz, .h5 or .hdf5 file.
     layout : Path, optional
         The TOML file that names its columns and their meaning (`DataLayout`). Unless given, it is
-        that of the same name with the suffix .toml. A CSV file that `cnnum record` wrote needs
+        that of the same name with the suffix .toml. CSV and HDF5 files that cnnum wrote need
         none.
     """
 
@@ -66,12 +81,18 @@ class DataFileOptions:
         if not names_something(path):
             raise missing_file(RecordingError, f"There is no file '{path}'.")
         try:
-            if suffix == ".csv" and self.layout is None and is_own(path):
-                return DataFile(read_own(read_table(path)), calibration=_beside(path))
+            if suffix in TEXTS and self.layout is None and is_own_csv(path):
+                return DataFile(read_own_csv(path), calibration=_beside(path))
+            own = read_own_hdf5(path) if suffix in HDF5 and not self._has_layout() else None
+            if own is not None:
+                return DataFile(own[0], calibration=own[1])
             layout = read_layout(self._layout())
             return DataFile(_recording(path, layout), layout)
         except ArrayError as error:
             raise CodecError(f"'{path}': {error}") from None
+
+    def _has_layout(self) -> bool:
+        return self.layout is not None or names_something(self.path.with_suffix(".toml"))
 
     def _layout(self) -> Path:
         path = self.path.with_suffix(".toml") if self.layout is None else self.layout
@@ -91,18 +112,80 @@ def _beside(table: Path) -> Calibration | None:
 
 def _recording(path: Path, layout: DataLayout) -> Recording:
     held = READERS[path.suffix.lower()](path, layout)
-    times = held[layout.time].astype(float) * SECONDS[layout.time_unit] if layout.time else None
-    rate = layout.rate or (rate_of(times) if times is not None and times.ndim == 1 else 0.0)
+    values = shaped(path, layout, held[VALUES])
+    times, back = None, np.zeros(0, np.int64)
+    if layout.time:
+        times, back = _times(path, layout, held, len(values))
+    rate = layout.rate or (0.0 if times is None else rate_of(times))
     if not rate:
         raise CodecError(f"'{path}': the times '{layout.time}' give no rate: set 'rate'.")
+    quality = np.zeros(len(values), np.int64)
+    if times is not None:
+        again = np.zeros(len(values), np.bool_)
+        again[1:] = (np.diff(times) == 0.0) & _same(values)
+        quality[again] = int(Quality.REPEATED)
+        rate = layout.rate or rate_of(times[~again]) or rate
+        if len(back):
+            # from each place on all times are later, so that the frame is one period on
+            for n in back.tolist():
+                times[n:] += times[n - 1] - times[n] + 1.0 / rate
+            quality[back] |= int(Quality.DROPPED_BEFORE)
     return Recording(
-        shaped(path, layout, held[VALUES]),
+        values,
         rate=rate,
         unit=layout.unit,
         channels=layout.channels,
-        times=None if times is None else times - times[0],
+        times=times,
         truth={name: np.asarray(held[name], dtype=float) for name in layout.truth},
+        quality=quality,
     )
+
+
+def _same(values: Floats) -> NDArray[np.bool_]:
+    """Return for each frame but the first whether it is the one before once more."""
+    return np.asarray((values[1:] == values[:-1]).all(axis=(1, 2, 3)))
+
+
+def _times(
+    path: Path, layout: DataLayout, held: Arrays, frames: int
+) -> tuple[Floats, NDArray[np.int64]]:
+    """Return the times from the first frame, s, and the frames whose clock was set back."""
+    found = held[layout.time]
+    if found.dtype.kind not in NUMBERS or found.size != frames or max(found.shape) != frames:
+        raise CodecError(
+            f"'{path}': the times '{layout.time}' must be a number a frame, ({frames},), got "
+            f"{found.shape} of the type '{found.dtype}'."
+        )
+    times = found.reshape(-1).astype(float) * SECONDS[layout.time_unit]
+    times -= times[0]
+    if not np.isfinite(times).all():
+        raise CodecError(f"'{path}': the times '{layout.time}' must be finite.")
+    if frames > 1 and not times.any():
+        raise CodecError(
+            f"'{path}': the times '{layout.time}' are all equal, and tell nothing: set 'rate', and "
+            "leave out 'time'."
+        )
+    back = np.flatnonzero(np.diff(times) < 0.0) + 1
+    if len(back) > MOST_SHARE_BACK * frames:
+        raise CodecError(
+            f"'{path}', {_where(held, int(back[0]))}: the times '{layout.time}' go back in "
+            f"{len(back)} of {frames} frames, so they are no clock: set 'rate', and leave out "
+            "'time'."
+        )
+    if len(back):
+        first = int(back[0])
+        warnings.warn(
+            f"'{path}', {_where(held, first)}: the clock goes back by "
+            f"{times[first - 1] - times[first]:.3g} s (and {len(back) - 1} times more): the frames "
+            "are kept in their order, each a period after the one before, and flagged.",
+            RecordingWarning,
+            stacklevel=2,
+        )
+    return times, back
+
+
+def _where(held: Arrays, frame: int) -> str:
+    return f"line {held[LINES][frame]}" if LINES in held else f"frame {frame}"
 
 
 class DataFile(Counting):
@@ -139,6 +222,8 @@ class DataFile(Counting):
         """Yield the frames as fast as they are fetched; a second call starts again."""
         self._counters = Counters()
         known = self.calibration.identity if self.calibration else ""
+        last: int | None = None
         for frame in self.recording.frames():
-            self.count(repeated=frame.repeated)
+            self.count(repeated=frame.repeated, dropped=lost_before(frame, last))
+            last = frame.sequence
             yield replace(frame, calibration=known) if known else frame

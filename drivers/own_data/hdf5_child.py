@@ -5,6 +5,7 @@ other files that it names. So this script runs alone: it has limits, and may ope
 one that comes as its standard input. It imports nothing of cnnum. Its request is JSON, the first
 argument: ``names`` of the arrays, ``most`` bytes that all of them together may have, ``memory``
 bytes beyond its own, and ``seconds``. It answers with a line of JSON, then the arrays' bytes.
+Where no names are wanted, the line has the shapes and types of all arrays, and the attributes.
 """
 
 import codecs
@@ -17,6 +18,8 @@ from typing import Any
 
 NUMBERS = "fiub"
 LISTED = 12
+MOST_LISTED, LONGEST_TEXT = 1024, 1 << 16
+"""Arrays and letters of an attribute, where all are asked for."""
 
 
 def answer(file: Any, wanted: list[str], most: int) -> tuple[dict[str, Any], list[Any]]:
@@ -25,12 +28,14 @@ def answer(file: Any, wanted: list[str], most: int) -> tuple[dict[str, Any], lis
     found: list[str] = []
 
     def note(name: Any, item: Any) -> None:
-        listed = len(found) < LISTED or name in wanted
+        listed = len(found) < (LISTED if wanted else MOST_LISTED) or name in wanted
         if listed and isinstance(item, h5py.Dataset) and isinstance(name, str):
             found.append(name)
 
     with h5py.File(file, "r") as opened:
         opened.visititems(note)
+        if not wanted:
+            return _listed(opened, found), []
         if any(name not in found for name in wanted):
             return {"names": found}, []
         arrays: list[Any] = [opened[name] for name in wanted]
@@ -45,6 +50,20 @@ def answer(file: Any, wanted: list[str], most: int) -> tuple[dict[str, Any], lis
         held: list[Any] = [array[...] for array in arrays]
     head = [[array.dtype.newbyteorder("<").str, list(array.shape)] for array in held]
     return {"names": found, "arrays": head}, held
+
+
+def _listed(opened: Any, names: list[str]) -> dict[str, Any]:
+    """Return the names of arrays with their shapes and types, and the attributes of the file."""
+    shapes: dict[str, Any] = {
+        name: [list(map(int, opened[name].shape or ())), str(opened[name].dtype)] for name in names
+    }
+    attributes: dict[str, Any] = {}
+    for name in list(opened.attrs)[:LISTED]:
+        value: Any = opened.attrs[name]
+        value = value.tolist() if hasattr(value, "tolist") else value
+        if len(str(value)) <= LONGEST_TEXT and isinstance(value, (str, int, float, list)):
+            attributes[str(name)] = value
+    return {"names": names, "shapes": shapes, "attributes": attributes}
 
 
 def _size(name: str, array: Any) -> int:
@@ -101,7 +120,7 @@ def run(request: dict[str, Any], source: Any, target: Any) -> None:
         head, held = answer(source, list(request["names"]), int(request["most"]))
     except Exception as error:  # whatever a library finds in a damaged file
         head, held = {"error": f"{error}" or type(error).__name__}, []
-    target.write(json.dumps(head).encode() + b"\n")
+    target.write(json.dumps(head, default=str).encode() + b"\n")
     for array in held:
         target.write(np.asarray(array, array.dtype.newbyteorder("<")).tobytes())
     target.flush()

@@ -57,6 +57,22 @@ def read_hdf5(path: Path, names: Sequence[str]) -> tuple[list[str], Mapping[str,
         If the file cannot be read: it is damaged, its numbers lie in other files, or it says to
         hold far more than it is large.
     """
+    head, arrays = _asked(path, names)
+    found = [str(name) for name in head.get("names", ())]
+    return found, dict(zip(names, arrays, strict=False))
+
+
+def list_hdf5(path: Path) -> tuple[dict[str, tuple[tuple[int, ...], str]], dict[str, Any]]:
+    """Return the shapes and types of all arrays of an HDF5 file, and the attributes of the file.
+
+    It raises as `read_hdf5`.
+    """
+    head, _ = _asked(path, ())
+    shapes = {name: (tuple(shape), kind) for name, (shape, kind) in head.get("shapes", {}).items()}
+    return shapes, dict(head.get("attributes", {}))
+
+
+def _asked(path: Path, names: Sequence[str]) -> Answer:
     if find_spec("h5py") is None:
         raise missing_extra(f"the HDF5 file '{path.name}'", "h5py", "hdf5")
     try:
@@ -73,8 +89,7 @@ def read_hdf5(path: Path, names: Sequence[str]) -> tuple[list[str], Mapping[str,
         raise unreadable(RecordingError, f"'{path}'", error) from None
     if "error" in head:
         raise RecordingError(f"'{path}' cannot be read: {_sentence(head['error'])}.")
-    found = [str(name) for name in head.get("names", ())]
-    return found, dict(zip(names, arrays, strict=False))
+    return head, arrays
 
 
 def child_answer(file: IO[bytes], request: Mapping[str, Any], seconds: float) -> Answer:

@@ -9,7 +9,8 @@ from typing import ClassVar, Literal
 from cnnum.drivers.options import read_options_file, require, require_channels
 from cnnum.drivers.text_table import TextForm
 from cnnum.errors import SceneError
-from cnnum.recordings.recording import FASTEST, channel_names
+from cnnum.recordings.recording import channel_names
+from cnnum.recordings.times import FASTEST
 
 EXAMPLE = 'shape = [4, 4], channels = ["x", "y", "z"], rate = 60.0, unit = "count"'
 """The least that a layout says, for the sentence of an error."""
@@ -46,8 +47,11 @@ class DataLayout:
     rate : float, optional
         Hz; by the times unless given.
     time : str
-        Column or array of the times; empty where there is none.
+        Column or array of the times; empty where there is none. In text files these may be dates
+        and times of day, too.
     time_unit : "s", "ms", "us" or "ns"
+    time_format : str
+        Of dates that are not in a usual form: as `datetime.strptime` takes it.
     truth : tuple of str
         Columns or arrays of the ground truth of every frame.
     pads : int
@@ -62,6 +66,8 @@ class DataLayout:
         Whether the first line of a CSV file names the columns; if not, they are "1", "2", …
     skip : int
         Lines of a CSV file before that.
+    comment : str
+        Lines of a CSV file that begin with it are left out; "" for none.
     """
 
     RENAMED: ClassVar = {
@@ -79,6 +85,7 @@ class DataLayout:
     rate: float | None = None
     time: str = ""
     time_unit: Literal["s", "ms", "us", "ns"] = "s"
+    time_format: str = ""
     truth: tuple[str, ...] = ()
     pads: int = 1
     pitch: float | None = None
@@ -86,6 +93,7 @@ class DataLayout:
     decimal: Literal[".", ","] = "."
     header: bool = True
     skip: int = 0
+    comment: str = "#"
 
     def __post_init__(self) -> None:
         rows, cols = self.shape
@@ -97,8 +105,9 @@ class DataLayout:
         require("pads", 1 <= self.pads <= cols, f"1 to the {cols} columns", self.pads)
         holds = self.pitch is None or 1e-7 <= self.pitch <= 1.0
         require("pitch", holds, "1e-7 to 1 m", self.pitch)
-        holds = len(self.separator) == 1 and self.separator not in '\r\n"' + self.decimal
-        require("separator", holds, "one sign other than that of 'decimal'", self.separator)
+        # numbers with decimal commas between commas stand in quotes
+        holds = len(self.separator) == 1 and self.separator not in '\r\n".'
+        require("separator", holds, "one sign, which no number has", self.separator)
         require("skip", 0 <= self.skip <= MOST_SKIPPED, f"0 to {MOST_SKIPPED}", self.skip)
         require_channels(self.channels)
 
@@ -115,7 +124,7 @@ class DataLayout:
     @property
     def form(self) -> TextForm:
         """Form of a CSV file."""
-        return TextForm(self.separator, self.decimal, self.header, self.skip)
+        return TextForm(self.separator, self.decimal, self.header, self.skip, self.comment)
 
     def columns(self, header: tuple[str, ...]) -> tuple[str, ...]:
         """Return the columns of a CSV file, row by row, the channels of a taxel together.

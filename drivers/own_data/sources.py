@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from cnnum.arrays import Floats
 from cnnum.drivers.npz_archive import read_arrays
 from cnnum.drivers.own_data.hdf5_file import read_hdf5
-from cnnum.drivers.own_data.layout import DataLayout
-from cnnum.drivers.text_table import read_table
+from cnnum.drivers.own_data.layout import SECONDS, DataLayout
+from cnnum.drivers.text_table import Head, Wanted, read_columns
 from cnnum.errors import CodecError, RecordingError, unreadable
 from cnnum.safety.names import shown
 from cnnum.safety.reading import DAMAGE, open_regular
@@ -24,12 +24,30 @@ NUMBERS = "fiub"
 VALUES = "values"
 """Name of the array of values where a layout names none."""
 
+TEXTS = (".csv", ".txt", ".tsv", ".dat", ".asc")
+"""Suffixes of tables in text files."""
+
+LINES = "line of the file"
+"""Name of the numbers of the rows' lines, of text files."""
+
 
 def csv_columns(path: Path, layout: DataLayout) -> Arrays:
     """Return the columns of a CSV file; the values are (frames, numbers of a frame)."""
-    table = read_table(path, layout.form)
-    singles = {name: table.numbers([name])[:, 0] for name in _singles(layout)}
-    return {VALUES: table.numbers(layout.columns(table.header), finite=False), **singles}
+
+    def pick(head: Head) -> Wanted:
+        return Wanted(
+            cells=layout.columns(head.names),
+            facts=layout.truth,
+            clock=layout.time,
+            clock_format=layout.time_format,
+        )
+
+    held = read_columns(path, pick, layout.form)
+    found: dict[str, NDArray[Any]] = {VALUES: held.cells, LINES: held.lines}
+    found |= {name: held.facts[:, place] for place, name in enumerate(layout.truth)}
+    if held.clock is not None:
+        found[layout.time] = held.clock / (SECONDS[layout.time_unit] if held.dated else 1.0)
+    return found
 
 
 def npy_array(path: Path, layout: DataLayout) -> Arrays:
@@ -62,13 +80,15 @@ def hdf5_arrays(path: Path, layout: DataLayout) -> Arrays:
 
 
 READERS: Mapping[str, Callable[[Path, DataLayout], Arrays]] = {
-    ".csv": csv_columns,
+    **dict.fromkeys(TEXTS, csv_columns),
     ".npy": npy_array,
     ".npz": npz_arrays,
     ".h5": hdf5_arrays,
     ".hdf5": hdf5_arrays,
 }
 """By the suffix of the file."""
+
+HDF5 = (".h5", ".hdf5")
 
 
 def _array_name(layout: DataLayout) -> str:

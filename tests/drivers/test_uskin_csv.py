@@ -240,7 +240,7 @@ def test_a_bad_file_is_named_with_its_line(trial: Path, edit: object, sentence: 
 
 
 def test_a_missing_file_and_one_that_is_no_text(trial: Path) -> None:
-    (trial / "xela_sensor1.csv").write_bytes(b"\xff\xfe\x00\x01")
+    (trial / "xela_sensor1.csv").write_bytes(b"\xff\x00\x01\xfe")
     with pytest.raises(CodecError, match=r"xela_sensor1\.csv' is not a CSV"):
         replay(trial)
     (trial / "xela_sensor1.csv").unlink()

@@ -118,7 +118,7 @@ def test_an_axes_of_ones_own_is_drawn_on():
 def test_data_frames_have_a_row_a_frame_an_event_or_a_cell():
     pytest.importorskip("pandas")
     table = recording().to_dataframe()
-    assert table.shape == (6, 2 + 4 * 5 * 3 + 1)
+    assert table.shape == (6, 3 + 4 * 5 * 3 + 1 + 2)
     assert table["normal[1, 2]"].tolist() != []
     rows = events().to_dataframe()
     assert rows["kind"].tolist() == ["contact", "slip"]
