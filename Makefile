@@ -14,9 +14,10 @@ EDITABLE := --config-settings editable_mode=compat --editable
 WORKERS := $(shell $(PYTHON) -c "import os; print(min((os.cpu_count() or 1) + 1, 4))")
 # the workers and the hundreds of processes that tests start load compiled modules, whatever is set here
 PYTEST := OPENBLAS_NUM_THREADS=1 PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest --numprocesses $(WORKERS) --dist loadfile --no-loadscope-reorder
-QUICK := $(addprefix tests/,cli/commands/test_devices.py cli/commands/test_run.py engines/programs/test_machine.py \
+QUICK := $(addprefix tests/,cli/commands/test_devices.py cli/commands/test_run.py::test_events_then_the_summary \
+    cli/commands/test_run.py::test_replay_finds_the_same_events engines/programs/test_machine.py \
     engines/devices/test_threads.py engines/devices/test_working_devices.py tactile/test_contact.py test_plan.py \
-    graph/test_tracing.py scenes/test_scene.py)
+    scenes/test_scene.py)
 SITUATION := sh -c '$(BIN)/cnnum devices --no-measure && $(BIN)/cnnum demo --out cnnum-demo.html --force && $(PYTEST) $(QUICK)'
 
 .PHONY: demo test test-full situations faults arrays embedded fuzz mutate platforms docs lint style mypy pyright bench lock audit clean
