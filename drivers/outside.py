@@ -47,7 +47,7 @@ def outside_record(name: str, base: Path) -> type | None:
     if not colon:
         return None
     # what is installed is never looked for beside a scene
-    found = getattr(_module(module, base if point is None else None), record, None)
+    found = getattr(module_of("driver", module, base if point is None else None), record, None)
     if not (isinstance(found, type) and is_dataclass(found) and hasattr(found, "open")):
         raise SceneError(
             f"The driver {shown(name)}: expected a dataclass '{record}' of options with a method "
@@ -56,18 +56,32 @@ def outside_record(name: str, base: Path) -> type | None:
     return found
 
 
-def _module(name: str, base: Path | None) -> ModuleType:
-    """Return a module by its name, or of a file in a folder."""
+def module_of(what: str, name: str, base: Path | None) -> ModuleType:
+    """Return a module by its name, or of a file in a folder: its code is run.
+
+    Parameters
+    ----------
+    what : str
+        "driver" or "program": what the module is wanted for.
+    name : str
+    base : Path or None
+        Folder in which a module that cannot be imported by its name is looked for.
+
+    Raises
+    ------
+    SceneError
+        If there is none.
+    """
     parts = name.split(".")
     if not all(part.isidentifier() for part in parts):
-        raise SceneError(f"The driver module {shown(name)} is no name of a module.")
+        raise SceneError(f"The {what} module {shown(name)} is no name of a module.")
     try:
         known = name in sys.modules or find_spec(name) is not None
     except ModuleNotFoundError:
         known = False
     near = None if base is None else base.joinpath(*parts).with_suffix(".py")
     if known or near is None or not near.is_file():
-        return _imported(name, near)
+        return _imported(what, name, near)
     spec = spec_from_file_location(name, near)
     assert spec is not None
     assert spec.loader is not None
@@ -80,11 +94,11 @@ def _module(name: str, base: Path | None) -> ModuleType:
     return module
 
 
-def _imported(name: str, near: Path | None) -> ModuleType:
+def _imported(what: str, name: str, near: Path | None) -> ModuleType:
     try:
         return import_module(name)
     except ModuleNotFoundError as error:
         remedy = "reinstall it" if near is None else f"install it, or put it at '{near}'"
         raise SceneError(
-            f"The driver module '{name}' cannot be imported ({error}): {remedy}."
+            f"The {what} module '{name}' cannot be imported ({error}): {remedy}."
         ) from None

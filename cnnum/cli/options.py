@@ -132,7 +132,7 @@ engine_options = together(
 trust_option = click.option(
     "--trust",
     is_flag=True,
-    help="Allow the driver that the scene file names as 'module:Options' to run.",
+    help="Allow a driver or a program that the scene file names as 'module:name' to run.",
 )
 """For commands that open scenes: such a driver is code."""
 

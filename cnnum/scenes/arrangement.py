@@ -4,10 +4,13 @@ import inspect
 import logging
 from collections.abc import Collection, Mapping
 from difflib import get_close_matches
+from pathlib import Path
 
 from cnnum.drivers.driver import Driver
+from cnnum.drivers.outside import module_of
 from cnnum.errors import SceneError, UnknownNameError, name_error
 from cnnum.programs import Program
+from cnnum.programs.library import get_program, load_program
 from cnnum.programs.quantities import PITCH, takes_pitch
 from cnnum.safety.names import LONGEST, shown
 from cnnum.scenes.events import EVENT_RULES
@@ -28,6 +31,44 @@ ALL = "tactile"
 
 PADS, NARROWEST = "pads", 3
 """Of a pad's columns: a neighbourhood of a taxel is as wide."""
+
+
+def program_of(spec: SceneSpec) -> Program:
+    """Return the program of a scene: one of the library, or the user's own."""
+    return spec.program if isinstance(spec.program, Program) else named(spec.program, spec.base)
+
+
+def named(program: str, base: Path = Path()) -> Program:
+    """Return a program by its name in the library, or by its place, whose code is run.
+
+    Parameters
+    ----------
+    program : str
+        "slip", "module:function" or "file.py:function".
+    base : Path
+        Folder in which files, and modules that are not installed, are looked for.
+
+    Raises
+    ------
+    UnknownNameError
+        If the library or the file has none of that name.
+    SceneError
+        If the module or a program in it is not there.
+    ProgramError
+        If the file cannot be run.
+    """
+    place, colon, name = program.rpartition(":")
+    if not colon:
+        return get_program(program)
+    if place.endswith(".py"):
+        return load_program(base / place, name)
+    found = getattr(module_of("program", place, base), name, None)
+    if not isinstance(found, Program):
+        raise SceneError(
+            f"The program {shown(program)}: expected a function '{name}' under @cnnum.program in "
+            f"the module '{place}'."
+        )
+    return found
 
 
 def bound(program: Program, spec: SceneSpec, driver: Driver) -> Program:
@@ -128,7 +169,7 @@ def refuse_unfit(program: Program, spec: SceneSpec, driver: Driver, unit: str) -
     if unit == COUNT and (physical or asked):
         raise SceneError(
             f"Scene '{spec.name}': the array gives counts, and '{[*asked, *physical][0]}' of the "
-            f"program '{spec.program}' is in physical units, which counts have no scale for: "
+            f"program '{spec.program_name}' is in physical units, which counts have no scale for: "
             "calibrate the array with 'calibration.gain' and 'calibration.unit', or leave it out."
         )
     _refuse_pads(program, spec, driver)
@@ -152,11 +193,13 @@ def _refuse_pads(program: Program, spec: SceneSpec, driver: Driver) -> None:
 
 def unknown_want(spec: SceneSpec, want: str, outputs: Collection[str]) -> UnknownNameError:
     """Return the error for a want that is no event and no output of the program."""
-    near = get_close_matches(want[:LONGEST], list(dict.fromkeys([*EVENT_RULES, *outputs])), n=3)
-    events = ", ".join(f"'{event}'" for event in EVENT_RULES)
+    known = [*spec.own, *EVENT_RULES]
+    near = get_close_matches(want[:LONGEST], list(dict.fromkeys([*known, *outputs])), n=3)
+    events = ", ".join(f"'{event}'" for event in known)
     guess = ", ".join(f"'{name}'" for name in near)
     hint = f" (did you mean {guess}?)" if near else ""
     return UnknownNameError(
-        f"Scene '{spec.name}' wants {shown(want)}, which the program '{spec.program}' does not "
-        f"give{hint}: its events are {events} or '{EVERYTHING}', its fields {', '.join(outputs)}."
+        f"Scene '{spec.name}' wants {shown(want)}, which the program '{spec.program_name}' does "
+        f"not give{hint}: its events are {events} or '{EVERYTHING}', its fields "
+        f"{', '.join(outputs)}."
     )

@@ -3,11 +3,14 @@
 import math
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cnnum.errors import SceneError, name_error
 from cnnum.renamed import warn_of
+from cnnum.safety.names import checked_name, shown
 
 Outputs = Mapping[str, NDArray[np.float64]]
 
@@ -134,7 +137,7 @@ class EventRule:
     kind : str
         Of the event when the flag rises.
     flag : str
-        Output whose value above 0 means that it holds.
+        Output that says whether it holds; of a map the largest value counts.
     ends : str
         Kind of the event when the flag falls; none where empty.
     phase : str
@@ -153,6 +156,11 @@ class EventRule:
     shape : bool
         Whether the flag goes by the shape of the load, which is not known then: the event is
         reported from other frames alone.
+    on, off : float
+        The event begins where the flag's value is above `on`, and ends where it is no longer above
+        `off`, which is `on` or less: a value that wavers between them changes nothing.
+    own : bool
+        Whether the rule is a user's, with a unit of its own, and not one of `EVENT_RULES`.
     """
 
     kind: str
@@ -167,6 +175,9 @@ class EventRule:
     load: bool = False
     steady: float = 0.0
     shape: bool = False
+    on: float = 0.0
+    off: float = 0.0
+    own: bool = False
 
     @property
     def needs(self) -> tuple[str, ...]:
@@ -186,7 +197,7 @@ class EventRule:
             kind=kind,
             frame=frame,
             phase=self.phase or None,
-            where=self.where and (_number(outputs, self.where[0]), _number(outputs, self.where[1])),
+            where=self._place(outputs),
             direction=pair and math.atan2(_number(outputs, pair[1]), _number(outputs, pair[0])),
             strength=_number(outputs, self.strength) if strong else None,
             unit=(self.unit or None) if strong else None,
@@ -194,13 +205,25 @@ class EventRule:
             load_is_bound=saturated and strong and self.load,
         )
 
+    def _place(self, outputs: Outputs) -> tuple[float, float] | None:
+        """Return row and column: those of its outputs, or where a map is largest."""
+        if self.where is not None:
+            return _number(outputs, self.where[0]), _number(outputs, self.where[1])
+        flag = np.asarray(outputs[self.flag])
+        if flag.ndim != 2:
+            return None
+        row, col = np.unravel_index(int(np.argmax(flag)), flag.shape)
+        return float(row), float(col)
+
     def state_at_end(self, *, now: bool, held: bool) -> bool:
         """Return the state of the flag while taxels stand at an end of their range."""
         return held if self.shape or (self.load and held) else now
 
 
 def _number(outputs: Outputs, name: str) -> float:
-    return float(outputs[name])
+    """Return an output's value; of a map the largest one."""
+    value = outputs[name]
+    return float(value if value.ndim == 0 else value.max())
 
 
 EVENT_RULES: dict[str, tuple[EventRule, ...]] = {
@@ -307,6 +330,56 @@ EVENT_RULES: dict[str, tuple[EventRule, ...]] = {
 program that detects incipient slip has an output for it."""
 
 
+_TEXTS = ("kind", "flag", "ends", "phase", "strength", "unit", "sense")
+_PAIRS = ("where", "direction")
+_NUMBERS = ("on", "off", "steady")
+
+
+def event_rule(table: Mapping[str, object], about: str) -> EventRule:
+    """Return the rule of an event that a user writes down.
+
+    Parameters
+    ----------
+    table : mapping
+        `kind` and `flag`, and of the others what the event has: `ends`, `phase`, `where` and
+        `direction` (two outputs each), `strength`, `unit`, `sense`, `on`, `off`, and `steady` in s.
+    about : str
+        Where it stands, for errors.
+
+    Raises
+    ------
+    SceneError
+        If a key is missing, unknown, or of another type.
+    """
+    known = (*_TEXTS, *_PAIRS, *_NUMBERS)
+    for key in table:
+        if key not in known:
+            raise SceneError(f"{about}: {name_error('key of an event', key, known)}")
+    found: dict[str, Any] = {}
+    for key, value in table.items():
+        if key in _TEXTS:
+            found[key] = checked_name(f"{about}: '{key}'", value, SceneError)
+        elif key in _PAIRS:
+            two = cast("list[object]", value) if isinstance(value, list | tuple) else []
+            if len(two) != 2:
+                raise SceneError(f"{about}: '{key}' is two outputs, got {shown(value)}.")
+            found[key] = tuple(checked_name(f"{about}: '{key}'", one, SceneError) for one in two)
+        else:
+            real = isinstance(value, int | float) and not isinstance(value, bool)
+            if not (real and math.isfinite(cast("float", value))):
+                raise SceneError(f"{about}: '{key}' is a number, got {shown(value)}.")
+            found[key] = float(cast("float", value))
+    for key in ("kind", "flag"):
+        if not found.get(key):
+            raise SceneError(f"{about}: '{key}' is missing: an event has a kind and a flag.")
+    on = found.setdefault("on", 0.0)
+    if found.setdefault("off", on) > on:
+        raise SceneError(f"{about}: 'off' is {found['off']:g}, above 'on', which is {on:g}.")
+    if found.get("steady", 0.0) < 0.0:
+        raise SceneError(f"{about}: 'steady' is a time in s from 0 up, got {found['steady']:g}.")
+    return EventRule(**found, own=True)
+
+
 def rules_that_fit(events: Iterable[str], outputs: Collection[str]) -> tuple[EventRule, ...]:
     """Return the rules of events that a program with these outputs can follow."""
     given = set(outputs)
@@ -331,6 +404,8 @@ class EventDetector:
     longest_gap: float = field(init=False, default=0.0)
     _held: list[bool] = field(init=False)
     _since: dict[int, float] = field(init=False, default_factory=dict[int, float])
+    _levels: tuple[tuple[str, float, float], ...] = field(init=False)
+    _above: list[bool] = field(init=False)
     _steady: tuple[int, ...] = field(init=False)
     _gaps: list[tuple[float, float]] = field(init=False)
     _last: float | None = field(init=False, default=None)
@@ -338,6 +413,8 @@ class EventDetector:
 
     def __post_init__(self) -> None:
         self._held = [False] * len(self.rules)
+        self._above = [False] * len(self.rules)
+        self._levels = tuple((rule.flag, rule.on, rule.off) for rule in self.rules)
         self._steady = tuple(n for n, rule in enumerate(self.rules) if rule.steady > 0.0)
         self._gaps = [_NO_GAP] * len(self.rules)
 
@@ -361,7 +438,12 @@ class EventDetector:
         if self._missed:
             self._note_gap(t)
         self._last = t
-        held, now = self._held, [_number(outputs, rule.flag) > 0.0 for rule in self.rules]
+        held = self._held
+        now = [
+            _number(outputs, flag) > (off if was else on)
+            for (flag, on, off), was in zip(self._levels, self._above, strict=True)
+        ]
+        self._above = now if not self._steady else now.copy()
         if saturated:
             states = zip(self.rules, now, held, strict=True)
             now = [rule.state_at_end(now=on, held=was) for rule, on, was in states]

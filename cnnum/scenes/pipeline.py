@@ -4,7 +4,7 @@ import math
 import time
 from collections.abc import Collection, Generator, Iterator, Mapping, Sequence
 from contextlib import closing
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import NamedTuple, cast
 
@@ -26,11 +26,12 @@ from cnnum.graph.graph import Graph
 from cnnum.graph.nodes import Input
 from cnnum.graph.tracing import TraceStep, trace_steps
 from cnnum.plan import Plan
-from cnnum.programs.library import get_program
+from cnnum.programs import Program
 from cnnum.safety.names import shown
 from cnnum.scenes.arrangement import (
     bound,
     events_of_everything,
+    program_of,
     refuse_unfit,
     unknown_want,
     warn_of_no_bumps,
@@ -43,6 +44,7 @@ from cnnum.scenes.events import (
     Event,
     EventDetector,
     EventRule,
+    event_rule,
     rules_that_fit,
     titled,
 )
@@ -237,7 +239,7 @@ class Scene(OfThisProcess):
         driver = open_driver(spec.driver, spec.driver_options, base=spec.base)
         try:
             conversion = conversion_for(spec.calibration, driver, spec.base, spec.scale)
-            program = bound(get_program(spec.program), spec, driver)
+            program = bound(program_of(spec), spec, driver)
             refuse_unfit(program, spec, driver, unit_of(conversion, driver))
             traced = program.trace(driver.shape, (*conversion.channels, CHANNEL))
             outputs = traced.outputs
@@ -246,7 +248,7 @@ class Scene(OfThisProcess):
             warn_of_no_bumps(spec, driver)
             measured = unit_of(conversion, driver)
             rules = with_units(_rules(spec, wants, outputs), program, measured)
-            fields = tuple(want for want in wants if want not in EVENT_RULES)
+            fields = tuple(w for w in wants if w not in EVENT_RULES and w not in spec.own)
             needs = tuple(dict.fromkeys((*(n for rule in rules for n in rule.needs), *fields)))
             dead = DeadCells(spec.dead, driver.shape) if spec.dead else None
             at_ends = None
@@ -333,7 +335,7 @@ class Scene(OfThisProcess):
     def __repr__(self) -> str:
         spec, shape = self.spec, self.driver.shape
         return (
-            f"Scene('{spec.name}': {spec.driver}, {shape[0]}×{shape[1]} → {spec.program} → "
+            f"Scene('{spec.name}': {spec.driver}, {shape[0]}×{shape[1]} → {spec.program_name} → "
             f"{', '.join(spec.needs)}; {self.engine.name} {self.engine.precision})"
         )
 
@@ -404,7 +406,8 @@ class Scene(OfThisProcess):
         """Outputs of the program that the scene wants by name, apart from events."""
         wanted = set(self.spec.needs)
         known = self.plan.schedule.outputs
-        return tuple(n for n in known if n in wanted and n not in EVENT_RULES) or tuple(
+        events = {*EVENT_RULES, *self.spec.own}
+        return tuple(n for n in known if n in wanted and n not in events) or tuple(
             known if EVERYTHING in wanted else ()
         )
 
@@ -502,11 +505,11 @@ def _needs(spec: SceneSpec, outputs: Collection[str], known: Collection[str]) ->
     """Return the outputs that a scene wants, by name where it wants everything."""
     if EVERYTHING not in spec.needs:
         for want in spec.needs:
-            if want not in EVENT_RULES and want not in outputs:
+            if want not in EVENT_RULES and want not in outputs and want not in spec.own:
                 raise unknown_want(spec, want, outputs)
-        return spec.needs
+        return tuple(dict.fromkeys((*spec.needs, *spec.own)))
     events = (want for want in known if rules_that_fit([want], outputs))
-    return tuple(dict.fromkeys((*events, *outputs)))
+    return tuple(dict.fromkeys((*spec.own, *events, *outputs)))
 
 
 def _rules(
@@ -521,14 +524,28 @@ def _rules(
     """
     found: list[EventRule] = []
     for want in wants:
+        if own := [rule for rule in spec.events if rule.kind == want]:
+            found += [_fitting(spec, rule, outputs) for rule in own]
+            continue
         fitting = rules_that_fit([want], outputs)
         if want in EVENT_RULES and not fitting:
             raise SceneError(
-                f"Scene '{spec.name}' wants '{want}', which the program '{spec.program}' does not "
-                f"give: it has {', '.join(outputs)}."
+                f"Scene '{spec.name}' wants '{want}', which the program '{spec.program_name}' does "
+                f"not give: it has {', '.join(outputs)}."
             )
         found += fitting
     return tuple(found)
+
+
+def _fitting(spec: SceneSpec, rule: EventRule, outputs: Collection[str]) -> EventRule:
+    """Return a rule of the user's own, all of whose outputs the program gives."""
+    for name in rule.needs:
+        if name not in outputs:
+            raise SceneError(
+                f"Scene '{spec.name}': the event '{rule.kind}' reads '{name}', which the program "
+                f"'{spec.program_name}' does not give: {name_error('output', name, outputs)}"
+            )
+    return rule
 
 
 def get_scene(name: str, *, engine: Engine | None = None) -> Scene:
@@ -548,6 +565,8 @@ def load_scene(
     scene: str | Path,
     *,
     engine: Engine | None = None,
+    program: Program | str | None = None,
+    events: Sequence[Mapping[str, object]] = (),
     changes: Mapping[str, object] | None = None,
     trust: bool = False,
 ) -> Scene:
@@ -559,15 +578,31 @@ def load_scene(
         A TOML file, or the name of a scene that comes with the package.
     engine : Engine, optional
         To run on instead of the scene's own.
+    program : Program or str, optional
+        To run instead of the scene's own, with its own parameters. All that it gives is wanted,
+        unless `changes` sets "needs".
+    events : sequence of mapping
+        Events of one's own, with the keys of a table [[event]] of a scene file, in addition to
+        those of the file: {"kind": "poke", "flag": "poke", "on": 0.5}.
     changes : mapping of str to object, optional
         Values to set over those of the file, by dotted key.
     trust : bool
-        Whether a driver that the file names as "module:Options" may be imported, which runs its
-        code. Without it, only one that `changes` names, and one that an installed package offers.
+        Whether a driver or a program that the file names as "module:name" may be imported, which
+        runs its code. Without it, only one that is named here, and a driver that an installed
+        package offers.
 
     Raises
     ------
     CnnumError
         Whatever is wrong with the file, the array, the program or the device.
     """
-    return Scene.of(read_scene(scene, changes=changes, trust=trust), engine)
+    given = dict(changes or {})
+    if program is not None:
+        given = {"needs": [EVERYTHING], "program": {}, **given}
+        if isinstance(program, str):
+            given["program.name"] = program
+    spec = read_scene(scene, changes=given, trust=trust)
+    if isinstance(program, Program):
+        spec = replace(spec, program=program)
+    own = (event_rule(table, f"Event {n}") for n, table in enumerate(events, 1))
+    return Scene.of(replace(spec, events=(*spec.events, *own)), engine)

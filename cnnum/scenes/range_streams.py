@@ -17,7 +17,7 @@ from cnnum.frame import FORCE_AXES
 from cnnum.graph.passes import schedule
 from cnnum.graph.schedule import Schedule
 from cnnum.programs import Program
-from cnnum.programs.library import get_program
+from cnnum.scenes.arrangement import named
 
 RATE = 200.0
 """Hz of the streams, and the parameter of programs."""
@@ -69,8 +69,8 @@ def measuring_frames(shape: Shape) -> Floats:
 
 
 def bound(name: str) -> Program:
-    """Return a program of the library at the rate of the streams."""
-    program = get_program(name)
+    """Return a program, of the library or by its place, at the rate of the streams."""
+    program = named(name)
     takes_rate = "rate" in inspect.signature(program.function).parameters
     return program.bind(rate=RATE) if takes_rate else program
 
@@ -105,7 +105,7 @@ def made(
     kind, found = precision_named(precision), schedule_of(name, shape, needs)
     wanted = None if needs is None else tuple(needs)
     seen = _seen(name, shape, method, wanted) if kind.integer else Seen()
-    return make_with(name, found, solvers_for(found, method), kind, seen, method)
+    return make_with(named(name).name, found, solvers_for(found, method), kind, seen, method)
 
 
 @lru_cache(maxsize=4)

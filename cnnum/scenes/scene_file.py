@@ -8,14 +8,16 @@ from pathlib import Path
 from typing import Any, cast
 
 from cnnum.errors import SceneError, missing_file, name_error, unreadable
+from cnnum.programs import Program
 from cnnum.renamed import by_new_names
 from cnnum.safety.names import LONGEST, checked_name, shown, tidied
 from cnnum.safety.reading import names_something, read_text
 from cnnum.safety.toml_reading import LARGEST, parse_toml
+from cnnum.scenes.events import EventRule, event_rule
 from cnnum.tactile.array_calibration import KEYS, ArrayCalibration
 
 _TABLES = ("array", "frames", "calibration", "program", "engine")
-_KEYS = ("name", "needs", *_TABLES)
+_KEYS = ("name", "needs", *_TABLES, "event")
 
 RENAMED = {"wants": "needs"}
 """Old keys, which work for one more version."""
@@ -34,7 +36,7 @@ class SceneSpec:
     name : str
     needs : tuple of str
         Events ("contact", "slip", "twist", "edge") and outputs of the program, or "everything";
-        the rest of the program is left out.
+        the rest of the program is left out. Events of one's own are wanted where they are given.
     driver : str
     driver_options : mapping
     frame_range : float or None
@@ -45,8 +47,9 @@ class SceneSpec:
         "driver" (the driver's own knowledge of its array), "none", or the path of a file.
     scale : ArrayCalibration or None
         Gain, offset and tare of the raw values, where the scene says them.
-    program : str
-        Name of a tactile program.
+    program : str or Program
+        Name of a program of the library, "module:function" or "file.py:function" of one's own, or
+        the program itself.
     parameters : mapping
         Of the program.
     engine, device, precision, fallback : str or None
@@ -54,6 +57,8 @@ class SceneSpec:
         Driver and options of a recording on which whole numbers measure their ranges.
     base : Path
         Folder that relative paths start from: the file's own.
+    events : tuple of EventRule
+        One's own, from the outputs of the program.
 
     Raises
     ------
@@ -69,7 +74,7 @@ class SceneSpec:
     dead: tuple[tuple[int, int], ...] = ()
     calibration: str = "driver"
     scale: ArrayCalibration | None = None
-    program: str = "tactile"
+    program: "str | Program" = "tactile"
     parameters: Mapping[str, object] = field(default_factory=dict[str, object])
     engine: str | None = None
     device: str | None = None
@@ -77,15 +82,28 @@ class SceneSpec:
     ranges: Mapping[str, object] | None = None
     fallback: str | None = None
     base: Path = Path()
+    events: tuple[EventRule, ...] = ()
 
     def __post_init__(self) -> None:
         checked_name("a scene", self.name, SceneError)
-        if not self.needs:
+        if not self.needs and not self.events:
             raise SceneError(f"Scene '{self.name}': 'needs' must name at least one event or field.")
         for want in self.needs:
             checked_name(f"a want of scene '{self.name}'", want, SceneError)
-        for part in ("driver", "program", *(("engine",) if self.engine is not None else ())):
-            checked_name(f"the {part} of scene '{self.name}'", getattr(self, part), SceneError)
+        named = {"driver": self.driver, "program": self.program_name, "engine": self.engine}
+        for part, name in named.items():
+            if name is not None:
+                checked_name(f"the {part} of scene '{self.name}'", name, SceneError)
+
+    @property
+    def program_name(self) -> str:
+        """Name of the program."""
+        return self.program if isinstance(self.program, str) else self.program.name
+
+    @property
+    def own(self) -> tuple[str, ...]:
+        """Kinds of one's own events."""
+        return tuple(dict.fromkeys(rule.kind for rule in self.events))
 
 
 def scene_names() -> tuple[str, ...]:
@@ -106,8 +124,8 @@ def read_scene(
     changes : mapping of str to object, optional
         Values to set over those of the file, by dotted key: {"array.seed": 3}.
     trust : bool
-        Whether a driver that the file names as "module:Options" may be imported, which runs its
-        code. One that `changes` names may be.
+        Whether a driver or a program that the file names as "module:name" may be imported, which
+        runs its code. One that `changes` names may be.
 
     Raises
     ------
@@ -129,12 +147,19 @@ def read_scene(
 
 
 def _refuse_code(spec: SceneSpec, scene: str | Path, changes: Mapping[str, object]) -> None:
-    """Refuse drivers that are code, but for those that the user has named: nothing is imported."""
-    named = set(_named_drivers(changes))
-    for key, name in (("array", spec.driver), ("engine.ranges", (spec.ranges or {}).get("driver"))):
+    """Refuse drivers and programs that are code, but for those that the user has named."""
+    drivers = set(_named_drivers(changes))
+    programs = {changes.get("program.name")}
+    if isinstance(table := changes.get("program"), Mapping):
+        programs.add(cast("Mapping[str, object]", table).get("name"))
+    for what, key, name, named in (
+        ("driver", "array", spec.driver, drivers),
+        ("driver", "engine.ranges", (spec.ranges or {}).get("driver"), drivers),
+        ("program", "program", spec.program, programs),
+    ):
         if isinstance(name, str) and ":" in name and name not in named:
             raise SceneError(
-                f"Scene '{scene}': its driver {shown(name)} in '{key}' is custom code, which "
+                f"Scene '{scene}': its {what} {shown(name)} in '{key}' is custom code, which "
                 "would run with your permissions: read that module, then give --trust (in Python "
                 "trust=True)."
             )
@@ -220,7 +245,20 @@ def _spec(scene: str, table: dict[str, Any], base: Path) -> SceneSpec:
         ranges=_ranges(scene, engine),
         fallback=_text(scene, engine, "fallback", "") or None,
         base=base,
+        events=_events(scene, table.get("event", [])),
     )
+
+
+def _events(scene: str, value: object) -> tuple[EventRule, ...]:
+    """Return the rules of one's own events."""
+    tables = cast("list[object]", value) if isinstance(value, list) else [None]
+    if not all(isinstance(table, Mapping) for table in tables):
+        raise SceneError(
+            f"Scene '{scene}': 'event' must be a list of tables, each begun by [[event]], got "
+            f"{shown(value)}."
+        )
+    found = enumerate(cast("list[Mapping[str, object]]", tables), 1)
+    return tuple(event_rule(table, f"Scene '{scene}', event {n}") for n, table in found)
 
 
 def _scale(scene: str, table: Mapping[str, Any]) -> ArrayCalibration | None:

@@ -37,7 +37,10 @@ def with_units(
     measured : str
         Unit of the values that the program sees.
     """
-    return tuple(replace(rule, unit=_unit(rule.strength, program, measured)) for rule in rules)
+    return tuple(
+        rule if rule.own else replace(rule, unit=_unit(rule.strength, program, measured))
+        for rule in rules
+    )
 
 
 def _unit(strength: str, program: Program, measured: str) -> str:

@@ -46,15 +46,19 @@ def command(
 ) -> int:
     """Write PROGRAM as self-contained C99, with a test vector and a Makefile.
 
+    PROGRAM is one of the library, or one of your own as FILE.py:FUNCTION or MODULE:FUNCTION.
+
     Memory is static, and precisions of whole numbers need no mathematics library. The range of
     every value is measured on simulated scenes; values beyond it saturate.
     """
+    from cnnum.scenes.arrangement import named
     from cnnum.scenes.range_streams import made, vector_streams
 
-    size = shape_of(shape)
+    size, place = shape_of(shape), program
+    program = named(place).name
     ours = require_room(out, program, force=force)
     wanted = None if needs is None else tuple(name.strip() for name in needs.split(","))
-    found = made(program, size, precision, method, wanted)
+    found = made(place, size, precision, method, wanted)
     about = (
         f"Program '{program}' on {size[0]} x {size[1]} cells in {precision}, method {method}.",
         "Written by 'cnnum export'.",

@@ -32,6 +32,8 @@ class _Wanted(TypedDict):
     seed: int | None
     leave_one_out: bool
     objects: str | None
+    slip: str | None
+    twist: str | None
 
 
 @click.command("score")
@@ -58,6 +60,12 @@ class _Wanted(TypedDict):
     metavar="NAMES",
     help="Objects of the flat data set, as in 5,7, or all; unless given all but 4, 9, 12 and 16.",
 )
+@click.option(
+    "--slip",
+    metavar="PROGRAM",
+    help="Score your own program, FILE.py:FUNCTION, instead of 'slip'. It gives the same outputs.",
+)
+@click.option("--twist", metavar="PROGRAM", help="The same instead of 'twist'.")
 @engine_options
 @click.option("--strict", is_flag=True, help="Exit with 1 if an aim is missed.")
 @page_option
@@ -100,7 +108,7 @@ def command(
 
         tables = score(request, used, advance, gathered)
     if stop.stopped:
-        _show_part(output, gathered.tables(used))
+        _show_part(output, gathered.tables(used, request.programs))
         return stop.say(done, request.steps, "families and trials", as_json=as_json)
     _record(output, tables)
     aimed, missed = (sum(getattr(each, name) for each in tables) for name in ("aimed", "missed"))
@@ -125,6 +133,7 @@ def _show_part(output: Output, tables: "Sequence[Table]") -> None:
 
 def _request(wanted: _Wanted) -> "Request":
     from cnnum.lab.scoring.suites import QUICK, SCORING, USUAL, Request
+    from cnnum.scenes.arrangement import named as program_named
 
     known = os.environ.get("CNNUM_RECORDINGS", "")
     folder = Path(known) if known and Path(known).is_dir() else None
@@ -135,6 +144,11 @@ def _request(wanted: _Wanted) -> "Request":
         seed=SCORING if wanted["seed"] is None else wanted["seed"],
         leave_one_out=wanted["leave_one_out"],
         recordings=folder,
+        programs={
+            name: program_named(place)
+            for name, place in (("slip", wanted["slip"]), ("twist", wanted["twist"]))
+            if place is not None
+        },
         objects=tuple(name.strip() for name in named.split(",")) if named else None,
     )
 

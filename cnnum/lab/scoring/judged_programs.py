@@ -71,11 +71,14 @@ class Subject:
         Parameters other than the shipped ones.
     twists : bool
         Whether twist is judged, too.
+    programs : mapping
+        Programs instead of those of the library, by `SLIP` or `TWIST`: they give the same outputs.
     """
 
     engine: Engine
     constants: Mapping[str, float] = field(default_factory=dict[str, float])
     twists: bool = True
+    programs: Mapping[str, Program] = field(default_factory=dict[str, Program])
 
     def play(self, trials: Sequence[Trial]) -> list[Answers]:
         """Return the programs' outputs of every frame of every trial, one array an output.
@@ -96,7 +99,8 @@ class Subject:
         return answers
 
     def _one(self, name: str, outputs: tuple[str, ...], trials: Sequence[Trial]) -> list[Answers]:
-        return side_by_side(self.engine, get_program(name), outputs, trials, self.constants)
+        program = self.programs.get(name) or get_program(name)
+        return side_by_side(self.engine, program, outputs, trials, self.constants)
 
 
 def in_batches(

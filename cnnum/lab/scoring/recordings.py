@@ -124,7 +124,7 @@ POOLED, USKIN_AUC = 0.90, 0.96
 """Aims."""
 
 SHIPPED, CHOSEN = "slip_strength", "constants chosen without the object"
-"""Rows of the program; the others are """
+"""Rows of the program; the others are baselines."""
 
 NOTE = (
     "Area under the ROC curve of the frames in which an object is held. Its marker moves faster "
@@ -191,12 +191,13 @@ def read(
     return found
 
 
-def score_table(engine: Engine, recorded: Recorded) -> Table:
-    """Return the areas under the curve of the program and of its"""
+def score_table(engine: Engine, recorded: Recorded, *, tunes: bool = True) -> Table:
+    """Return the areas under the curve of the program and of its baselines."""
     rows = _shipped(recorded)
     rows |= {name: _change(recorded, *how) for name, how in CHANGES.items()}
     if recorded.flat:
-        rows[CHOSEN] = _chosen(engine, recorded.flat), []
+        if tunes:  # the constants are those of the shipped program
+            rows[CHOSEN] = _chosen(engine, recorded.flat), []
         if can_learn():
             rows["logistic regression without the object"] = _learned(recorded.flat), []
     objects = sorted({trial.family for trial in recorded.flat}, key=_number)

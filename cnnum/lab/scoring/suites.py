@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 
@@ -19,6 +20,9 @@ from cnnum.lab.scoring.levels import LEVELS, level_table
 from cnnum.lab.scoring.recorded import flat_folders, uskin_folders
 from cnnum.lab.scoring.recordings import Recorded, read, score_table
 from cnnum.lab.scoring.table import Column, Row, Table
+from cnnum.programs import Program
+
+NO_PROGRAMS: Mapping[str, Program] = MappingProxyType({})
 
 SHORTEST = 2
 """Frames of a slip at least; a shorter one may be the camera's noise."""
@@ -180,6 +184,8 @@ class Request:
         Folder of the data sets.
     objects : tuple of str, optional
         Of the flat data set; all but those held back unless given.
+    programs : mapping
+        One's own programs, by the one of the library that each is judged instead of.
     """
 
     suites: tuple[str, ...]
@@ -188,12 +194,18 @@ class Request:
     leave_one_out: bool = False
     recordings: Path | None = None
     objects: tuple[str, ...] | None = None
+    programs: Mapping[str, Program] = field(default_factory=dict[str, Program])
 
     def __post_init__(self) -> None:
         if "recordings" in self.suites and self.recordings is None:
             raise SceneError(
                 "The suite 'recordings' needs real trials: set CNNUM_RECORDINGS to the folder "
                 "that has them."
+            )
+        if self.leave_one_out and self.programs:
+            raise SceneError(
+                "Constants are chosen of the slip program of the library alone: leave out "
+                "--leave-one-out, or your own program."
             )
 
     @property
@@ -224,12 +236,13 @@ class Gathered:
         default_factory=lambda: (list[Trial](), list[Trial]())
     )
 
-    def tables(self, engine: Engine) -> list[Table]:
+    def tables(self, engine: Engine, programs: Mapping[str, Program] = NO_PROGRAMS) -> list[Table]:
         """Return the figures of each family and trial that is there, none over all of them."""
-        made = tables(played(Subject(engine), self.families)) if self.families else []
+        both = Subject(engine, programs=programs)
+        made = tables(played(both, self.families)) if self.families else []
         flat, uskin = self.recorded
         groups = dict[str, tuple[Sequence[Trial], Sequence[Answers]]]()
-        subject = Subject(engine, twists=False)
+        subject = Subject(engine, twists=False, programs=programs)
         if flat:
             groups |= _grouped(flat, subject.play(flat))
         if uskin:
@@ -261,7 +274,7 @@ def score(
     if "families" in request.suites:
         made += _families(request, engine, advance, gathered)
     if "recordings" in request.suites and request.recordings is not None:
-        made += _recordings(request.recordings, request.objects, engine, advance, gathered)
+        made += _recordings(request, request.recordings, engine, advance, gathered)
     return made
 
 
@@ -269,7 +282,7 @@ def _families(
     request: Request, engine: Engine, advance: Advance, gathered: Gathered
 ) -> list[Table]:
     trials = drawn(request.count, request.seed, advance, gathered.families)
-    scenes = played(Subject(engine), trials)
+    scenes = played(Subject(engine, programs=request.programs), trials)
     made = [*tables(scenes), level_table(scenes)]
     if request.leave_one_out:
         made.append(left_out_table(choices(engine, trials, advance)))
@@ -277,21 +290,24 @@ def _families(
 
 
 def _recordings(
+    request: Request,
     root: Path,
-    objects: tuple[str, ...] | None,
     engine: Engine,
     advance: Advance,
     gathered: Gathered,
 ) -> list[Table]:
-    flat, uskin = read(root, objects, advance, gathered.recorded)
-    subject = Subject(engine, twists=False)
+    flat, uskin = read(root, request.objects, advance, gathered.recorded)
+    subject = Subject(engine, twists=False, programs=request.programs)
     recorded = Recorded(flat, uskin, subject.play(flat), subject.play(uskin))
     groups = _grouped(flat, recorded.flat_answers)
     if flat:
         groups["all objects"] = (flat, recorded.flat_answers)
     if uskin:
         groups["uSkin trials"] = (uskin, recorded.uskin_answers)
-    made = [score_table(engine, recorded), report_table(groups)]
+    made = [
+        score_table(engine, recorded, tunes="slip" not in request.programs),
+        report_table(groups),
+    ]
     if flat:
         made.append(recorded_levels(flat, recorded.flat_answers))
     if uskin:

@@ -94,7 +94,13 @@ def _end(record: SceneRecord) -> float:
 
 
 def _lanes(record: SceneRecord) -> tuple[Lane, ...]:
-    return tuple(lane for lane in LANES if lane.want in record.needs)
+    """Return a lane for each kind of event: those with a truth first, then the others that came."""
+    known = {(lane.kind, lane.phase) for lane in LANES} | {(lane.ends, "") for lane in LANES}
+    came = dict.fromkeys((event.kind, event.phase or "") for event in record.events)
+    others = (
+        Lane(kind, phase, kind, "", kind) for kind, phase in came if (kind, phase) not in known
+    )
+    return (*(lane for lane in LANES if lane.want in record.needs), *others)
 
 
 def _lane(
@@ -113,7 +119,7 @@ def _lane(
     for verdict in mine:
         if verdict.reported is not None:
             yield from _marker(time(verdict.reported.time), y + 27.0, verdict, time.end)
-    for event in record.events if not record.truth else ():
+    for event in record.events if not (record.truth and lane.truth) else ():
         if event.kind in (lane.kind, lane.ends) and (event.phase or "") == lane.phase:
             yield _triangle(time(event.time), y + 27.0, "reported", str(event))
 

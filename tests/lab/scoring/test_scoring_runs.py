@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+import cnnum
 from cnnum.cli import main
 from cnnum.drivers.simulated.grips import Arrays
 from cnnum.engine import Engine
@@ -70,6 +71,27 @@ def test_constants_reach_the_program(engine, trials):
     (strict,) = Subject(engine, {"false_reports": 0.5}).play([slide])
     assert 0 < strict["gross_slip"].sum() < plain["gross_slip"].sum()
     np.testing.assert_allclose(plain["slip_strength"], strict["slip_strength"])
+
+
+def test_a_program_of_one_s_own_is_judged_instead(engine, trials):
+    """One that reports wherever there is a load: its flags are judged, and not the library's."""
+
+    @cnnum.program
+    def slip(frame):
+        strength = abs(frame.normal).max()
+        still = 0.0 * strength
+        return {
+            "gross_slip": strength > 1e-3,
+            "slip_x": still,
+            "slip_y": still,
+            "slip_strength": strength,
+        }
+
+    (answers,) = Subject(engine, programs={"slip": slip}).play([trials["grip"][0]])
+    normal = np.abs(trials["grip"][0].frames[..., 2]).max(axis=(1, 2))
+    np.testing.assert_allclose(answers["slip_strength"], normal, rtol=1e-6)
+    assert (answers["gross_slip"] == (normal > 1e-3)).all()
+    assert "twist" in answers
 
 
 def test_a_level_is_the_program_s_own_latch(scenes):
