@@ -1,28 +1,184 @@
 """From a specification to templates with their proofs."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from cnnum.arrays import Floats
 from cnnum.design.exact import Shape, as_template, settle_bound
-from cnnum.design.learning import learn
-from cnnum.design.lessons import lesson_of
-from cnnum.design.linear_program import Conflict, Weights, separate
+from cnnum.design.learning import Lesson, learn
+from cnnum.design.linear_program import Conflict, Weights, equalities, separate
 from cnnum.design.local_rules import Seen, Table, check_of
 from cnnum.design.search import Search, search
-from cnnum.design.sequences import sequence
 from cnnum.design.spec import Spec
 from cnnum.design.worst_case import worst_case
 from cnnum.errors import TemplateError
 from cnnum.templating.checks.measuring import measure
+from cnnum.templating.checks.registry import form_of
 from cnnum.templating.checks.robustness import flips
 from cnnum.templating.checks.running import Engine
 from cnnum.templating.files.entry import About, Entry
 from cnnum.templating.files.proof import FlipRate, Proof
 from cnnum.templating.library import get_template
 from cnnum.templating.template import Check, Template
+
+MOST = 12
+"""Templates of a sequence; a longer one says that the rule is none for this machine."""
+
+BEYOND = 1e-6
+
+
+def sequence(table: Table) -> tuple[tuple[Weights, Table], ...]:
+    """Return the weights of templates that together obey a rule, in their order.
+
+    The number of templates is not proved to be the least.
+
+    Parameters
+    ----------
+    table : Table
+        Of the input alone.
+
+    Raises
+    ------
+    TemplateError
+        If the rule reads more than the input, or takes more than twelve templates.
+    """
+    if any(seen.source != "u" for seen in table.seen):
+        raise TemplateError(
+            "A rule of the outputs or of the state before cannot be split: its templates would "
+            "need the state to carry their results; write it as rules of the input."
+        )
+    # a rule that a turn leaves as it is may need planes that it does not
+    ways = [way for even in (True, False) if (way := _peeled(table, symmetric=even)) is not None]
+    if not ways:
+        raise TemplateError(
+            f"The rule takes more than {MOST} templates: look for steps of it by hand."
+        )
+    return min(ways, key=len)
+
+
+def _peeled(table: Table, *, symmetric: bool) -> tuple[tuple[Weights, Table], ...] | None:
+    found = list[tuple[Weights, Table]]()
+    left = table
+    while isinstance(weights := separate(left, symmetric=symmetric), Conflict):
+        if len(found) == MOST - 1:
+            return None
+        step, left = _last(left, symmetric=symmetric)
+        last = separate(step, symmetric=symmetric)
+        assert isinstance(last, Weights)
+        found.append((last, step))
+    return ((weights, left), *reversed(found))
+
+
+def answers(steps: tuple[tuple[Weights, Table], ...], table: Table) -> Floats:
+    """Return the colours that a sequence gives to every configuration of a rule."""
+    first, *others = steps
+    colours = np.sign(first[0].sums(table))
+    for weights, _ in others:
+        carried = Table(
+            (*table.seen, BEFORE), np.column_stack([table.signs, colours]), table.colours
+        )
+        colours = np.sign(weights.sums(carried))
+    return np.asarray(colours, dtype=np.float64)
+
+
+BEFORE = Seen("before")
+
+
+def _last(table: Table, *, symmetric: bool) -> tuple[Table, Table]:
+    """Return the rule of the last template, and the rest for those before it."""
+    beyond = max(
+        (_one_sided(table, colour, symmetric=symmetric) for colour in (-1.0, 1.0)),
+        key=lambda cut: int(cut.sum()),
+    )
+    rest = Table(table.seen, table.signs[~beyond], table.colours[~beyond])
+    # a cell beyond the plane has its colour, black or white before
+    signs = np.vstack([table.signs[beyond], table.signs[beyond], rest.signs])
+    count = int(beyond.sum())
+    before = np.concatenate([np.ones(count), -np.ones(count), rest.colours])
+    colours = np.concatenate([table.colours[beyond], table.colours[beyond], rest.colours])
+    return Table((*table.seen, BEFORE), np.column_stack([signs, before]), colours), rest
+
+
+def _one_sided(table: Table, colour: float, *, symmetric: bool) -> NDArray[np.bool_]:
+    """Return the configurations of one colour that a plane cuts off from all of the other."""
+    from scipy.optimize import linprog
+
+    rows = np.column_stack([table.signs, np.ones(len(table.signs))])
+    own, other = rows[table.colours == colour], rows[table.colours != colour]
+    count, columns = own.shape
+    equal = equalities(table, columns)[::2, :columns] if symmetric else np.zeros((0, columns))
+    found = linprog(
+        np.concatenate([np.zeros(columns), np.ones(count)]),
+        A_ub=np.vstack(
+            [
+                np.column_stack([-own, -np.eye(count)]),
+                np.column_stack([other, np.zeros((len(other), count))]),
+            ]
+        ),
+        b_ub=-np.ones(count + len(other)),
+        A_eq=np.column_stack([equal, np.zeros((len(equal), count))]) if len(equal) else None,
+        b_eq=np.zeros(len(equal)) if len(equal) else None,
+        bounds=[(None, None)] * columns + [(0.0, None)] * count,
+        method="highs",
+    )
+    sums = rows @ np.asarray(found.x)[:columns]
+    cut = sums > sums[table.colours != colour].max() + BEYOND
+    return cut if cut.any() else _corner(table, colour)
+
+
+def _corner(table: Table, colour: float) -> NDArray[np.bool_]:
+    """Return one configuration of a colour: a corner of the cube, which a plane always cuts off."""
+    cut = np.zeros(len(table.signs), dtype=bool)
+    cut[np.flatnonzero(table.colours == colour)[0]] = True
+    return cut
+
+
+SEED, SHAPE = 1, (8, 8)
+"""Of the pictures of a check; flips are counted on those of another seed."""
+
+Example = tuple[Floats, Floats | None, Floats]
+
+
+def lesson_of(form: Template, examples: Sequence[Example]) -> Lesson:
+    """Return the lesson of examples, or of the form's check where there are none.
+
+    Parameters
+    ----------
+    form : Template
+    examples : sequence of (input, state or None, output)
+        Of one size.
+
+    Raises
+    ------
+    TemplateError
+        If examples differ in size, or the form has no check, or one that no lesson can have.
+    """
+    if not examples:
+        return _of_check(form)
+    inputs, states, outputs = zip(*examples, strict=True)
+    if len({one.shape for one in outputs}) > 1 or len({one is None for one in states}) > 1:
+        raise TemplateError(
+            f"The lesson of '{form.name}' needs examples of one size, all with a state or none."
+        )
+    state = None if states[0] is None else np.stack(states)
+    return Lesson(form, np.stack(outputs), np.stack(inputs) if form.inputs else None, state)
+
+
+def _of_check(form: Template) -> Lesson:
+    rule = form_of(form)
+    case = rule.cases(form, np.random.default_rng(SEED), SHAPE)
+    others = (case.previous, case.bias, case.mask)
+    if rule.compares != "output" or any(one is not None for one in others):
+        raise TemplateError(
+            f"The check of '{form.name}' has more than inputs, states and outputs: give the lesson "
+            "as tables [[example]]."
+        )
+    return Lesson(form, rule.expected(form, case), case.input, case.state)
+
 
 PLACES = ("nw", "n", "ne", "w", "c", "e", "sw", "s", "se")
 SOURCE = "found by CMA-ES: the fewest flips under mismatch"

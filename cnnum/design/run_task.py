@@ -1,6 +1,7 @@
 """One task of a sweep: runs of one launch, each judged by the template's check."""
 
 import itertools
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cache
 from typing import Any
@@ -9,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cnnum.arrays import Floats
-from cnnum.design import on_chip
-from cnnum.design.changed_weights import biases_of, weights_of
-from cnnum.design.experiment import DRAW, OUTER, Experiment, Value
+from cnnum.design.changed_weights import Parts, biases_of
+from cnnum.design.changed_weights import weights_of as changed_weights_of
+from cnnum.design.experiment import CHIP, DRAW, OUTER, Experiment, Value
 from cnnum.engine import Engine
 from cnnum.errors import (
     ArrayError,
@@ -20,13 +21,94 @@ from cnnum.errors import (
     SizeError,
     TemplateError,
 )
-from cnnum.runs.chip import Chip
+from cnnum.runs.chip import MOST_BITS, Chip
 from cnnum.runs.result import Result
 from cnnum.safety.memory import refuse_on_host
 from cnnum.templating.batch import TemplateBatch
 from cnnum.templating.checks.records import Case
 from cnnum.templating.checks.registry import form_of
+from cnnum.templating.numbers import weights_of, with_numbers
 from cnnum.templating.template import Template
+
+MOST_SEEDS = 2**31
+
+
+def chip_of(place: Mapping[str, Value], rng: np.random.Generator) -> Chip | None:
+    """Return the chip of a run, None where no axis is one of chips."""
+    if not place.keys() & set(CHIP):
+        return None
+    return Chip(
+        weight_bits=int(place.get("weight_bits", MOST_BITS)),
+        state_bits=int(place.get("state_bits", MOST_BITS)),
+        noise=float(place.get("chip_noise", 0.0)),
+        mismatch=float(place.get("chip_mismatch", 0.0)),
+        seed=int(place["chip_seed"]) if "chip_seed" in place else int(rng.integers(MOST_SEEDS)),
+    )
+
+
+def programmed(chips: Sequence[Chip | None], template: Template, drawn: list[Parts]) -> list[Parts]:
+    """Return the weights that the cells of each run's chip share."""
+    found = list[Parts]()
+    for chip, parts in zip(chips, drawn, strict=True):
+        if chip is None or not template.plain:
+            found.append(parts)
+            continue
+        own = chip.programmed(_with(template, parts))
+        found.append({"A": own.A, "B": own.B, "z": own.z})
+    return found
+
+
+def offsets(
+    chips: Sequence[Chip | None], template: Template, drawn: list[Parts], inputs: Floats | None,
+    shape: tuple[int, int],
+) -> Floats | None:  # fmt: skip
+    """Return the biases that mismatch of each cell adds, None where there is none.
+
+    Parameters
+    ----------
+    chips : sequence of Chip or None
+        Of each run.
+    template : Template
+    drawn : list of mapping
+        Programmed weights of each run.
+    inputs : (runs, pictures, rows, cols) or (runs, pictures, inputs, rows, cols) float or None
+    shape : (rows, cols)
+
+    Returns
+    -------
+    (runs, pictures or 1, layers, rows, cols) float or None
+    """
+    if not any(chip is not None and chip.mismatch for chip in chips):
+        return None
+    if inputs is not None and template.inputs == 1:
+        inputs = inputs[:, :, np.newaxis]
+    found = list[Floats]()
+    for number, (chip, parts) in enumerate(zip(chips, drawn, strict=True)):
+        seen = None if inputs is None else inputs[number]
+        lead = (1,) if seen is None else (len(seen),)
+        if chip is None or not chip.mismatch:
+            found.append(np.zeros((*lead, template.layers, *shape)))
+        else:
+            own = chip.offsets(_with(template, parts), seen, shape)
+            found.append(np.broadcast_to(own, (*lead, template.layers, *shape)))
+    return np.stack(found)
+
+
+def stored(chips: Sequence[Chip | None], maps: Sequence[Floats]) -> Floats:
+    """Return the maps of each run as the memories of its chip hold them."""
+    pairs = zip(chips, maps, strict=True)
+    return np.stack([own if chip is None else chip.stored(own) for chip, own in pairs])
+
+
+def read(chips: Sequence[Chip | None], outputs: Sequence[Floats]) -> Floats:
+    """Return the outputs of each run as they are read from its chip: noisy, then rounded."""
+    pairs = zip(chips, outputs, strict=True)
+    return np.stack([own if chip is None else chip.read(own) for chip, own in pairs])
+
+
+def _with(template: Template, parts: Parts) -> Template:
+    return with_numbers(template, {key: parts[key] for key in weights_of(template)})
+
 
 Figures = dict[str, NDArray[Any]]
 
@@ -111,7 +193,7 @@ def _block(experiment: Experiment, first: int, last: int) -> Figures:
     template = _form(experiment.base, shared)
     case = _case(experiment, template, shared)
     rngs = [np.random.default_rng([experiment.seed, run]) for run in range(first, last)]
-    drawn = [weights_of(template, p, rng) for p, rng in zip(places, rngs, strict=True)]
+    drawn = [changed_weights_of(template, p, rng) for p, rng in zip(places, rngs, strict=True)]
     noise = [float(place.get("noise", 0.0)) for place in places]
     inputs = case.pictures if template.inputs or case.state is None else case.states
     noisy = [inputs + s * r.normal(size=inputs.shape) for s, r in zip(noise, rngs, strict=True)]
@@ -121,16 +203,16 @@ def _block(experiment: Experiment, first: int, last: int) -> Figures:
     if any("offset" in place or "drift" in place for place in places):
         maps = [biases_of(shape, p, rng) for p, rng in zip(places, rngs, strict=True)]
         case = replace(case, bias=_biased(template, case, np.stack(maps)[:, np.newaxis]))
-    chips = [on_chip.chip_of(place, rng) for place, rng in zip(places, rngs, strict=True)]
-    held, drawn = on_chip.stored(chips, noisy), on_chip.programmed(chips, template, drawn)
+    chips = [chip_of(place, rng) for place, rng in zip(places, rngs, strict=True)]
+    held, drawn = stored(chips, noisy), programmed(chips, template, drawn)
     seen = held if template.inputs else None
-    if (off := on_chip.offsets(chips, template, drawn, seen, shape)) is not None:
+    if (off := offsets(chips, template, drawn, seen, shape)) is not None:
         case = replace(case, bias=_biased(template, case, off))
     engine = _engine(experiment.engine, str(shared.get("precision", "")))
     try:
         method = str(shared.get("method", _method(experiment, template)))
         result = _run(engine, template, case, drawn, held, chips, method)
-        shown = replace(result, output=on_chip.read(chips, list(result.output)))
+        shown = replace(result, output=read(chips, list(result.output)))
         return _judged(template, shown, expected)
     except OWN_FAILURES as error:
         if last - first == 1:
@@ -201,7 +283,7 @@ def _run(
     given |= {"input": held} if case.input is not None else {"state": held}
     for role in ("previous", "state") if case.input is not None else ("previous",):
         maps = getattr(case, role)
-        given[role] = None if maps is None else on_chip.stored(chips, [maps] * len(chips))
+        given[role] = None if maps is None else stored(chips, [maps] * len(chips))
     parts = {key: np.stack([one[key] for one in drawn]) for key in ("A", "B", "z")}
     # an axis for the pictures of the case
     batch = TemplateBatch(template, parts["A"], parts["B"], parts["z"]).spread()

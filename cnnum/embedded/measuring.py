@@ -1,19 +1,123 @@
 """The range of every value, from a run in double precision on frames like those to come."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cnnum.arrays import Floats
 from cnnum.embedded.emulator import Emulator, cleared
 from cnnum.embedded.formats import Precision, precision_named
 from cnnum.embedded.lowering.schedules import lower
-from cnnum.embedded.needed import needed_sizes
 from cnnum.embedded.program import array_names
 from cnnum.embedded.sizes import NoFormats, Sizes
+from cnnum.graph.nodes import Apply, Constant, Node
 from cnnum.graph.schedule import Schedule
 from cnnum.integrators.solver import Solver
+
+Mask = bool | NDArray[np.bool_]
+"""(batch, 1) or (batch, cells); True and False are those of all."""
+
+Values = Mapping[str, NDArray[Any]]
+
+
+def needed_sizes(schedule: Schedule, values: Values) -> dict[str, float]:
+    """Return the largest magnitude that counts, of variables of which some values do not.
+
+    Parameters
+    ----------
+    schedule : Schedule
+    values : mapping of str to (batch, 1 or cells) float
+        Variables and arrays of the program after a frame, by their names.
+
+    Returns
+    -------
+    dict of str to float
+        0 where no value counts.
+    """
+    found: dict[str, float] = {}
+    for name, mask in _masks(schedule, values).items():
+        if mask is True or name not in values:
+            continue
+        size = np.where(mask, np.abs(values[name]), 0.0)
+        found[name] = float(size.max(initial=0.0))
+    return found
+
+
+def _masks(schedule: Schedule, values: Values) -> dict[str, Mask]:
+    """Return the cells that count of every variable of a node."""
+    ends = [*schedule.outputs.values(), *(one.store for one in schedule.memories.values())]
+    need: dict[int, Mask] = {node.index: True for node in ends}
+    inverses: dict[int, Mask] = {}
+    for node in reversed(schedule.nodes):
+        mine = need.get(node.index, False)
+        if mine is False:
+            continue
+        for argument, mask in _shares(node, mine, values):
+            seen = _spread(mask, node, argument)
+            need[argument.index] = _either(need.get(argument.index, False), seen)
+            if _divides(node) and argument is node.arguments[1]:
+                inverses[argument.index] = _either(inverses.get(argument.index, False), seen)
+    return {f"{kind}{at}": mask for at, mask in need.items() for kind in "nat"} | {
+        f"r{at}": mask for at, mask in inverses.items()
+    }
+
+
+def _shares(node: Node, mine: Mask, values: Values) -> Iterator[tuple[Node, Mask]]:
+    """Yield each argument of a node, and where its values count."""
+    name = node.operation.function.name if isinstance(node.operation, Apply) else ""
+    given = node.arguments
+    if name == "select":
+        holds = _nonzero(given[0], values)
+        yield given[0], mine
+        yield given[1], _both(mine, holds)
+        yield given[2], _both(mine, True if isinstance(holds, bool) else ~holds)
+    elif name in ("multiply", "divide"):
+        yield given[0], _both(mine, _nonzero(given[1], values))
+        yield given[1], _both(mine, _nonzero(given[0], values))
+    else:
+        for one in given:
+            yield one, mine
+
+
+def _divides(node: Node) -> bool:
+    return isinstance(node.operation, Apply) and node.operation.function.name == "divide"
+
+
+def _nonzero(node: Node, values: Values) -> Mask:
+    """Return where a node is not 0; True of one that is not known."""
+    if isinstance(node.operation, Constant):
+        return True
+    for kind in "na":
+        if (known := values.get(f"{kind}{node.index}")) is not None:
+            return np.atleast_2d(known != 0)
+    return True
+
+
+def _spread(mask: Mask, node: Node, argument: Node) -> Mask:
+    """Return a mask of an argument: any cell of a map needs all of a number, or of a template's."""
+    if isinstance(mask, bool) or (isinstance(node.operation, Apply) and not argument.scalar):
+        return mask
+    return np.asarray(mask.any(axis=-1, keepdims=True))
+
+
+def _both(a: Mask, b: Mask) -> Mask:
+    if isinstance(a, bool):
+        return b if a else False
+    if isinstance(b, bool):
+        return a if b else False
+    return np.logical_and(a, b)
+
+
+def _either(a: Mask, b: Mask) -> Mask:
+    if isinstance(a, bool):
+        return True if a else b
+    if isinstance(b, bool):
+        return True if b else a
+    return np.logical_or(a, b)
+
 
 WARMING = 8
 """First frames of a stream, in which memories are empty."""

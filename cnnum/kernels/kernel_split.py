@@ -10,13 +10,39 @@ arrays `registers` and `partials`. The arrays' numbers are of the type `scalar`.
 """
 
 from collections import ChainMap
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, fields, is_dataclass, replace
+from functools import cache
+from typing import Any, TypeVar, cast
 
 from cnnum import kernels as ir
+from cnnum.kernels.expressions import Expression, Name
 from cnnum.kernels.launch_plan import Launch, LaunchPlan, LaunchStep, Rounds, Steps
-from cnnum.kernels.substitution import Record, substituted
 from cnnum.kernels.uses import uses
+
+Record = TypeVar("Record")
+
+
+def substituted(record: Record, by: Mapping[str, Expression]) -> Record:
+    """Return a record, or a tuple of them, with other expressions in the places of names."""
+    changed: Record = _changed(record, by)
+    return changed
+
+
+def _changed(value: Any, by: Mapping[str, Expression]) -> Any:
+    if isinstance(value, Name):
+        return by.get(value.text, value)
+    if isinstance(value, tuple):
+        return tuple([_changed(each, by) for each in value])  # pyright: ignore[reportUnknownVariableType]
+    kind = cast("Callable[..., Any]", type(value))
+    names = _fields_of(kind)
+    return kind(*[_changed(getattr(value, name), by) for name in names]) if names else value
+
+
+@cache
+def _fields_of(kind: Callable[..., Any]) -> tuple[str, ...]:
+    return tuple(field.name for field in fields(kind)) if is_dataclass(kind) else ()
+
 
 PIECE = 1024
 """Values that a work item takes of a sweep that does not go by rows."""

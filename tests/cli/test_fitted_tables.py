@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import pytest
 
-from cnnum.cli import fitted_tables
+from cnnum.cli import output as fitted_tables
 from cnnum.cli.output import Output, table
 from cnnum.lab.bench.page import cell
 from cnnum.lab.bench.records import as_row

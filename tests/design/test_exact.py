@@ -10,12 +10,11 @@ import pytest
 from single_cells import EVERY, Cell
 
 from cnnum import Engine, get_template
-from cnnum.design.designing import as_rule, designed
+from cnnum.design.designing import answers, as_rule, designed, sequence
 from cnnum.design.exact import Shape, as_template, design
 from cnnum.design.found_again import again, found_again
 from cnnum.design.linear_program import Conflict, Weights, separate
 from cnnum.design.local_rules import rule_table, table_of
-from cnnum.design.sequences import answers, sequence
 from cnnum.design.spec import Spec, load_spec
 from cnnum.design.worst_case import worst_case
 from cnnum.errors import TemplateError

@@ -18,10 +18,9 @@ from scipy.special import erfc
 from cnnum import Chip, Engine, get_template
 from cnnum.design import sweep
 from cnnum.design.changed_weights import biases_of, weights_of
-from cnnum.design.chunk_store import ChunkStore
 from cnnum.design.experiment import Experiment, load_experiment
 from cnnum.design.run_task import _case, run_task
-from cnnum.design.sweeping import failures
+from cnnum.design.sweeping import ChunkStore, failures
 from cnnum.errors import (
     DeviceError,
     SizeError,

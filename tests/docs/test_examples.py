@@ -14,8 +14,7 @@ from cnnum.drivers.registry import DRIVERS
 from cnnum.scenes import scene_file
 from cnnum.scenes.events import EVENT_RULES
 from cnnum.templating.files import measured, proof
-from cnnum.templating.files.toml_couplings import _DELAYED, _GAIN, _NONLINEAR
-from cnnum.templating.files.toml_format import _ABOUT, _READERS
+from cnnum.templating.files.toml_format import _ABOUT, _DELAYED, _GAIN, _NONLINEAR, _READERS
 
 DOCS = Path(__file__).parents[2] / "docs"
 EXAMPLES = sorted((DOCS / "examples").glob("*.py"))

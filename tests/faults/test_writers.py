@@ -19,7 +19,7 @@ from click.testing import CliRunner
 
 import cnnum
 from cnnum.cli import main
-from cnnum.cli.commands.recorders import Recorder
+from cnnum.cli.commands.record import Recorder
 from cnnum.drivers.registry import open_driver
 from cnnum.embedded.c.files import Exported
 from cnnum.embedded.c.vector import Vector

@@ -21,8 +21,8 @@ OPENERS = {"open", "File", "ZipFile", "netcdf", "netcdf_file"}
 
 ALLOWED = {
     "cnnum/cli/root.py": {"os.open"},  # /dev/null in place of a pipe that was closed
-    "cnnum/design/chunk_store.py": {"savez"},  # to a draft of the writer
-    "cnnum/design/sweeping.py": {"to_netcdf", "to_zarr"},  # to memory; to a draft of the writer
+    # to drafts of the writer, and to memory
+    "cnnum/design/sweeping.py": {"savez", "to_netcdf", "to_zarr"},
     "cnnum/engines/cache.py": {"rmtree"},  # what stands in the place of an entry
     "cnnum/engines/devices/device_trouble.py": {"NamedTemporaryFile"},  # a kernel, in /tmp
     "cnnum/engines/devices/pocl_folder.py": {
@@ -88,7 +88,7 @@ def test_the_search_sees_what_writes():
 
 
 OWN_DATA = {
-    "cnnum/design/chunk_store.py",  # np.load of a file that open_regular gave
+    "cnnum/design/sweeping.py",  # np.load of a file that open_regular gave
     "cnnum/embedded/c/files.py",  # a Makefile, once it is known to be a regular file
     "cnnum/engines/devices/pocl_wheel.py",  # /proc/self/maps
     "cnnum/engines/devices/self_test.py",  # a kernel of the package
@@ -101,7 +101,7 @@ OWN_DATA = {
     "cnnum/live/server.py",  # the page's own files
     "cnnum/report/gallery.py",
     "cnnum/report/html.py",
-    "cnnum/report/page.py",
+    "cnnum/report/write.py",
     "cnnum/report/trace_page.py",
     "cnnum/safety/files.py",  # a draft of its own, and the head of a file once it is regular
     "cnnum/scenes/scene_file.py",  # a scene of the package

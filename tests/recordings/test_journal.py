@@ -6,7 +6,7 @@ import tracemalloc
 
 import pytest
 
-from cnnum.cli.commands.recorders import Recorder, journal_of
+from cnnum.cli.commands.record import Recorder, journal_of
 from cnnum.drivers import open_driver
 from cnnum.errors import CnnumError, RecordingError
 from cnnum.recordings.export import export

@@ -1,11 +1,16 @@
 """`cnnum probe`: the frames that an array sends, and their faults."""
 
+import math
+import time
 from contextlib import suppress
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
+import numpy as np
 
+from cnnum.arrays import Floats
 from cnnum.cli.options import (
     assignments,
     completed,
@@ -19,11 +24,232 @@ from cnnum.cli.output import Output, facts, number, quantity
 from cnnum.cli.progress import progress
 from cnnum.cli.signals import stoppable
 from cnnum.cli.source import limited, open_source
+from cnnum.frame import Frame, Quality
 from cnnum.safety.names import visible
+from cnnum.scenes.histogram import Histogram
 
 if TYPE_CHECKING:
-    from cnnum.cli.probe_figures import Cell, ProbeFigures
     from cnnum.drivers.driver import Driver
+
+
+LOUD = 5.0
+"""Times the median deviation of its channel from which a cell is called noisy."""
+
+ENOUGH = 50
+"""New scans from which a cell that never changed is called dead or stuck."""
+
+Cell = tuple[int, int, str]
+"""Row, column, channel."""
+
+
+@dataclass(slots=True)
+class ProbeFigures:
+    """Figures over the frames seen so far.
+
+    Attributes
+    ----------
+    frames : int
+        All that came, repeated and bad ones too.
+    scans : int
+        New and good ones among them: the figures of cells are over these.
+    saturated, repeated, bad : int
+        Frames flagged so.
+    """
+
+    frames: int = 0
+    scans: int = 0
+    saturated: int = 0
+    repeated: int = 0
+    bad: int = 0
+    _channels: tuple[str, ...] = ()
+    _times: "_Times" = field(default_factory=lambda: _Times())
+    _arrivals: "_Times" = field(default_factory=lambda: _Times())
+    _first: Floats = field(default_factory=lambda: np.zeros(0))
+    _changed: Floats = field(default_factory=lambda: np.zeros(0))
+    _sum: Floats = field(default_factory=lambda: np.zeros(0))
+    _squares: Floats = field(default_factory=lambda: np.zeros(0))
+    _low: Floats = field(default_factory=lambda: np.zeros(0))
+    _high: Floats = field(default_factory=lambda: np.zeros(0))
+    _begun: float = 0.0
+    _when: Floats = field(default_factory=lambda: np.zeros(2))  # Σ t, Σ t²
+    _drifting: Floats = field(default_factory=lambda: np.zeros(0))  # Σ t (v − first)
+
+    def add(self, frame: Frame) -> None:
+        """Take in a frame."""
+        self.frames += 1
+        self._arrivals.add(time.monotonic())
+        self.saturated += bool(frame.quality & Quality.SATURATED)
+        self.repeated += frame.repeated
+        self.bad += frame.bad
+        if frame.repeated or frame.bad:
+            return
+        if self.scans == 0:
+            self._begin(frame)
+        self.scans += 1
+        self._times.add(frame.time)
+        away = frame.values - self._first
+        self._changed += away != 0
+        self._sum += away
+        self._squares += away**2
+        self._low, self._high = np.minimum(self._low, away), np.maximum(self._high, away)
+        gone = frame.time - self._begun
+        self._when += (gone, gone**2)
+        self._drifting += gone * away
+
+    def _begin(self, frame: Frame) -> None:
+        self._channels = frame.channels
+        self._first = frame.values.copy()
+        self._changed = np.zeros_like(self._first)
+        self._sum = np.zeros_like(self._first)
+        self._squares = np.zeros_like(self._first)
+        self._low, self._high = np.zeros_like(self._first), np.zeros_like(self._first)
+        self._drifting = np.zeros_like(self._first)
+        self._begun = frame.time
+
+    @property
+    def seconds(self) -> float:
+        """Time from the first frame to the last by the host's clock, s."""
+        return self._arrivals.span
+
+    @property
+    def rate(self) -> float:
+        """Scans a second by the frames' own times, Hz; 0 where they do not say."""
+        return self._times.rate
+
+    @property
+    def arrival_rate(self) -> float:
+        """Frames a second by the host's clock, Hz."""
+        return self._arrivals.rate
+
+    @property
+    def jitter(self) -> float:
+        """Largest departure of an interval between scans from their median (within 1 %), s."""
+        return self._times.jitter
+
+    @property
+    def spread(self) -> dict[str, float]:
+        """Standard deviation of the median cell, by channel, in the frames' unit."""
+        if self.scans < 2:
+            return {}
+        middle = np.median(self.deviation, axis=(0, 1)).tolist()
+        return dict(zip(self._channels, middle, strict=True))
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Names of the last axis."""
+        return self._channels
+
+    @property
+    def rest(self) -> Floats:
+        """Mean of each cell, (rows, cols, channels)."""
+        return self._first + self._sum / max(self.scans, 1)
+
+    @property
+    def deviation(self) -> Floats:
+        """Standard deviation of each cell, (rows, cols, channels)."""
+        count = max(self.scans, 1)
+        mean = self._sum / count
+        return np.sqrt(np.maximum(self._squares / count - mean**2, 0.0))
+
+    @property
+    def slope(self) -> Floats:
+        """Change of each cell in a minute, by the line that fits best, (rows, cols, channels)."""
+        count = max(self.scans, 1)
+        spread = float(self._when[1] - self._when[0] ** 2 / count)
+        if spread <= 0.0:
+            return np.zeros_like(self._first)
+        together: Floats = self._drifting - self._when[0] * self._sum / count
+        return np.asarray(60.0 * together / spread, dtype=np.float64)
+
+    @property
+    def drift(self) -> dict[str, float]:
+        """Change of the median cell in a minute, by channel, in the frames' unit."""
+        if self.scans < ENOUGH:
+            return {}
+        middle = np.median(self.slope, axis=(0, 1)).tolist()
+        return dict(zip(self._channels, middle, strict=True))
+
+    @property
+    def moved(self) -> dict[str, tuple[float, int, int]]:
+        """The furthest that a cell of each channel went from its first number, and the cell.
+
+        A push straight down must move the normal most; one to the right shear_x, upwards.
+        """
+        found: dict[str, tuple[float, int, int]] = {}
+        for n, name in enumerate(self._channels if self.scans else ()):
+            low, high = self._low[..., n], self._high[..., n]
+            far = np.where(-low > high, low, high)
+            row, col = np.unravel_index(int(np.abs(far).argmax()), far.shape)
+            found[name] = (float(far[row, col]), int(row), int(col))
+        return found
+
+    @property
+    def noisy(self) -> list[Cell]:
+        """Cells whose deviation is far above that of their channel."""
+        if self.scans < ENOUGH:
+            return []
+        deviation = self.deviation
+        loud = deviation > LOUD * np.median(deviation, axis=(0, 1))
+        loud &= np.median(deviation, axis=(0, 1)) > 0
+        return [(int(r), int(c), self._channels[n]) for r, c, n in np.argwhere(loud)]
+
+    @property
+    def dead(self) -> list[Cell]:
+        """Cells that read 0 all the time."""
+        return self._still(zero=True)
+
+    @property
+    def stuck(self) -> list[Cell]:
+        """Cells that read the same number all the time, and not 0."""
+        return self._still(zero=False)
+
+    def _still(self, *, zero: bool) -> list[Cell]:
+        if self.scans < ENOUGH:
+            return []
+        still = (self._changed == 0) & ((self._first == 0) == zero)
+        return [(int(r), int(c), self._channels[n]) for r, c, n in np.argwhere(still)]
+
+
+@dataclass(slots=True)
+class _Times:
+    """Times in their order; only figures of them are kept."""
+
+    first: float = 0.0
+    last: float = 0.0
+    count: int = 0
+    shortest: float = math.inf
+    longest: float = -math.inf
+    steps: Histogram = field(default_factory=Histogram)
+
+    def add(self, time: float) -> None:
+        """Take in the next time, s."""
+        if self.count:
+            step = time - self.last
+            self.steps.add(step)
+            self.shortest, self.longest = min(self.shortest, step), max(self.longest, step)
+        else:
+            self.first = time
+        self.last = time
+        self.count += 1
+
+    @property
+    def span(self) -> float:
+        """From the first to the last, s."""
+        return self.last - self.first
+
+    @property
+    def rate(self) -> float:
+        """Intervals a second, Hz; 0 where there is none."""
+        return (self.count - 1) / self.span if self.span > 0 else 0.0
+
+    @property
+    def jitter(self) -> float:
+        """Largest departure of an interval from their median, s; 0 where there is none."""
+        if not self.steps.total:
+            return 0.0
+        median = self.steps.quantile(0.5)
+        return max(self.longest - median, median - self.shortest)
+
 
 SHOWN = 12
 """Cells that are listed by name; --json has all of them."""
@@ -55,7 +281,7 @@ def command(
     As in: cnnum probe serial --set port=/dev/ttyACM0. Shows the rate, sync losses, bad and
     dropped frames, noise, and cells that never change. Ctrl-C ends it with the figures so far.
     """
-    from cnnum.cli.probe_figures import ProbeFigures
+    from cnnum.cli.commands.probe import ProbeFigures
 
     if seconds is None and frames is None:
         seconds = 5.0
@@ -178,7 +404,7 @@ def _moved(driver: "Driver", figures: "ProbeFigures") -> str:
 
 
 def _cells(figures: "ProbeFigures", cells: "list[Cell]") -> str:
-    from cnnum.cli.probe_figures import ENOUGH
+    from cnnum.cli.commands.probe import ENOUGH
 
     if figures.scans < ENOUGH:
         return f"unknown from {figures.scans} new scans: at least {ENOUGH} are needed"

@@ -1,6 +1,8 @@
 """`cnnum record`: an array's frames to a file."""
 
+import time
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -19,11 +21,169 @@ from cnnum.cli.output import Output, quantity
 from cnnum.cli.progress import progress
 from cnnum.cli.signals import stoppable, undisturbed
 from cnnum.cli.source import limited, open_source
-from cnnum.errors import RecordingError
+from cnnum.errors import CnnumError, RecordingError
+from cnnum.frame import Frame
+from cnnum.recordings.attachments import CALIBRATION, SCENE, Held
+from cnnum.recordings.export import export, suffix_of
+from cnnum.recordings.journal import Journal
+from cnnum.recordings.reader import look
+from cnnum.safety.files import beside, put, refuse_target, sentences, taken
 
 if TYPE_CHECKING:
-    from cnnum.cli.commands.recorders import Outcome
     from cnnum.drivers.driver import Driver
+    from cnnum.tactile.taxel import Calibration
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """How a recording ended.
+
+    Attributes
+    ----------
+    file : Path
+        Where the frames are.
+    frames, lost : int
+        Those that are kept, and those that had come and are not.
+    problem : str
+        The error in a sentence; empty where there is none.
+    """
+
+    file: Path
+    frames: int
+    lost: int
+    problem: str = ""
+
+
+class Recorder:
+    """A recording in the making.
+
+    MCAP is written under its own name from the first frame on. Any other kind of file, and one
+    that replaces another, is a journal at first: a file of its own, which can be read as well.
+
+    Parameters
+    ----------
+    target : Path
+        Its suffix says the kind.
+    driver : Driver
+    force : bool
+        Whether a file that is there already is replaced, when the recording is complete.
+    scene : str
+        Text of the scene whose array it is; empty where there is none.
+    raw : bool
+        Whether an MCAP file also holds the bytes as they come from a port.
+
+    Raises
+    ------
+    UnknownNameError
+        If the suffix is none that is known.
+    RecordingError
+        If there is such a file already, or it cannot be written.
+    """
+
+    def __init__(
+        self,
+        target: Path,
+        driver: "Driver",
+        *,
+        force: bool = False,
+        scene: str = "",
+        raw: bool = False,
+    ) -> None:
+        self._target, self._force = target, force
+        # a file at this name, also a link to nowhere, is not ours to touch
+        there = target.exists() or target.is_symlink()
+        refuse_target(target, error=RecordingError, force=force)
+        direct = suffix_of(target) == ".mcap" and not there
+        path = target if direct else journal_of(target)
+        calibration = getattr(driver, "calibration", None)
+        try:
+            held = _held(calibration, scene)
+            self._journal = Journal(path, driver.rate, calibration, held)
+        except FileExistsError:
+            raise taken(path, RecordingError) if direct else _unfinished(path, target) from None
+        except OSError as error:
+            raise RecordingError(
+                f"'{target}' cannot be written: {error.strerror}; choose a folder that exists "
+                "and may be written to."
+            ) from None
+        tap = getattr(driver, "tap", None)
+        if tap is not None:
+            tap(self._journal.add_raw if raw and suffix_of(target) == ".mcap" else None)
+
+    def add(self, frame: Frame) -> None:
+        """Take in a frame.
+
+        Raises
+        ------
+        RecordingError
+            If there is no room for more, or the frame is of another shape than those before.
+        """
+        self._journal.add(frame)
+
+    def finish(self) -> Outcome:
+        """Close the file, or write the one that was asked for; no frame is ever removed."""
+        journal, to_mcap = self._journal, suffix_of(self._target) == ".mcap"
+        journal.close(index=to_mcap)
+        kept, lost = journal.stored, journal.came - journal.stored
+        problem = ""
+        if kept and journal.failure is not None:
+            problem = self._full(journal.failure, kept, lost)
+        elif journal.failure is not None:
+            problem = (
+                f"'{self._target}' cannot be written ({_why(journal.failure)}): none of {lost} "
+                "frames is kept; choose a folder that has room."
+            )
+        elif kept and journal.path != self._target:
+            problem = self._place(to_mcap)
+        gone = not kept or not (problem or journal.path == self._target)
+        return Outcome(self._target if gone else journal.path, kept, lost, problem)
+
+    def _place(self, to_mcap: bool) -> str:
+        """Put the file in its place; return the error."""
+        path, target = self._journal.path, self._target
+        try:
+            if to_mcap:
+                with sentences(target, RecordingError):
+                    put(path, target, force=self._force)
+            else:
+                export(look(path), target, force=self._force)
+                path.unlink()
+        except (CnnumError, OSError) as error:
+            said = str(error) if isinstance(error, CnnumError) else f"{_why(error)}."
+            return (
+                f"'{target}' was not made, and its {self._journal.stored} frames are kept in "
+                f"'{path}': 'cnnum recover {path} OUT' makes a file of them; {said}"
+            )
+        return ""
+
+    def _full(self, failure: OSError, kept: int, lost: int) -> str:
+        path = self._journal.path
+        return (
+            f"'{path}' takes no more ({_why(failure)}): {kept} frames are kept in it, {lost} that "
+            f"had come are not; 'cnnum recover {path} OUT' makes a whole file where there is room."
+        )
+
+
+def _held(calibration: "Calibration | None", scene: str) -> list[Held]:
+    """Return the files that travel in a recording."""
+    texts = {CALIBRATION: calibration.to_text() if calibration else "", SCENE: scene}
+    return [Held(name, text, time.time_ns()) for name, text in texts.items() if text]
+
+
+def journal_of(target: Path) -> Path:
+    """Return the name of the journal of a file that is not written directly."""
+    return beside(target, ".recording.mcap")
+
+
+def _unfinished(path: Path, target: Path) -> RecordingError:
+    return RecordingError(
+        f"'{path}' holds a recording that was not finished: 'cnnum recover {path} OUT' makes a "
+        f"file of it; then remove it, or choose another name than '{target}'."
+    )
+
+
+def _why(error: OSError) -> str:
+    return str(error.strerror or error)
 
 
 @click.command("record")
@@ -53,7 +213,7 @@ def command(
     within a second; `cnnum recover` makes a whole file of one that was cut off. It ends by itself,
     by Ctrl-C, or because the array went away.
     """
-    from cnnum.cli.commands.recorders import Recorder
+    from cnnum.cli.commands.record import Recorder
     from cnnum.cli.source import scene_text
     from cnnum.recordings.export import suffix_of
 

@@ -1,20 +1,391 @@
 """`.tem` files as templates, and templates as `.tem` files."""
 
+import math
 import re
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import PurePath
+from string import ascii_lowercase
 from typing import Any, cast
 
 import numpy as np
 
 from cnnum.arrays import Floats, frozen
-from cnnum.errors import ArrayError, CnnumError, TemplateError
+from cnnum.errors import ArrayError, CnnumError, NotSupportedError, TemplateError
 from cnnum.templating.couplings import DelayedCoupling, NonlinearCoupling, Quantity
 from cnnum.templating.files.entry import About, Entry, FileFormat
-from cnnum.templating.files.tem_reading import Block, Part, argument_of, read_parts
-from cnnum.templating.files.tem_tokens import Words, words
-from cnnum.templating.files.tem_writing import entry_to_tem
+from cnnum.templating.files.tem_tokens import Token, Words, words
 from cnnum.templating.function_tables import Table
 from cnnum.templating.template import Initial, Template
+
+
+class _Letters:
+    """Letters of functions, one for each table that is written."""
+
+    def __init__(self) -> None:
+        self.tables = dict[Table, str]()
+
+    def of(self, template: str, table: Table) -> str:
+        """Return the letter of a table."""
+        if table not in self.tables:
+            if len(self.tables) == len(ascii_lowercase):
+                raise _unsaid(template, "more than 26 functions")
+            self.tables[table] = ascii_lowercase[len(self.tables)]
+        return self.tables[table]
+
+    def lines(self) -> Iterator[str]:
+        """Yield the tables."""
+        for table, letter in self.tables.items():
+            points = " ".join(f"{v!r} {f!r}" for v, f in table.points)
+            kind = int(table.interpolation == "linear")
+            yield f"{letter} {kind} {len(table.points)} {points}"
+
+
+def entry_to_tem(entry: Entry) -> str:
+    """Return the text of a `.tem` file.
+
+    Raises
+    ------
+    NotSupportedError
+        If the template has parts that the format has no words for.
+    """
+    template = entry.template
+    _refuse(template)
+    lines = [*_header(entry), f"NEIGHBORHOOD {template.radius}"]
+    letters, many = _Letters(), template.layers > 1
+    if many:
+        lines.append(f"NRLAYERS {template.layers}")
+    if template.delayed is not None:
+        lines.append(f"DELAY {template.delayed.delay!r}")
+    for layer in range(template.layers):
+        lines += [f"LAYER {layer + 1}"] if many else []
+        lines += _layer(template, layer, letters)
+    return "\r\n".join([*lines, *letters.lines(), ""])
+
+
+def _header(entry: Entry) -> list[str]:
+    template = entry.template
+    edge = template.boundary
+    said = f"Fixed({edge.constant!r})" if edge.constant is not None else "Zero-flux"
+    start = "P" if template.initial == "input" else f"Arbitrary({template.initial!r})"
+    kind = "DT-CNN" if template.output.discrete else "CT-CNN"
+    layers = "Single-layer" if template.layers == 1 else f"Multi-layer({template.layers})"
+    about = " ".join(template.description.split())
+    return [
+        f"%Function: {about}",
+        f"%TemLibName: {template.name}",
+        f"%CNNModel: {layers}, {kind}{', Delayed' if template.delayed else ''}",
+        f"%Setting: Input:{'P' if template.inputs else '-'}, IniState:{start}, Boundary:{said}",
+    ]
+
+
+def _layer(template: Template, layer: int, letters: _Letters) -> Iterator[str]:
+    side = 2 * template.radius + 1
+    for source in range(template.layers):
+        yield from _matrix("FEEDBACK", source, template.A[layer, source], side)
+    for source in range(template.inputs):
+        yield from _matrix("CONTROL", source, template.B[layer, source], side)
+    if template.delayed is not None:
+        for source in range(template.layers):
+            kernel = template.delayed.A[layer, source]
+            yield from _matrix("DELAYED_FEEDBACK", source, kernel, side)
+        for source in range(template.inputs):
+            kernel = template.delayed.B[layer, source]
+            yield from _matrix("DELAYED_CONTROL", source, kernel, side)
+    for coupling in template.nonlinear:
+        if coupling.to == layer:
+            yield from _nonlinear(template, coupling, side, letters)
+    yield f"CURRENT {float(template.z[layer])!r}"
+
+
+def _matrix(word: str, source: int, kernel: Floats, side: int) -> Iterator[str]:
+    # B is written even where it is 0: it says that there is an input
+    if kernel.any() or word == "CONTROL":
+        yield f"{word} FROM {source + 1}"
+        for row in np.pad(kernel, (side - len(kernel)) // 2).tolist():
+            yield " ".join(repr(weight) for weight in row)
+
+
+def _nonlinear(
+    template: Template, coupling: NonlinearCoupling, side: int, letters: _Letters
+) -> Iterator[str]:
+    word = {("y", "y"): "NONLIN_FEEDBACK", ("u", "u"): "NONLIN_CONTROL"}.get(
+        (coupling.neighbour, coupling.centre or coupling.neighbour)
+    )
+    if word is None or coupling.times_argument:
+        difference = f"{coupling.centre}-{coupling.neighbour}"
+        yield "NONLIN_D"
+        yield f"{difference}#{difference if coupling.times_argument else ''}"
+        sign = ""
+    else:
+        yield f"{word} FROM {coupling.source + 1}"
+        sign = "0" if coupling.centre is None else "-"
+    weights = np.pad(coupling.weights, (side - len(coupling.weights)) // 2)
+    for row in weights.tolist():
+        cells = [(_scaled(coupling, w) if w else None) for w in row]
+        yield " ".join(
+            "0" if table is None else letters.of(template.name, table) + sign for table in cells
+        )
+
+
+def _scaled(coupling: NonlinearCoupling, weight: float) -> Table:
+    """Return the function times the weight, of centre less neighbour."""
+    table = coupling.table
+    points = [(v, weight * f) for v, f in table.points]
+    if coupling.reversed_sign:
+        flip = -1.0 if coupling.times_argument else 1.0
+        points = [(-v, flip * f) for v, f in reversed(points)]
+    return Table(table.interpolation, tuple(points))
+
+
+def _refuse(template: Template) -> None:
+    """Refuse features that the format has no words for."""
+    steps = [c for c in template.nonlinear if c.reversed_sign]
+    wrong = {
+        "a time constant other than 1": bool((template.tau != 1.0).any()),
+        "gains in time": bool(template.gains),
+        "a periodic boundary": template.boundary.pad_mode == "wrap",
+        "an input boundary of its own": template.input_boundary != template.boundary,
+        f"the output '{template.output.name}'": template.output.name not in ("standard", "sign"),
+        "a stepped function of neighbour less centre": any(
+            c.table.interpolation == "constant" for c in steps
+        ),
+        "a coupling of x without a centre": any(
+            c.neighbour == "x" and c.centre is None for c in template.nonlinear
+        ),
+        "a nonlinear coupling whose centre lies in another layer": any(
+            c.centre is not None
+            and c.centre_source
+            != (c.source if (c.centre == "u") == (c.neighbour == "u") else _own(c))
+            for c in template.nonlinear
+        ),
+        "a D form between different layers or inputs": any(
+            _is_d(c) and (c.source if c.neighbour == "u" else c.source - c.to) != 0
+            for c in template.nonlinear
+        ),
+    }
+    for what, present in wrong.items():
+        if present:
+            raise _unsaid(template.name, what)
+
+
+def _own(coupling: NonlinearCoupling) -> int:
+    return 0 if coupling.centre == "u" else coupling.to
+
+
+def _is_d(coupling: NonlinearCoupling) -> bool:
+    same = (coupling.centre or coupling.neighbour) == coupling.neighbour
+    return coupling.times_argument or not same or coupling.neighbour == "x"
+
+
+def _unsaid(template: str, what: str) -> NotSupportedError:
+    return NotSupportedError(
+        f"Template '{template}' has {what}, which a .tem file cannot say: save it as .toml."
+    )
+
+
+Tokens = list[Token]
+
+_MATRICES = {
+    "FEEDBACK": "A",
+    "CONTROL": "B",
+    "NONLIN_FEEDBACK": "A",
+    "NONLIN_CONTROL": "B",
+    "DELAYED_FEEDBACK": "delayed A",
+    "DELAYED_CONTROL": "delayed B",
+}
+_LETTER = re.compile(r"[A-Za-z]")
+_CELL = re.compile(r"[A-Za-z][-0]")
+_D_ARGUMENT = re.compile(r"([xyu])-([xyu])#(([xyu])-([xyu]))?")
+_LARGEST = 31
+"""Radius of the largest neighbourhood, and number of layers."""
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """One matrix of a file.
+
+    Attributes
+    ----------
+    part : str
+        "A", "B", "D", "delayed A" or "delayed B".
+    source : int
+        Layer or input that it reads, from 0.
+    rows : list of list of Token
+    argument : str
+        Of a D form.
+    """
+
+    part: str
+    source: int
+    rows: list[Tokens]
+    argument: str = ""
+
+
+@dataclass(slots=True)
+class Layer:
+    """One layer of a file."""
+
+    blocks: list[Block] = field(default_factory=list[Block])
+    z: float = 0.0
+    functions: dict[str, tuple[str, list[list[float]]]] = field(
+        default_factory=dict[str, tuple[str, list[list[float]]]]
+    )
+
+
+@dataclass(slots=True)
+class Part:
+    """One template of a file: layers by number, and the delay."""
+
+    layers: dict[int, Layer] = field(default_factory=dict[int, Layer])
+    count: int = 1
+    delay: float | None = None
+    radius: int = 1
+    now: int = 0
+
+    @property
+    def layer(self) -> Layer:
+        """The layer that is being read."""
+        return self.layers.setdefault(self.now, Layer())
+
+
+def read_parts(text: Words) -> list[Part]:
+    """Return the templates of a file; more than one only in a time-varying program.
+
+    Raises
+    ------
+    TemplateError
+        Names the file, the line, and the expected text.
+    """
+    parts = [Part()]
+    while text.left:
+        token = text.take("a keyword")
+        if token.keyword == "NEW":
+            parts.append(Part(radius=parts[-1].radius))
+        else:
+            _statement(text, token, parts[-1])
+    found = [part for part in parts if part.layers]
+    if not found:
+        raise text.wrong(text.peek().line, "FEEDBACK, CONTROL or CURRENT", "no template")
+    return found
+
+
+def _statement(text: Words, token: Token, part: Part) -> None:
+    word = token.keyword
+    if word == "NRLAYERS":
+        part.count = text.whole("the number of layers", _LARGEST)
+    elif word == "LAYER":
+        line, number = text.peek().line, text.whole("the number of a layer", _LARGEST)
+        if number < 1:
+            raise text.wrong(line, "a layer from 1 up", "0")
+        part.now = number - 1
+        part.layers.setdefault(part.now, Layer())
+    elif word == "NEIGHBORHOOD":
+        part.radius = text.whole("the radius of the neighbourhood", _LARGEST)
+    elif word == "CURRENT":
+        part.layer.z = text.number("the bias after CURRENT")
+    elif word == "DELAY":
+        part.delay = text.number("the delay after DELAY")
+    elif word in ("LABEL", "TEMPLATE", "LOOP"):
+        for _ in range(2 if word == "LOOP" else 1):
+            text.whole(f"a whole number after {word}", 10**6)
+    elif word == "NONLIN_D":
+        part.layer.blocks.append(_d_block(text, part.radius))
+    elif word in _MATRICES:
+        part.layer.blocks.append(_block(text, word, part.now))
+    elif _LETTER.fullmatch(token.text):
+        part.layer.functions[token.text.lower()] = _function(text, token)
+    else:
+        raise text.wrong(token.line, "a keyword or a function's letter", f"'{token.text:.40}'")
+
+
+def _block(text: Words, word: str, own: int) -> Block:
+    source = own if "FEEDBACK" in word else 0
+    if text.peek().keyword == "FROM":
+        text.take("FROM")
+        source = text.whole("a layer after FROM", _LARGEST) - 1
+    cells = Tokens()
+    while text.left and _is_cell(text.peek()):
+        cells.append(text.take("a weight"))
+    return Block(_MATRICES[word], max(source, 0), _square(text, cells, word))
+
+
+def _is_cell(token: Token) -> bool:
+    if _CELL.fullmatch(token.text):
+        return True
+    try:
+        return math.isfinite(float(token.text))
+    except ValueError:
+        return False
+
+
+def _d_block(text: Words, radius: int) -> Block:
+    token = text.take("the argument of a D form, as in 'x-u#'")
+    argument = token.text.lower()
+    if not _D_ARGUMENT.fullmatch(argument):
+        raise text.wrong(token.line, "an argument such as 'x-u#' or 'x-x#x-x'", f"'{token.text}'")
+    count = (2 * radius + 1) ** 2
+    cells = [_d_cell(text, count) for _ in range(count)]
+    return Block("D", 0, _square(text, cells, "NONLIN_D"), argument)
+
+
+def _d_cell(text: Words, count: int) -> Token:
+    token = text.take(f"{count} weights or letters of NONLIN_D")
+    if not (_LETTER.fullmatch(token.text) or _is_cell(token)):
+        raise text.wrong(token.line, "a weight or a letter of NONLIN_D", f"'{token.text:.40}'")
+    return token
+
+
+def _square(text: Words, cells: Tokens, word: str) -> list[Tokens]:
+    """Return the rows of a matrix, which may be larger than its file says.
+
+    Some files have "0 0" where "0.0" is meant, which makes one number too many.
+    """
+    side = math.isqrt(len(cells))
+    if len(cells) == side**2 + 1 and side % 2:
+        cells = _joined(cells, side)
+    if len(cells) != side**2 or side % 2 == 0:
+        line = cells[-1].line if cells else text.peek().line
+        raise text.wrong(line, f"a square matrix of odd size after {word}", f"{len(cells)} numbers")
+    return [cells[n : n + side] for n in range(0, len(cells), side)]
+
+
+def _joined(cells: Tokens, side: int) -> Tokens:
+    lines = [token.line for token in cells]
+    for n, (one, other) in enumerate(pairwise(cells)):
+        crowded = one.line == other.line and lines.count(one.line) == side + 1
+        if crowded and one.text == other.text == "0":
+            return cells[:n] + cells[n + 1 :]
+    return cells
+
+
+def _function(text: Words, letter: Token) -> tuple[str, list[list[float]]]:
+    name = f"function '{letter.text}'"
+    kind = text.whole(f"the interpolation of {name}, 0 or 1", 1)
+    count = text.whole(f"the number of points of {name}", 1000)
+    if count < 1:
+        raise text.wrong(letter.line, f"at least one point of {name}", "0")
+    points = [[text.number(f"a point of {name}") for _ in range(2)] for _ in range(count)]
+    return ("linear" if kind else "constant", points)
+
+
+def argument_of(text: Words, argument: str) -> tuple[str, str, bool]:
+    """Return centre, neighbour and whether the difference is a factor, of a D form.
+
+    Raises
+    ------
+    TemplateError
+        If the factor is another difference than the argument.
+    """
+    match = _D_ARGUMENT.fullmatch(argument)
+    assert match is not None
+    if match[3] and match[3] != f"{match[1]}-{match[2]}":
+        raise TemplateError(
+            f"'{text.file}': the factor of the D form '{argument}' must be its own argument."
+        )
+    return match[1], match[2], bool(match[3])
+
 
 _SIZE = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d{1,2})?"
 _NUMBER = re.compile(_SIZE, re.IGNORECASE)

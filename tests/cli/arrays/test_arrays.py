@@ -11,7 +11,7 @@ import pytest
 
 from cnnum import Frame, Quality
 from cnnum.cli.commands import probe
-from cnnum.cli.probe_figures import ENOUGH, ProbeFigures
+from cnnum.cli.commands.probe import ENOUGH, ProbeFigures
 from cnnum.drivers import open_driver
 from cnnum.drivers.codecs.wire import wire
 from cnnum.drivers.serve import packets, write_all
@@ -189,7 +189,7 @@ def test_what_came_before_an_error_is_kept(call, tmp_path):
 
 @pytest.mark.parametrize("suffix", ["npz", "mcap"])
 def test_replay_counts_what_the_recording_lacks(tmp_path, suffix):
-    from cnnum.cli.commands.recorders import Recorder
+    from cnnum.cli.commands.record import Recorder
 
     path, scans = tmp_path / f"gaps.{suffix}", noisy(4)
     with open_driver("simulated") as array:

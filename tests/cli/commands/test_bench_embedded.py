@@ -6,8 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from cnnum.cli.fitted_tables import fitted
-from cnnum.cli.output import table
+from cnnum.cli.output import fitted, table
 from cnnum.lab.bench.page import cell
 from cnnum.lab.bench.records import as_row
 from cnnum.lab.commands.bench import SPARES

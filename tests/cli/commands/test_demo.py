@@ -2,7 +2,7 @@
 
 import pytest
 
-from cnnum.cli import demo_report
+from cnnum.cli.commands import demo as demo_report
 
 SHORT = (
     'array.script=[{kind="hold",duration=0.3},{kind="press",load=1,duration=0.2},'

@@ -37,9 +37,13 @@ def test_in_words_and_without_measuring(call, monkeypatch):
 def test_the_arithmetic_is_really_done():
     """Twice the chains are twice the operations: the rate stays, so nothing is dropped."""
     bench = Bench(choose_device(None))
-    rates = [bench.flops(Arithmetic(4, chains), repeats=3) for chains in (8, 16)]
-    # noise of a shared machine is within a factor of 4; work that is dropped shows as far more
-    assert 0.25 < rates[0] / rates[1] < 4.0
+    rates = {8: 0.0, 16: 0.0}
+    for _ in range(8):  # the best of each counts: a busy machine only makes runs slower
+        for chains, best in rates.items():
+            rates[chains] = max(best, bench.flops(Arithmetic(4, chains), repeats=3))
+        if 0.25 < rates[8] / rates[16] < 4.0:
+            return
+    pytest.fail(f"work is dropped: {rates}")
 
 
 def test_a_compiler_that_ends_the_process_costs_one_kernel(monkeypatch):
@@ -67,7 +71,7 @@ def test_a_device_gives_known_answers(call, records, opencl):
 
 def test_a_device_that_computes_wrong_numbers_is_caught(call, opencl, monkeypatch):
     """A compiler that drops a product: kernels are built of another text."""
-    from cnnum.cli import device_tests
+    from cnnum.cli.commands import devices as device_tests
     from cnnum.engines.opencl import executable
 
     # one in waves, in steps, and one of cells alone, exact: every answer of all seven takes long
