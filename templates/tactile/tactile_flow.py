@@ -211,12 +211,16 @@ def _spread(
     far = square(frame.row - row) + square(frame.column - column)
     area = pi * HERTZ * (found.weight * far).sum() / maximum(found.weight.sum(), TINY)
     area, load = (where(loads.contact, each, 0.0) for each in (area, unit * found.normal))
-    # how both have changed from their own means
+    # in proportion, as A ~ F^(2/3): the mean of a slope itself is that of a while ago, when it was
+    # larger. The later, larger loads count more
     late = [frame.memory(name, scalar=True) for name in ("late area", "late load")]
-    gaps = [each - memory.value for each, memory in zip((area, load), late, strict=True)]
+    change, gap = (each - memory.value for each, memory in zip((area, load), late, strict=True))
+    twice = [each + memory.value for each, memory in zip((area, load), late, strict=True)]
+    change = twice[1] * change / maximum(twice[0], TINY)
     for memory, each in zip(late, (area, load), strict=True):
         memory.mean(each, where(loads.contact, share, 1.0))
-    both = frame.memory("area by load", scalar=True).mean(gaps[0] * gaps[1], share)
-    own = frame.memory("load by load", scalar=True).mean(gaps[1] * gaps[1], share)
+    both = frame.memory("area by load", scalar=True).mean(change * gap, share)
+    own = frame.memory("load by load", scalar=True).mean(gap * gap, share)
     grows = own > square(RESTS * load)
-    return area, where(loads.contact & grows, both / maximum(own, TINY), 0.0)
+    growth = both / maximum(own, TINY) * area / maximum(load, TINY)
+    return area, where(loads.contact & grows, growth, 0.0)

@@ -67,33 +67,33 @@ def test_the_flow_of_a_place_is_that_of_what_is_there():
     assert np.abs(found["flow_map_y"]).max() < 0.1
 
 
-def test_the_area_of_a_sphere_spreads_with_its_load_as_hertz_says():
-    """dA/dF = 2πa²/(3F), of the simulated array in newtons and cells."""
-    script = [
-        {"kind": "hold", "duration": 0.45},
-        {"kind": "press", "duration": 1.0, "load": 1.6},
-    ]
-    needs = ["spread_area", "area_spread"]
+@pytest.mark.parametrize("seed", range(3))
+def test_the_area_of_a_sphere_spreads_with_its_load_as_hertz_says(seed):
+    """dA/dF = 2πa²/(3F), of the simulated array in newtons and cells, with its usual noise."""
+    rng = np.random.default_rng(seed)
+    load, duration = rng.uniform(1.0, 1.6), rng.uniform(0.4, 1.2)
     changes = {
-        "needs": needs,
+        "needs": ["spread_area", "area_spread"],
         "program.name": "tactile_flow",
-        "array.script": script,
-        "array.noise": 0.2e-3,
+        "array.script": [
+            {"kind": "hold", "duration": 0.45},
+            {"kind": "press", "duration": duration, "load": load},
+        ],
+        "array.seed": seed,
+        "array.radius": rng.uniform(25e-3, 60e-3),
     }
-    for radius in (25e-3, 40e-3):
-        scene = load_scene("demo", changes={**changes, "array.radius": radius})
-        checked = 0
-        for moment in scene.results():
-            truth, load = moment.frame.truth, moment.frame.truth["normal_force"]
-            if load < 0.8 or moment.number % 10:
-                continue
-            area = np.pi * (truth["contact_radius"] / 1.5e-3) ** 2
-            assert float(moment.outputs["spread_area"]) == pytest.approx(area, rel=0.06)
-            # the slope of the last 0.1 s, when it was up to a tenth larger, and 5 % of an area
-            spread = float(moment.outputs["area_spread"])
-            assert spread == pytest.approx(2 * area / (3 * load), rel=0.3)
-            checked += 1
-        assert checked > 5
+    checked = 0
+    for moment in load_scene("demo", changes=changes).results():
+        truth, load = moment.frame.truth, moment.frame.truth["normal_force"]
+        area = np.pi * (truth["contact_radius"] / 1.5e-3) ** 2
+        if area < 7.0 or moment.number % 10:  # the page has what happens below
+            continue
+        # the widest of 309 frames of 24 such touches were off by 7 and by 20 %
+        assert float(moment.outputs["spread_area"]) == pytest.approx(area, rel=0.08)
+        spread = float(moment.outputs["area_spread"])
+        assert spread == pytest.approx(2 * area / (3 * load), rel=0.25)
+        checked += 1
+    assert checked > 3
 
 
 @pytest.mark.parametrize("rate", RATES)
