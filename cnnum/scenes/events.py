@@ -17,7 +17,8 @@ Outputs = Mapping[str, NDArray[np.float64]]
 
 def titled(phase: str | None, kind: str) -> str:
     """Return the name of an event for people, such as "gross slip"."""
-    return f"{phase} {kind}" if phase else kind
+    name = f"{phase} {kind}" if phase else kind
+    return name.replace("_", " ")
 
 
 @dataclass(frozen=True, slots=True, repr=False)

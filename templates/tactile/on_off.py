@@ -49,10 +49,8 @@ def on_off(
     ----------
     frame : FrameFields
         Only `normal` is read, in any unit.
-    push : float
-        −1 for strain and stress, which count tension as positive; +1 if readings rise under a push.
-    rate, rest : float, Hz, s
-        Frames a second; time at the start without contact, which gives rest and noise.
+    push, rate, rest : float, none, Hz, s
+        As of `motion_direction`.
     receptor, surround, adapting : float, s
         Time constants of the layers.
     level, hold_time : float, none, s

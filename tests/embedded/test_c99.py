@@ -18,7 +18,7 @@ FRAMES = 50 if FULL else 20
 STREAMS = max(2, int(os.environ.get("CNNUM_FRAMES", "0")) // FRAMES)
 """Streams of FRAMES frames each: `make embedded` runs 10,000 frames of every program."""
 
-CASES = cases(("localize", "slip", "twist"), ("q15", "q7"))
+CASES = cases(("localize", "motion_direction", "on_off", "slip", "twist"), ("q15", "q7"))
 
 
 def random_inputs(program, frames, batch, seed):

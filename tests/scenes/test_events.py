@@ -30,6 +30,14 @@ def test_flag_that_holds_from_the_start_is_an_event():
     assert event.kind == "contact"
 
 
+def test_people_read_words_and_programs_names():
+    event = Event(0.0, "pressure_end", 3)
+    assert event.title == "pressure end"
+    assert "pressure end" in str(event)
+    assert event.record()["kind"] == "pressure_end"
+    assert Event(0.0, "slip", 3, phase="gross").title == "gross slip"
+
+
 def test_slip_has_phase_and_direction():
     detector = EventDetector(SLIP)
     detector.update(0.0, 0, outputs(SLIP))

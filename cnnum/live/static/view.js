@@ -105,7 +105,7 @@ function note(event) {
   item.dataset.kind = event.kind;
   const where = event.where ? ` at row ${event.where[0].toFixed(1)}, column ${event.where[1].toFixed(1)}` : "";
   const lost = event.kind === "gap" ? ` of ${event.seconds.toFixed(3)} s, ${event.missing} missing` : "";
-  item.append(`${event.phase ? event.phase + " " : ""}${event.kind}${where}${lost}`);
+  item.append(`${event.phase ? event.phase + " " : ""}${event.kind.replaceAll("_", " ")}${where}${lost}`);
   at("events").prepend(item);
   while (at("events").children.length > 200) at("events").lastChild.remove();
   view.lineDirty = true;
