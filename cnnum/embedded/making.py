@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cnnum.arrays import Floats
-from cnnum.embedded.c.files import Exported, exported
+from cnnum.embedded.c.files import Exported, Facts, exported
 from cnnum.embedded.c.layout import bytes_of
 from cnnum.embedded.c.program import c_text
 from cnnum.embedded.emulator import Emulator, Numbers, cleared
@@ -83,7 +83,9 @@ class Made:
             found[name] = numbers.reshape(len(numbers), *shape)
         return found
 
-    def export(self, frames: Floats, about: Sequence[str] = ()) -> Exported:
+    def export(
+        self, frames: Floats, about: Sequence[str] = (), *, facts: Facts | None = None
+    ) -> Exported:
         """Return the files of C99.
 
         Parameters
@@ -92,9 +94,11 @@ class Made:
             A stream for the test vector, or several among which it is chosen.
         about : sequence of str
             Lines at the head of the program's file.
+        facts : Facts, optional
+            What the header says of the frames.
         """
         streams = frames if frames.ndim == 5 else frames[:, np.newaxis]
-        return exported(self.program, [self.inputs(frame) for frame in streams], about)
+        return exported(self.program, [self.inputs(frame) for frame in streams], about, facts)
 
 
 def quantised(array: Array, values: Floats) -> Numbers:

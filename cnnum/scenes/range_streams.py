@@ -3,8 +3,10 @@
 import inspect
 from collections.abc import Sequence
 from functools import cache, lru_cache
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cnnum.arrays import Floats, Shape
 from cnnum.drivers.simulated import hands
@@ -33,10 +35,10 @@ MEASURED = 3
 
 
 @cache
-def trials(shape: Shape, seed: int, count: int) -> tuple[Trial, ...]:
+def trials(shape: Shape, seed: int, count: int, rate: float = RATE) -> tuple[Trial, ...]:
     """Return scenes that slip, twist and rest: `count` of each, from a seed on."""
     arrays = Arrays()
-    array = Array(shape, rate=RATE, radius=RADIUS.get(min(shape)))
+    array = Array(shape, rate=rate, radius=RADIUS.get(min(shape)))
     makers = (
         ("slip", pulled(power(1.0), array)),
         ("slip, gains", pulled(power(2.0), array, SHAKEN)),
@@ -63,9 +65,9 @@ def side_by_side(some: Sequence[Trial], most: int | None = None) -> Floats:
 
 
 @cache
-def measuring_frames(shape: Shape) -> Floats:
-    """Return the streams on which ranges are measured."""
-    return side_by_side(trials(shape, 0, MEASURED), 600)
+def measuring_frames(shape: Shape, rate: float = RATE) -> Floats:
+    """Return the streams on which ranges are measured: 3 s each."""
+    return side_by_side(trials(shape, 0, MEASURED, rate), max(60, round(3.0 * rate)))
 
 
 def bound(name: str) -> Program:
@@ -116,25 +118,37 @@ def _seen(name: str, shape: Shape, method: str, needs: tuple[str, ...] | None) -
     return measured(found, solvers_for(found, method), measuring_frames(shape)[::step])
 
 
-def vector_streams(shape: Shape, count: int) -> Floats:
-    """Return streams among which a test vector is chosen, (count, streams, rows, cols, 3).
+def vector_streams(shape: Shape, count: int, rate: float = RATE) -> Floats:
+    """Return simulated streams among which a test vector is chosen, as `vector_parts` does."""
+    scenes = trials(shape, 0, MEASURED, rate)[::MEASURED]
+    return vector_parts([one.frames for one in scenes], count)
+
+
+def vector_parts(scenes: Sequence[NDArray[Any]], count: int) -> Floats:
+    """Return streams among which a test vector is chosen, (count, streams, rows, cols, channels).
 
     They are parts of the scenes, as fast as they were taken or with frames left out up to the
     whole scene, and numbers at random, each held for some frames.
+
+    Parameters
+    ----------
+    scenes : sequence of (frames, rows, cols, channels) float
+    count : int
+        Frames of a stream.
     """
-    found, scenes = list[Floats](), trials(shape, 0, MEASURED)[::MEASURED]
+    found, like = list[Floats](), scenes[0]
     for one in scenes:
-        whole = len(one.frames) // count or 1
+        whole = len(one) // count or 1
         for step in sorted({1, whole}):
-            last = max(0, len(one.frames) - step * count)
+            last = max(0, len(one) - step * count)
             for start in sorted({0, last // 2, last}):
-                part = one.frames[start::step][:count].astype(np.float64)
+                part = one[start::step][:count].astype(np.float64)
                 rest = np.repeat(part[-1:], count - len(part), axis=0)
                 found.append(np.concatenate([part, rest]))
-    largest = np.max([np.abs(one.frames).max(axis=(0, 1, 2)) for one in scenes], axis=0)
+    largest = np.max([np.abs(one).max(axis=(0, 1, 2)) for one in scenes], axis=0)
     random = np.random.default_rng(0)
     for held in (1, 1, 3, 8):
-        numbers = random.uniform(-1.0, 1.0, (-(-count // held), *shape, 3)) * largest
+        numbers = random.uniform(-1.0, 1.0, (-(-count // held), *like.shape[1:])) * largest
         found.append(np.repeat(numbers, held, axis=0)[:count])
     return np.stack(found, axis=1).astype(np.float64)
 

@@ -3,19 +3,24 @@
 import os
 import re
 from pathlib import Path
+from typing import cast
 
 import click
 
-from cnnum.cli.options import completed, force_option, json_option
+from cnnum.cli.options import (
+    assignments,
+    completed,
+    force_option,
+    json_option,
+    set_option,
+    trust_option,
+)
 from cnnum.cli.output import Output
-
-SHORT, LONG = 48, 160
-"""Frames of each stream of the test vector: long ones where they change more outputs."""
 
 
 @click.command("export")
-@click.argument("program", shell_complete=completed("program"))
-@click.option("--shape", default="8x8x3", show_default=True, help="Rows, columns and axes.")
+@click.argument("program", required=False, shell_complete=completed("program"))
+@click.option("--shape", help="Rows and columns, as 8x8; unless given those of --like, or 8x8.")
 @click.option("--precision", default="q15", show_default=True, help="q15, q7, qM.N or float32.")
 @click.option(
     "--method",
@@ -24,6 +29,19 @@ SHORT, LONG = 48, 160
     show_default=True,
     help="Products where they are exact, or Euler's steps, of cells that see others.",
 )
+@click.option("--rate", type=click.FloatRange(min=0, min_open=True), help="Frames a second, Hz.")
+@click.option(
+    "--like",
+    type=click.Path(path_type=Path, dir_okay=False),
+    help="Recording of frames like those to come: ranges are measured on it.",
+)
+@click.option("--channels", help="Those of a frame, as in normal or shear_x,shear_y,normal.")
+@click.option(
+    "--scene",
+    help="Scene whose program, parameters, outputs and calibrated frames are taken.",
+)
+@set_option
+@trust_option
 @click.option("--needs", help="Wanted outputs, as in gross_slip,slip_x; all unless given.")
 @click.option(
     "--out",
@@ -35,10 +53,16 @@ SHORT, LONG = 48, 160
 @force_option
 @json_option
 def command(
-    program: str,
-    shape: str,
+    program: str | None,
+    shape: str | None,
     precision: str,
     method: str,
+    rate: float | None,
+    like: Path | None,
+    channels: str | None,
+    scene: str | None,
+    settings: tuple[str, ...],
+    trust: bool,
     needs: str | None,
     out: Path,
     force: bool,
@@ -46,38 +70,51 @@ def command(
 ) -> int:
     """Write PROGRAM as self-contained C99, with a test vector and a Makefile.
 
-    PROGRAM is one of the library, or one of your own as FILE.py:FUNCTION or MODULE:FUNCTION.
+    PROGRAM is one of the library, or one of your own as FILE.py:FUNCTION or MODULE:FUNCTION. With
+    --scene the program is the scene's.
 
     Memory is static, and precisions of whole numbers need no mathematics library. The range of
-    every value is measured on simulated scenes; values beyond it saturate.
+    every value is measured on the frames of --like or --scene, or on strain of simulated scenes;
+    values beyond it saturate. Constants of time are for the rate of these frames, or --rate.
     """
     from cnnum.scenes.arrangement import named
-    from cnnum.scenes.range_streams import made, vector_streams
+    from cnnum.scenes.exporting import export, export_scene
+    from cnnum.scenes.pipeline import load_scene
 
-    size, place = shape_of(shape), program
-    program = named(place).name
-    ours = require_room(out, program, force=force)
-    wanted = None if needs is None else tuple(name.strip() for name in needs.split(","))
-    found = made(place, size, precision, method, wanted)
-    about = (
-        f"Program '{program}' on {size[0]} x {size[1]} cells in {precision}, method {method}.",
-        "Written by 'cnnum export'.",
-    )
-    exported = found.export(vector_streams(size, SHORT), about)
-    if exported.vector.still:
-        longer = found.export(vector_streams(size, LONG), about)
-        if len(longer.vector.still) < len(exported.vector.still):
-            exported = longer
+    if (program is None) == (scene is None):
+        raise click.UsageError("Give a PROGRAM, or a scene by --scene.")
+    if scene is not None:
+        if any(one is not None for one in (shape, rate, like, channels, needs)):
+            raise click.UsageError("A scene has shape, rate, channels and outputs of its own.")
+        with load_scene(scene, changes=assignments(settings), trust=trust) as opened:
+            ours = require_room(out, opened.plan.program, force=force)
+            exported = export_scene(opened, precision=precision, method=method)
+    else:
+        size = None if shape is None else shape_of(shape)
+        found = named(cast("str", program))
+        ours = require_room(out, found.name, force=force)
+        exported = export(
+            found,
+            size,
+            precision=precision,
+            method=method,
+            needs=_names(needs),
+            channels=_names(channels),
+            rate=rate,
+            like=like,
+        )
     exported.write(out, force=force or ours)
-    vector = exported.vector
+    vector, facts = exported.vector, exported.facts
     output = Output(as_json)
     output.record(
         {
             "kind": "export",
-            "program": program,
-            "shape": [*size, 3],
+            "program": exported.program.name,
+            "shape": [*exported.program.shape, len(exported.program.of_kind("input"))],
             "precision": precision,
             "method": method,
+            "rate": facts.rate,
+            "unit": facts.unit,
             "folder": str(out),
             "files": sorted(exported.files),
             "memory_bytes": exported.memory_bytes,
@@ -95,10 +132,19 @@ def command(
         f"Wrote {', '.join(sorted(exported.files))} to {out}.",
         f"Memory {exported.memory_bytes} bytes, a frame {exported.input_bytes}, its answers "
         f"{exported.output_bytes}, tables {exported.table_bytes}.",
+        *(
+            []
+            if facts.rate is None
+            else [f"Constants of time are for {facts.rate:g} frames a second."]
+        ),
         f"The test vector has {len(vector.frames)} frames of {sum(vector.begins)} streams.",
-        *vector.about(found.program),
+        *vector.about(exported.program),
     )
     return 0
+
+
+def _names(text: str | None) -> tuple[str, ...] | None:
+    return None if text is None else tuple(name.strip() for name in text.split(","))
 
 
 def require_room(out: Path, program: str, *, force: bool) -> bool:

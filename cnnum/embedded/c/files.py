@@ -21,6 +21,7 @@ from cnnum.embedded.emulator import Numbers
 from cnnum.embedded.program import Array, IntegerProgram, plain
 from cnnum.embedded.ranges import range_lines
 from cnnum.safety.files import write_files
+from cnnum.version import __version__
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -32,6 +33,8 @@ class Exported:
     files : mapping of str to str
     memory_bytes, input_bytes, output_bytes, table_bytes : int
     vector : Vector
+    program : IntegerProgram
+    facts : Facts
     """
 
     files: Mapping[str, str]
@@ -40,6 +43,8 @@ class Exported:
     output_bytes: int
     table_bytes: int
     vector: Vector
+    program: IntegerProgram
+    facts: "Facts"
 
     def write(self, folder: Path, *, force: bool = False) -> None:
         """Write the files into a folder, as `cnnum.safety.files.write_files` does.
@@ -50,6 +55,25 @@ class Exported:
             If one is there that `force` does not say to replace, or cannot be written.
         """
         write_files(folder, self.files, force=force)
+
+
+@dataclass(frozen=True, slots=True)
+class Facts:
+    """What a header says of the frames that a program takes.
+
+    Attributes
+    ----------
+    rate : float or None
+        Frames a second that its constants of time are for; None where it has none.
+    unit : str
+        Of the inputs; empty where it is not known.
+    precision, method : str
+    """
+
+    rate: float | None
+    unit: str
+    precision: str
+    method: str
 
 
 OTHERS = ("vector.c", "stream.c", "Makefile", "ranges.txt")
@@ -99,7 +123,9 @@ def _rule(name: str) -> str:
     return f"vector: vector.c {name}.c {name}.h\n"
 
 
-def exported(program: IntegerProgram, streams: Frames, about: Sequence[str]) -> Exported:
+def exported(
+    program: IntegerProgram, streams: Frames, about: Sequence[str], facts: Facts | None = None
+) -> Exported:
     """Return a program's files.
 
     Parameters
@@ -109,11 +135,19 @@ def exported(program: IntegerProgram, streams: Frames, about: Sequence[str]) -> 
         Frames of streams side by side, among which the test vector is chosen.
     about : sequence of str
         Lines at the head of the program's own file.
+    facts : Facts, optional
+        What the header says of the frames.
     """
+    if facts is not None and not about:
+        about = (
+            f"Program '{program.name}' on {program.shape[0]} x {program.shape[1]} cells in "
+            f"{facts.precision}, method {facts.method}.",
+            f"Written by cnnum {__version__}.",
+        )
     name, vector = identifier(program.name), vector_of(program, streams)
     text = c_text(program)
     inputs, outputs = program.of_kind("input"), program.of_kind("output")
-    header = _header(name, program, text.memory, inputs, outputs, text.tables)
+    header = _header(name, program, text.memory, inputs, outputs, text.tables, facts)
     source = [
         "/* " + "\n   ".join(line.replace("*/", "") for line in about) + " */",
         f'#include "{name}.h"',
@@ -147,6 +181,8 @@ def exported(program: IntegerProgram, streams: Frames, about: Sequence[str]) -> 
         bytes_of(outputs),
         size_of(text.tables),
         vector,
+        program,
+        facts or Facts(None, "", "", ""),
     )
 
 
@@ -194,6 +230,7 @@ def _header(
     inputs: Sequence[Array],
     outputs: Sequence[Array],
     tables: Sequence[Array],
+    facts: Facts | None,
 ) -> str:
     guard, (rows, cols) = f"{name.upper()}_H", program.shape
     fractions = [
@@ -210,14 +247,21 @@ def _header(
     lines = [
         f"/* Program '{program.name}' on {rows} x {cols} cells.",
         f"   Memory {bytes_of(memory, memory=True)} bytes, frame {bytes_of(inputs)}, answers "
-        f"{bytes_of(outputs)}, tables {size_of(tables)}. */",
+        f"{bytes_of(outputs)}, tables {size_of(tables)}."
+        + "".join(f"\n   {line}" for line in _facts(program, inputs, facts))
+        + " */",
         f"#ifndef {guard}",
         f"#define {guard}",
         "",
         "#include <stdint.h>",
         "",
+        "#ifdef __cplusplus",
+        'extern "C" {',
+        "#endif",
+        "",
         f"#define {name.upper()}_ROWS {rows}",
         f"#define {name.upper()}_COLS {cols}",
+        *([] if facts is None or facts.rate is None else _rate(name, facts.rate)),
         "/* a whole number q stands for q times 2^-FRACTION */",
         *fractions,
         "/* the range of an input: numbers beyond it are taken as its end */"
@@ -233,10 +277,41 @@ def _header(
         "/* one frame */",
         f"void {name}_step({name}_memory *m, const {name}_input *in, {name}_output *out);",
         "",
+        "#ifdef __cplusplus",
+        "}",
+        "#endif",
+        "",
         "#endif",
         "",
     ]
     return "\n".join(lines)
+
+
+def _rate(name: str, rate: float) -> list[str]:
+    return [
+        "/* frames a second; at another rate the program is another one */",
+        f"#define {name.upper()}_RATE_HZ {rate:.9g}",
+    ]
+
+
+def _facts(program: IntegerProgram, inputs: Sequence[Array], facts: Facts | None) -> list[str]:
+    """Return what the header says of inputs, rate and saturation, in words."""
+    if facts is None:
+        return []
+    lines = list[str]()
+    if facts.rate is not None:
+        lines.append(f"Its constants of time are for {facts.rate:.9g} frames a second.")
+    unit = f", {facts.unit}" if facts.unit else ""
+    for one in inputs:
+        if one.bounds is None or one.format is None:
+            lines.append(f"{one.name}{unit}: any finite number.")
+            continue
+        least, largest = (np.ldexp(float(end), -one.format.fraction) for end in one.bounds)
+        lines.append(f"{one.name}{unit}: {least:.6g} to {largest:.6g}; beyond that it saturates.")
+    if not program.real:
+        lines.append(f"{range_lines(program)[1]} (ranges.txt)")
+    lines.append(f"{facts.precision}, method {facts.method}, by cnnum {__version__}.")
+    return [part for line in lines for part in textwrap.wrap(line, 90)]
 
 
 def _vector(name: str, program: IntegerProgram, vector: Vector) -> str:

@@ -1,0 +1,120 @@
+"""One's own program, at one's own rate, with ranges of one's own frames, as C99 that runs."""
+
+import shutil
+import subprocess
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import cnnum
+from cnnum.cli import main
+from cnnum.errors import ArrayError, UnknownNameError
+
+needs_cc = pytest.mark.skipif(
+    shutil.which("cc") is None or shutil.which("make") is None, reason="no C compiler"
+)
+
+
+@cnnum.program
+def follows(frame, *, rate: float = 200.0):
+    """A memory that comes after the load with a time constant of 50 ms."""
+    past = frame.memory("past")
+    share = float(np.exp(-1.0 / (0.05 * rate)))
+    now = share * past.value + (1.0 - share) * frame.normal
+    past.store(now)
+    return {"late": now, "most": now.max()}
+
+
+def frames(count=200, seed=0):
+    """Loads up to 40 units that come and go, (frames, 3, 4, 1): no array has such strain."""
+    rng = np.random.default_rng(seed)
+    times = np.arange(count)[:, None, None, None] / 30.0
+    return 20.0 * (1.0 + np.sin(times + rng.uniform(0, 6, (1, 3, 4, 1))))
+
+
+@needs_cc
+@pytest.mark.parametrize(("rate", "precision"), [(60.0, "q15"), (1000.0, "float32")])
+def test_the_c_is_the_program_at_that_rate(tmp_path, rate, precision):
+    recording = cnnum.Recording(frames()[..., 0], rate=rate, unit="N", channels=("normal",))
+    exported = cnnum.export(follows, precision=precision, like=recording)
+    exported.write(tmp_path)
+    subprocess.run(["make", "check", "stream"], cwd=tmp_path, check=True, capture_output=True)
+    header = (tmp_path / "follows.h").read_text()
+    assert f"#define FOLLOWS_RATE_HZ {rate:g}" in header
+    assert "in_normal, N: " in header
+    assert 'extern "C"' in header
+    shown = frames(seed=1)
+    if precision == "q15":
+        fraction = int(header.split("FOLLOWS_IN_NORMAL_FRACTION ")[1].split()[0])
+        given = np.round(shown * 2.0**fraction).astype("<i2")
+    else:
+        given = shown.astype("<f4")
+    ran = subprocess.run(
+        ["./stream"], cwd=tmp_path, input=given.tobytes(), capture_output=True, check=True
+    )
+    wanted = np.zeros((3, 4))
+    share = np.exp(-1.0 / (0.05 * rate))
+    steps = []
+    for frame in shown[..., 0]:
+        wanted = share * wanted + (1.0 - share) * frame
+        steps.append(wanted)
+    scale = 0 if precision == "float32" else -1
+    kind = "<f4" if precision == "float32" else "<i2"
+    at = header.index("} follows_output")
+    order = [line.split()[1] for line in header[:at].splitlines() if " out_" in line]
+    size = len(ran.stdout) // len(shown)
+    rows = np.frombuffer(ran.stdout, np.uint8).reshape(len(shown), size)
+    start = 4 if order[0].startswith("out_most") else 0
+    maps = rows[:, start : start + 12 * np.dtype(kind).itemsize].copy().view(kind)
+    if scale:
+        fraction = int(header.split("FOLLOWS_OUT_LATE_FRACTION ")[1].split()[0])
+        maps = maps * 2.0**-fraction
+    # sixteen bits of a range up to twice the largest value, with a memory that sums their rounding
+    bound = 40 * 2.0**-14 * 8 if scale else 1e-4
+    np.testing.assert_allclose(maps.reshape(-1, 3, 4), steps, atol=bound)
+
+
+def test_a_rate_that_is_bound_stays():
+    bound = follows.bind(rate=25.0)
+    assert cnnum.export(bound, like=frames()).facts.rate == 25.0
+    assert cnnum.export(follows, like=frames(), rate=500).facts.rate == 500.0
+    assert cnnum.export(follows, like=frames()).facts.rate == 200.0
+
+
+@pytest.mark.parametrize(
+    ("given", "error", "words"),
+    [
+        ({"channels": ("pressure",)}, UnknownNameError, "Give frames"),
+        ({"like": frames()[:0]}, ArrayError, "at least one"),
+        ({"like": np.full((5, 3, 4, 1), np.nan)}, ArrayError, "finite"),
+        ({"like": frames(), "shape": (8, 8)}, ArrayError, "3×4"),
+        ({"like": frames(), "rate": -1.0}, ArrayError, "above 0"),
+        ({"like": cnnum.Recording(frames()[..., 0], rate=10), "channels": ("x",)},
+         UnknownNameError, "x"),
+    ],
+)  # fmt: skip
+def test_what_does_not_fit_is_one_sentence(given, error, words):
+    with pytest.raises(error, match=words):
+        cnnum.export(follows, **given)
+
+
+def test_the_command_takes_files_and_scenes(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    source = "import numpy as np\nimport cnnum\n\n\n@cnnum.program\ndef most(frame):\n"
+    (tmp_path / "own.py").write_text(source + '    return {"most": (-frame.normal).max()}\n')
+    loads = -1e-3 * frames(60)[..., 0]
+    cnnum.Recording(loads, rate=80, unit="strain", channels=("normal",)).save("like.npz")
+    scene = '[array]\ndriver = "npz"\npath = "like.npz"\n[program]\nname = "own.py:most"\n'
+    (tmp_path / "scene.toml").write_text(scene + '[[event]]\nkind = "hit"\nflag = "most"\n')
+    for options in (
+        ["own.py:most", "--like", "like.npz"],
+        ["--scene", "scene.toml", "--trust"],
+    ):
+        done = CliRunner().invoke(main, ["export", *options, "--out", "c", "--force"])
+        assert done.exit_code == 0, done.output
+        assert "in_normal, strain" in (tmp_path / "c" / "most.h").read_text()
+    for options in ([], ["own.py:most", "--scene", "scene.toml"]):
+        refused = CliRunner().invoke(main, ["export", *options, "--out", "d"])
+        assert refused.exit_code == 2
+        assert not (tmp_path / "d").exists()
