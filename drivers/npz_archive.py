@@ -30,6 +30,8 @@ PLAIN = "fiub"
 MOST_NAMES, LONGEST_NAME = 1024, 256
 """Texts of one array of texts, and signs of one."""
 
+MOST_AXES = 6
+
 LONGEST_HEADER = 1 << 16
 """Bytes before an array's values; that of a recording has 128."""
 
@@ -96,6 +98,31 @@ def read_arrays(path: Path, wanted: Collection[str]) -> dict[str, NDArray[Any]]:
         raise RecordingError(f"'{path}' cannot be read: there is not enough memory.") from None
     except OSError as error:
         raise unreadable(RecordingError, f"'{path}'", error) from None
+
+
+def array_shapes(path: Path) -> dict[str, tuple[tuple[int, ...], str]]:
+    """Return the shapes and types of the arrays of an archive, or of the one of a .npy file ("").
+
+    Arrays of other things than plain numbers and texts are left out. It raises as `read_arrays`.
+    """
+    found: dict[str, tuple[tuple[int, ...], str]] = {}
+    try:
+        with open_regular(path) as file:
+            if path.suffix.lower() == SUFFIX:
+                header = _parsed(file)
+                return {"": (header.shape, header.dtype.str)}
+            with zipfile.ZipFile(_Bounded(file)) as archive:  # pyright: ignore[reportArgumentType, reportCallIssue]
+                for info in archive.infolist()[:MOST_NAMES]:
+                    try:
+                        header = _header(path, archive, info)
+                    except CodecError:
+                        continue
+                    found[info.filename.removesuffix(SUFFIX)] = header.shape, header.dtype.str
+    except OSError as error:
+        raise unreadable(RecordingError, f"'{path}'", error) from None
+    except DAMAGE as error:
+        raise CodecError(f"'{path}' is no NumPy file: {str(error).rstrip('.')}.") from None
+    return found
 
 
 def _read(path: Path, file: IO[bytes], wanted: Collection[str]) -> dict[str, NDArray[Any]]:
@@ -170,8 +197,8 @@ def _parsed(member: IO[bytes]) -> _Header:
 
 
 def _check(shape: tuple[int, ...], dtype: np.dtype[Any]) -> None:
-    if any(isinstance(n, bool) or n < 0 for n in shape) or len(shape) > 4:
-        raise ValueError(f"expected up to four axes of 0 or more, got {shown(shape)}")
+    if any(isinstance(n, bool) or n < 0 for n in shape) or len(shape) > MOST_AXES:
+        raise ValueError(f"expected up to six axes of 0 or more, got {shown(shape)}")
     if dtype.kind == "U":
         if math.prod(shape) > MOST_NAMES or dtype.itemsize > 4 * LONGEST_NAME:
             raise ValueError(

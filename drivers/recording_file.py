@@ -7,42 +7,73 @@ from numpy.typing import NDArray
 
 from cnnum.drivers.own_data.sources import READERS
 from cnnum.drivers.registry import open_driver
-from cnnum.errors import RecordingError, missing_file
+from cnnum.errors import CnnumError, RecordingError, missing_file
 from cnnum.frame import Frame
+from cnnum.recordings.messages import holds_frames, is_bag, topics
 from cnnum.recordings.recording import Recording
 from cnnum.recordings.times import rate_of
 from cnnum.safety.names import shown
 from cnnum.safety.reading import DAMAGE, names_something, open_regular
 from cnnum.safety.values import as_path
 
+LISTED = 6
+"""Topics that a sentence names."""
+
 KIND = "kind.npy"
 """Member of a NumPy archive that `cnnum record` wrote."""
 
 
-def array_of(file: Path) -> dict[str, object]:
+def array_of(file: Path, topic: str = "") -> dict[str, object]:
     """Return the table of a scene that reads this recording.
+
+    Parameters
+    ----------
+    file : Path
+    topic : str
+        Of an MCAP file or a bag of others, in place of that of the layout.
 
     Raises
     ------
     RecordingError
         If there is no such file, or it is none of the known kinds.
     """
-    known = ", ".join((".mcap", *READERS))
+    known = ", ".join(READERS)
     expected = f"expected a file of the kind {known}, or the folder of a trial."
     if not names_something(file):
         said = f"There is no recording {shown(str(file))}: {expected}"
         raise missing_file(RecordingError, said)
     # a relative path in a scene starts from the scene's folder, not from the working one
     path, suffix = str(file.absolute()), file.suffix.lower()
+    if topic:
+        return {"driver": "file", "path": path, "topic": topic}
+    if is_bag(file):
+        return {"driver": "file", "path": path}
     if file.is_dir():
         return {"driver": "uskin-csv", "path": path}
-    if suffix == ".mcap":
+    if suffix == ".mcap" and (holds_frames(file) or not _has_layout(file)):
+        _refuse_others(file)
         return {"driver": "mcap", "path": path}
     if suffix == ".npz" and (_is_own_archive(file) or not _has_layout(file)):
         return {"driver": "npz", "path": path}
-    if suffix in READERS:
+    if suffix in READERS or _has_layout(file):
         return {"driver": "file", "path": path}
     raise RecordingError(f"'{file}' is no recording: {expected}")
+
+
+def _refuse_others(file: Path) -> None:
+    """Say of an MCAP file with messages of others how to read them."""
+    if holds_frames(file):
+        return
+    try:
+        found = list(topics(file))
+    except CnnumError:
+        return  # its driver says what is wrong with it
+    if found:
+        some = ", ".join(f"'{name}'" for name in found[:LISTED])
+        raise RecordingError(
+            f"'{file}' holds messages of others ({some}), which need a layout: 'cnnum layout "
+            f"{file.name} --topic {found[0]}' proposes one."
+        )
 
 
 def _has_layout(file: Path) -> bool:

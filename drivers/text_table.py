@@ -453,7 +453,7 @@ def _text(raw: IO[bytes]) -> TextIOWrapper:
 
 def _rows(path: Path, form: TextForm, text: TextIOWrapper) -> Iterator[tuple[int, list[str]]]:
     lines = _Lines(path, form, text)
-    content = ((lines.number, row) for row in _fields(lines, form) if any(map(str.strip, row)))
+    content = ((lines.number, row) for row in fields_of(lines, form) if any(map(str.strip, row)))
     first = next(content, None)
     if first is None:
         raise CodecError(f"'{path}' is empty: expected a header and rows of numbers.")
@@ -464,7 +464,7 @@ def _rows(path: Path, form: TextForm, text: TextIOWrapper) -> Iterator[tuple[int
         line = form.skip + 1
     elif lines.comment and all(_NUMBER.fullmatch(text.strip()) for text in names if text.strip()):
         # the header is a comment, as NumPy writes it
-        said = next(_fields([lines.comment.removeprefix(form.comment)], form), list[str]())
+        said = next(fields_of([lines.comment.removeprefix(form.comment)], form), list[str]())
         if len(said) == len(names):
             rest, (line, names) = [first], (lines.commented, said)
     names = [name.strip() for name in names]
@@ -494,8 +494,8 @@ def _chained(
     yield from rest
 
 
-def _fields(lines: "_Lines | list[str]", form: TextForm) -> Iterator[list[str]]:
-    """Return a reader of the fields of each line."""
+def fields_of(lines: "_Lines | list[str]", form: TextForm) -> Iterator[list[str]]:
+    """Return an iterator over the fields of each line."""
     if form.separator == " ":
         return (line.split() for line in lines)
     return csv.reader(lines, delimiter=form.separator, skipinitialspace=True)

@@ -26,6 +26,8 @@ _LONGEST_NAME = 16
 _FOOTER = struct.Struct("<QQI")
 
 
+INSIDE_CHUNKS = frozenset((Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE))
+
 RECORD = 1024
 """Bytes that are read and summed in the time that one small record takes."""
 
@@ -143,9 +145,17 @@ def read_chunk(
             budget.unpack(unpacked)
     file.seek(place + begin)
     records = _unpacked(name, file.read(packed), unpacked)
-    if records is None or zlib.crc32(records) != crc:
+    # a checksum of 0 means that the writer made none
+    if records is None or not (zlib.crc32(records) == crc if crc else _are_records(records)):
         return None
     return WholeChunk(place, end, name.decode("ascii"), packed, records)
+
+
+def _are_records(data: bytes) -> bool:
+    try:
+        return all(opcode in INSIDE_CHUNKS for opcode, _, _ in records_in(data))
+    except CodecError:
+        return False
 
 
 def _unpacked(name: bytes, data: bytes, size: int) -> bytes | None:
@@ -213,8 +223,10 @@ def summary_holds(file: IO[bytes], data_end: int, footer: int, size: int) -> boo
         return False
     file.seek(footer + PREFIX.size)
     start, _, crc = _FOOTER.unpack(file.read(_FOOTER.size))
-    if file.read(len(MAGIC)) != MAGIC or start != data_end:
+    if file.read(len(MAGIC)) != MAGIC or start not in (0, data_end):
         return False
+    if not start or not crc:  # a file without a summary, or whose writer made no checksum of it
+        return True
     file.seek(start)
     seen, left = 0, footer + PREFIX.size + _FOOTER.size - 4 - start
     while left:

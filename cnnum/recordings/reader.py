@@ -6,7 +6,7 @@ from collections.abc import Generator, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,9 @@ from cnnum.recordings.mcap_records import MAGIC, Budget, SpentError, WholeChunk
 from cnnum.recordings.raw_chunks import is_raw, raw_of
 from cnnum.recordings.scan import End, Hole, scan
 from cnnum.safety.reading import open_regular
+
+SORTED_AT_ONCE = 4096
+"""Frames that are handed on together where all of them were sorted."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,6 +44,8 @@ class Contents:
         Bytes of all these places, and of the one at the end.
     indexed : bool
         Whether a whole index stands at the end.
+    ordered : bool
+        Whether the frames stand in the order in which they came; if not, they are sorted in memory.
     held : tuple of Held
         Files that travel in it.
     budget : float
@@ -57,6 +62,7 @@ class Contents:
     unreadable: int
     tail: int
     indexed: bool
+    ordered: bool = True
     held: tuple[Held, ...] = ()
     budget: float = 1.0
 
@@ -68,7 +74,8 @@ class Contents:
     def chunks(self) -> Iterator[NDArray[np.void]]:
         """Yield the frames of one chunk after the other, as rows of `Layout.message`.
 
-        The first after a hole has the flag `Quality.DROPPED_BEFORE` where scans are missing.
+        The first after a hole has the flag `Quality.DROPPED_BEFORE` where scans are missing. A
+        frame that is in the file more than once has the flag `Quality.REPEATED` from then on.
 
         Raises
         ------
@@ -77,6 +84,22 @@ class Contents:
         CodecError
             If a chunk is whole, and no frames of this recording.
         """
+        last: NDArray[np.void] | None = None
+        for rows in self._unmarked():
+            yield (marked := _repeats_marked(rows, last))
+            last = marked[-1:]
+
+    def _unmarked(self) -> Iterator[NDArray[np.void]]:
+        """Yield the frames in the order in which they came."""
+        if self.ordered:
+            yield from self._as_they_stand()
+            return
+        whole = np.concatenate(list(self._as_they_stand()))
+        whole = whole[np.argsort(whole["log_time"], kind="stable")]
+        for begin in range(0, len(whole), SORTED_AT_ONCE):
+            yield whole[begin : begin + SORTED_AT_ONCE]
+
+    def _as_they_stand(self) -> Iterator[NDArray[np.void]]:
         decoder, last, torn = Decoder(), None, False
         with opened(self.path) as file:
             budget = Budget(self.size, self.budget)
@@ -104,7 +127,14 @@ class Contents:
                     yield from raw_of(part.records)
 
     def warn(self) -> None:
-        """Name in one sentence the part that cannot be read, if any."""
+        """Name in one sentence each the part that cannot be read, and another order, if any."""
+        if not self.ordered:
+            warnings.warn(
+                f"The frames of '{self.path}' do not stand in the order in which they came: they "
+                "are sorted by their log times.",
+                RecordingWarning,
+                stacklevel=2,
+            )
         if self.whole:
             return
         first = f"'{self.path}' has no whole index: {self.tail} bytes at its end are not readable"
@@ -157,7 +187,10 @@ def look(path: Path, budget: float = 1.0) -> Contents:
         spent = Budget(size, budget)
         for part in _scanned(file, size, path, spent):
             if isinstance(part, WholeChunk):
-                tally.add(_decoded(decoder, part, path, spent)["sequence"])
+                rows = _decoded(decoder, part, path, spent)
+                if rows.dtype.names and "log_time" in rows.dtype.names:
+                    tally.came(rows["log_time"])
+                tally.add(rows["sequence"])
             elif isinstance(part, Hole):
                 tally.skip(part, size)
             else:
@@ -186,12 +219,22 @@ class _Tally:
         self.frames = self.gaps = self.missing = 0
         self.holes = self.unreadable = self.tail = 0
         self.indexed = False
+        self.ordered = True
         self._last: int | None = None
+        self._came = 0
 
     @property
     def counts(self) -> dict[str, Any]:
         """All counts, by their names in `Contents`."""
-        return {name: count for name, count in vars(self).items() if name != "_last"}
+        return {name: count for name, count in vars(self).items() if name[0] != "_"}
+
+    def came(self, log_times: NDArray[np.uint64]) -> None:
+        """Take in when the frames of a chunk came."""
+        if len(log_times):
+            self.ordered = self.ordered and not (
+                int(log_times[0]) < self._came or (log_times[1:] < log_times[:-1]).any()
+            )
+            self._came = int(log_times[-1])
 
     def add(self, sequence: NDArray[np.int64]) -> None:
         """Count the frames of a chunk, and the jumps of their numbers."""
@@ -243,6 +286,24 @@ def _decoded(decoder: Decoder, chunk: WholeChunk, path: Path, budget: Budget) ->
             raise CodecError(f"'{path}' is no recording of cnnum: {error}") from None
         budget.take(len(rows))
     return rows
+
+
+def _repeats_marked(rows: NDArray[np.void], last: NDArray[np.void] | None) -> NDArray[np.void]:
+    """Return frames, those flagged as repeats that are the frame before once more, to the bit."""
+    before = rows[:1] if last is None else last
+    others: Any = np.concatenate([before, rows[:-1]])
+    held: Any = rows
+    again = (held["sequence"] == others["sequence"]) & (held["time"] == others["time"])
+    again &= held["log_time"] == others["log_time"]
+    if last is None:
+        again[0] = False
+    for n in np.flatnonzero(again).tolist():
+        again[n] = held["values"][n].tobytes() == others["values"][n].tobytes()
+    if not again.any():
+        return rows
+    marked: Any = rows.copy()
+    marked["quality"][again] |= int(Quality.REPEATED)
+    return cast("NDArray[np.void]", marked)
 
 
 def _flagged(rows: NDArray[np.void], last: int) -> NDArray[np.void]:

@@ -2,14 +2,16 @@
 
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from dataclasses import dataclass
 from typing import IO
 
 from mcap.opcode import Opcode
 
 from cnnum.recordings.mcap_records import (
+    LARGEST,
     MAGIC,
+    PREFIX,
     RECORD,
     Budget,
     WholeChunk,
@@ -20,6 +22,8 @@ from cnnum.recordings.mcap_records import (
 )
 
 _SMALL = frozenset(Opcode) - {Opcode.CHUNK}
+_CONTENT = frozenset((Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE))
+_ENDS = frozenset((Opcode.DATA_END, Opcode.FOOTER, Opcode.CHUNK_INDEX, Opcode.STATISTICS))
 
 WINDOW, FIRST_WINDOW = 1 << 20, 1 << 14
 """Bytes that are searched at a time, and at first: the next chunk may be near."""
@@ -49,7 +53,8 @@ def scan(
     """Yield the whole chunks of a file and the holes between them in their order, then the end.
 
     Only a chunk has a checksum, so only a chunk is believed: where the bytes after one lead to no
-    other, the search begins anew at the end of that chunk.
+    other, the search begins anew at the end of that chunk. A file whose messages stand in no chunk
+    is believed as far as its records lead from one to the next; some of them come as one chunk.
 
     Parameters
     ----------
@@ -64,8 +69,8 @@ def scan(
     SpentError
         If the budget is spent.
     """
-    place = 0
     budget = budget or Budget(size, math.inf)
+    place = yield from _loose(file, size, budget)
     while True:
         stopped, indexed = _follow(file, place, size, budget)
         if indexed:
@@ -82,6 +87,38 @@ def scan(
             yield hole
         yield chunk
         place = chunk.end
+
+
+def _loose(file: IO[bytes], size: int, budget: Budget) -> Generator[WholeChunk, None, int]:
+    """Yield the messages before the first chunk, and return where they end; 0 if there are none."""
+    file.seek(0)
+    if file.read(len(MAGIC)) != MAGIC:
+        return 0
+    place = begin = len(MAGIC)
+    end, held, channels, found = place, list[bytes](), set[bytes](), False
+    while prefix := read_prefix(file, place, size):
+        opcode, end = prefix
+        budget.look(RECORD)
+        if opcode not in _SMALL or opcode in _ENDS or end - place > LARGEST:
+            break
+        if opcode in _CONTENT:
+            file.seek(place)
+            record = file.read(end - place)
+            budget.look(len(record))
+            if opcode == Opcode.CHANNEL:
+                channels.add(record[PREFIX.size : PREFIX.size + 2])
+            elif opcode == Opcode.MESSAGE:
+                if record[PREFIX.size : PREFIX.size + 2] not in channels:
+                    break
+                found = True
+            held.append(record)
+        place = end
+        if found and (place - begin >= WINDOW):
+            yield WholeChunk(begin, place, "", place - begin, b"".join(held))
+            begin, held = place, []
+    if found and held:
+        yield WholeChunk(begin, place, "", place - begin, b"".join(held))
+    return place if found else 0
 
 
 def _follow(file: IO[bytes], place: int, size: int, budget: Budget) -> tuple[int, bool]:

@@ -20,6 +20,7 @@ from cnnum.drivers.own_data.sources import (
     TEXTS,
     VALUES,
     Arrays,
+    held_by,
     shaped,
 )
 from cnnum.errors import (
@@ -33,6 +34,7 @@ from cnnum.errors import (
 )
 from cnnum.frame import Frame, Quality
 from cnnum.recordings.export import calibration_of
+from cnnum.recordings.messages import LOG_TIME, is_bag
 from cnnum.recordings.recording import Recording
 from cnnum.recordings.times import rate_of
 from cnnum.safety.reading import names_something
@@ -49,15 +51,19 @@ class DataFileOptions:
     Attributes
     ----------
     path : Path
-        A text file (.csv, .txt, .tsv, .dat, .asc), or a .npy, .npz, .h5 or .hdf5 file.
+        A text file (.csv, .txt, .tsv, .dat, .asc), a .npy, .npz, .h5, .hdf5 or .parquet file,
+        messages (.mcap, .jsonl, .bag, the folder of a rosbag2), or what an array sent (.bin, .log).
     layout : Path, optional
         The TOML file that names its columns and their meaning (`DataLayout`). Unless given, it is
         that of the same name with the suffix .toml. CSV and HDF5 files that cnnum wrote need
         none.
+    topic : str
+        Of an MCAP file or a bag, in place of that of the layout.
     """
 
     path: Path
     layout: Path | None = None
+    topic: str = ""
 
     def open(self) -> "DataFile":
         """Read the file.
@@ -76,7 +82,7 @@ class DataFileOptions:
             If h5py is not installed, for an HDF5 file.
         """
         path, suffix = self.path, self.path.suffix.lower()
-        if suffix not in READERS:
+        if suffix not in READERS and not is_bag(path) and not self._has_layout():
             raise name_error("kind of data file", suffix or path.name, READERS)
         if not names_something(path):
             raise missing_file(RecordingError, f"There is no file '{path}'.")
@@ -87,7 +93,8 @@ class DataFileOptions:
             if own is not None:
                 return DataFile(own[0], calibration=own[1])
             layout = read_layout(self._layout())
-            return DataFile(_recording(path, layout), layout)
+            layout = replace(layout, topic=self.topic) if self.topic else layout
+            return DataFile(recording_by(path, layout), layout)
         except ArrayError as error:
             raise CodecError(f"'{path}': {error}") from None
 
@@ -99,7 +106,7 @@ class DataFileOptions:
         if not names_something(path):
             raise SceneError(
                 f"There is no layout '{path}', which describes '{self.path.name}': write one "
-                f"with {EXAMPLE}."
+                f"with {EXAMPLE}; 'cnnum layout {self.path.name}' proposes it."
             )
         return path
 
@@ -110,15 +117,23 @@ def _beside(table: Path) -> Calibration | None:
     return Calibration.load(file) if names_something(file) else None
 
 
-def _recording(path: Path, layout: DataLayout) -> Recording:
-    held = READERS[path.suffix.lower()](path, layout)
+def recording_by(path: Path, layout: DataLayout) -> Recording:
+    """Return the recording of a file by its layout.
+
+    Raises
+    ------
+    CnnumError
+        If the file cannot be read, or does not fit the layout.
+    """
+    held = held_by(path, layout)
     values = shaped(path, layout, held[VALUES])
     times, back = None, np.zeros(0, np.int64)
-    if layout.time:
-        times, back = _times(path, layout, held, len(values))
+    name = layout.time or next((name for name in (LOG_TIME,) if name in held), "")
+    if name:
+        times, back = _times(path, layout, held, name, len(values))
     rate = layout.rate or (0.0 if times is None else rate_of(times))
     if not rate:
-        raise CodecError(f"'{path}': the times '{layout.time}' give no rate: set 'rate'.")
+        raise CodecError(f"'{path}': the times '{name}' give no rate: set 'rate'.")
     quality = np.zeros(len(values), np.int64)
     if times is not None:
         again = np.zeros(len(values), np.bool_)
@@ -134,7 +149,7 @@ def _recording(path: Path, layout: DataLayout) -> Recording:
         values,
         rate=rate,
         unit=layout.unit,
-        channels=layout.channels,
+        channels=layout.full_names,
         times=times,
         truth={name: np.asarray(held[name], dtype=float) for name in layout.truth},
         quality=quality,
@@ -147,28 +162,28 @@ def _same(values: Floats) -> NDArray[np.bool_]:
 
 
 def _times(
-    path: Path, layout: DataLayout, held: Arrays, frames: int
+    path: Path, layout: DataLayout, held: Arrays, name: str, frames: int
 ) -> tuple[Floats, NDArray[np.int64]]:
     """Return the times from the first frame, s, and the frames whose clock was set back."""
-    found = held[layout.time]
+    found = held[name]
     if found.dtype.kind not in NUMBERS or found.size != frames or max(found.shape) != frames:
         raise CodecError(
-            f"'{path}': the times '{layout.time}' must be a number a frame, ({frames},), got "
+            f"'{path}': the times '{name}' must be a number a frame, ({frames},), got "
             f"{found.shape} of the type '{found.dtype}'."
         )
     times = found.reshape(-1).astype(float) * SECONDS[layout.time_unit]
     times -= times[0]
     if not np.isfinite(times).all():
-        raise CodecError(f"'{path}': the times '{layout.time}' must be finite.")
+        raise CodecError(f"'{path}': the times '{name}' must be finite.")
     if frames > 1 and not times.any():
         raise CodecError(
-            f"'{path}': the times '{layout.time}' are all equal, and tell nothing: set 'rate', and "
+            f"'{path}': the times '{name}' are all equal, and tell nothing: set 'rate', and "
             "leave out 'time'."
         )
     back = np.flatnonzero(np.diff(times) < 0.0) + 1
     if len(back) > MOST_SHARE_BACK * frames:
         raise CodecError(
-            f"'{path}', {_where(held, int(back[0]))}: the times '{layout.time}' go back in "
+            f"'{path}', {_where(held, int(back[0]))}: the times '{name}' go back in "
             f"{len(back)} of {frames} frames, so they are no clock: set 'rate', and leave out "
             "'time'."
         )

@@ -1,11 +1,11 @@
-"""Reads arrays of an HDF5 file in a process of its own, whose end harms nobody.
+"""Reads arrays of an HDF5 or Parquet file in a process of its own, whose end harms nobody.
 
-The library ends its process on some damaged files, takes memory by what a file says, and opens
+A library ends its process on some damaged files, takes memory by what a file says, and opens
 other files that it names. So this script runs alone: it has limits, and may open no file but the
 one that comes as its standard input. It imports nothing of cnnum. Its request is JSON, the first
-argument: ``names`` of the arrays, ``most`` bytes that all of them together may have, ``memory``
-bytes beyond its own, and ``seconds``. It answers with a line of JSON, then the arrays' bytes.
-Where no names are wanted, the line has the shapes and types of all arrays, and the attributes.
+argument: ``kind``, ``names`` of the arrays, ``most`` bytes that all of them together may have,
+``memory`` bytes beyond its own, and ``seconds``. It answers with a line of JSON, then the arrays'
+bytes. Where no names are wanted, the line has shapes and types of all arrays, and the attributes.
 """
 
 import codecs
@@ -20,6 +20,49 @@ NUMBERS = "fiub"
 LISTED = 12
 MOST_LISTED, LONGEST_TEXT = 1024, 1 << 16
 """Arrays and letters of an attribute, where all are asked for."""
+
+
+def of_parquet(file: Any, wanted: list[str], most: int) -> tuple[dict[str, Any], list[Any]]:
+    """Return the head and the columns of a Parquet file, lists in them as further axes."""
+    import numpy as np
+
+    parquet: Any = import_module("pyarrow.parquet")
+    opened: Any = parquet.ParquetFile(file, thrift_string_size_limit=1 << 24)
+    names: list[str] = [str(name) for name in opened.schema_arrow.names]
+    rows = int(opened.metadata.num_rows)
+    if not wanted:
+        some: Any = next(opened.iter_batches(batch_size=1), None) if rows else None
+        shapes: dict[str, Any] = {}
+        for name in names[:MOST_LISTED]:
+            first: Any = some.column(name)[0].as_py() if some is not None else None
+            shape = list(np.shape(first)) if first is not None else []
+            shapes[name] = [[rows, *shape], str(opened.schema_arrow.field(name).type)]
+        return {"names": names, "shapes": shapes, "attributes": {}}, []
+    if any(name not in names for name in wanted):
+        return {"names": names[:LISTED]}, []
+    groups = [opened.metadata.row_group(n) for n in range(opened.metadata.num_row_groups)]
+    if sum(int(group.total_byte_size) for group in groups) > most:
+        raise ValueError("it says to unpack to more bytes than the file can hold")
+    table: Any = opened.read(columns=wanted, use_threads=False)
+    held: list[Any] = []
+    for name in wanted:
+        column: Any = table.column(name).combine_chunks()
+        shape = [rows]
+        while hasattr(column, "flatten") and hasattr(column, "values"):
+            inner: Any = column.flatten()
+            width, rest = divmod(len(inner), max(1, len(column)))
+            if rest:
+                raise ValueError(f"the lists of the column '{name}' differ in length")
+            shape.append(width)
+            column = inner
+        array = np.asarray(column.to_numpy(zero_copy_only=False))
+        if array.dtype.kind == "M":
+            array = array.astype("datetime64[ns]").astype(np.int64)
+        if array.dtype.kind not in NUMBERS:
+            raise ValueError(f"the column '{name}' must hold numbers, got '{array.dtype}'")
+        held.append(array.reshape(shape))
+    head = [[array.dtype.newbyteorder("<").str, list(array.shape)] for array in held]
+    return {"names": names[:LISTED] + wanted, "arrays": head}, held
 
 
 def answer(file: Any, wanted: list[str], most: int) -> tuple[dict[str, Any], list[Any]]:
@@ -113,11 +156,14 @@ def run(request: dict[str, Any], source: Any, target: Any) -> None:
     import numpy as np
 
     # before there is a limit on files: the codec is that of types of text
-    import_module("h5py")
+    parquet = request.get("kind") == "parquet"
+    for library in ("pyarrow.parquet", "pyarrow.compute") if parquet else ("h5py",):
+        import_module(library)
     codecs.lookup("ascii")
     limit(int(request["memory"]), int(request["seconds"]))
     try:
-        head, held = answer(source, list(request["names"]), int(request["most"]))
+        way = of_parquet if parquet else answer
+        head, held = way(source, list(request["names"]), int(request["most"]))
     except Exception as error:  # whatever a library finds in a damaged file
         head, held = {"error": f"{error}" or type(error).__name__}, []
     target.write(json.dumps(head, default=str).encode() + b"\n")

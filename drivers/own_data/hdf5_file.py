@@ -1,4 +1,4 @@
-"""Arrays of HDF5 files, which a child process reads (`hdf5_child`): its end is a sentence here."""
+"""Arrays of HDF5 and Parquet files, which a child process reads: its end is a sentence here."""
 
 import json
 import os
@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 from cnnum.errors import RecordingError, missing_extra, unreadable
 from cnnum.safety.memory import host_bytes
 from cnnum.safety.reading import MEGABYTE, open_regular
+
+PARQUET = ".parquet"
 
 CHILD = Path(__file__).with_name("hdf5_child.py")
 
@@ -73,15 +75,19 @@ def list_hdf5(path: Path) -> tuple[dict[str, tuple[tuple[int, ...], str]], dict[
 
 
 def _asked(path: Path, names: Sequence[str]) -> Answer:
-    if find_spec("h5py") is None:
-        raise missing_extra(f"the HDF5 file '{path.name}'", "h5py", "hdf5")
+    parquet = path.suffix.lower() == PARQUET
+    library, extra = ("pyarrow", "lerobot") if parquet else ("h5py", "hdf5")
+    if find_spec(library) is None:
+        kind = "Parquet" if parquet else "HDF5"
+        raise missing_extra(f"the {kind} file '{path.name}'", library, extra)
     try:
         with open_regular(path) as file:
             size = os.fstat(file.fileno()).st_size
             room = host_bytes() or DENSEST * size
             most = min(max(SMALLEST, DENSEST * size), room)
             seconds = SECONDS + size / BYTES_A_SECOND
-            request = {"names": list(names), "most": most, "seconds": int(seconds)}
+            request: dict[str, Any] = {"names": list(names), "most": most, "seconds": int(seconds)}
+            request["kind"] = "parquet" if parquet else "hdf5"
             # a chunk is held twice while it is unpacked
             request |= {"memory": 2 * most + 256 * MEGABYTE}
             head, arrays = child_answer(file, request, seconds)

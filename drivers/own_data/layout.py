@@ -23,6 +23,13 @@ MOST_CELLS = 1 << 20
 MOST_SKIPPED = 1000
 """Lines before the numbers of a CSV file."""
 
+ORDERS = {
+    "channels-last": "frames rows cols channels",
+    "channels-first": "frames channels rows cols",
+}
+AXES = (("frames", "rows", "cols", "channels"), ("frames", "taxels", "channels"))
+"""Names of the axes of an array."""
+
 _PLACE = re.compile(r"\{(row|col|n|channel|axis)\}")
 
 
@@ -35,20 +42,28 @@ class DataLayout:
     shape : (rows, cols)
     channels : tuple of str
         Names of a taxel's numbers in their order, as the file writes them. "x", "y" and "z" are the
-        shear to the right, the shear downwards and the normal load.
+        shear to the right, the shear downwards and the normal load; a minus before a name turns the
+        sign of its numbers.
+    names : tuple of str
+        The words that stand for the channels in the names of columns, where these are others.
     values : str or tuple of str
-        Of a CSV file a pattern of its columns, as in "t{n}_{channel}" or "r{row}c{col}{channel}",
-        or all columns row by row. Of other files the name of the array.
-    order : "channels-last" or "channels-first"
-        Of an array: (frames, rows, cols, channels), or (frames, channels, rows, cols).
+        Of a table a pattern of its columns, as in "t{n}_{channel}" or "r{row}c{col}{channel}", or
+        all columns row by row. Of other files the name of the array, of messages a field.
+    order : str
+        The axes of an array from the slowest to the fastest, as in "frames rows cols channels" or
+        "rows cols channels frames"; neighbours may be one axis. "channels-last" and
+        "channels-first" stand for "frames rows cols channels" and "frames channels rows cols".
+        Unless given it is the one that fits the shape.
+    flip : tuple of "rows" and "cols"
+        Axes that the file counts from the other end.
     first : int
         The first number that {row}, {col} and {n} stand for.
     unit : str
     rate : float, optional
         Hz; by the times unless given.
     time : str
-        Column or array of the times; empty where there is none. In text files these may be dates
-        and times of day, too.
+        Column, array or field of the times; empty where there is none. In text files these may be
+        dates and times of day, too.
     time_unit : "s", "ms", "us" or "ns"
     time_format : str
         Of dates that are not in a usual form: as `datetime.strptime` takes it.
@@ -59,15 +74,21 @@ class DataLayout:
     pitch : float, optional
         Distance of the taxels, m.
     separator : str
-        Between the fields of a CSV file.
+        Between the fields of a table.
     decimal : "." or ","
-        In the numbers of a CSV file.
+        In the numbers of a table.
     header : bool
-        Whether the first line of a CSV file names the columns; if not, they are "1", "2", …
+        Whether the first line of a table names the columns; if not, they are "1", "2", …
     skip : int
-        Lines of a CSV file before that.
+        Lines of a table before that.
     comment : str
-        Lines of a CSV file that begin with it are left out; "" for none.
+        Lines of a table that begin with it are left out; "" for none.
+    block : bool
+        Whether a text file has a block of lines a frame, one line a row of taxels.
+    topic : str
+        Of the messages in an MCAP file or a bag.
+    protocol : str
+        Of a file that holds what an array sent: its name, as of the driver "serial".
     """
 
     RENAMED: ClassVar = {
@@ -78,8 +99,10 @@ class DataLayout:
 
     shape: tuple[int, int]
     channels: tuple[str, ...] = ("x", "y", "z")
+    names: tuple[str, ...] = ()
     values: str | tuple[str, ...] = ""
-    order: Literal["channels-last", "channels-first"] = "channels-last"
+    order: str = ""
+    flip: tuple[Literal["rows", "cols"], ...] = ()
     first: int = 0
     unit: str = "count"
     rate: float | None = None
@@ -94,6 +117,9 @@ class DataLayout:
     header: bool = True
     skip: int = 0
     comment: str = "#"
+    block: bool = False
+    topic: str = ""
+    protocol: str = ""
 
     def __post_init__(self) -> None:
         rows, cols = self.shape
@@ -101,7 +127,8 @@ class DataLayout:
         require("shape", holds, "rows and columns from 1 up", list(self.shape))
         holds = self.rate is None or 0 < self.rate < FASTEST
         require("rate", holds, f"Hz above 0, below {FASTEST:g}", self.rate)
-        require("rate", self.rate is not None or bool(self.time), "given, or 'time'", self.rate)
+        timed = bool(self.time or self.topic or self.protocol)
+        require("rate", self.rate is not None or timed, "given, or 'time'", self.rate)
         require("pads", 1 <= self.pads <= cols, f"1 to the {cols} columns", self.pads)
         holds = self.pitch is None or 1e-7 <= self.pitch <= 1.0
         require("pitch", holds, "1e-7 to 1 m", self.pitch)
@@ -109,12 +136,30 @@ class DataLayout:
         holds = len(self.separator) == 1 and self.separator not in '\r\n".'
         require("separator", holds, "one sign, which no number has", self.separator)
         require("skip", 0 <= self.skip <= MOST_SKIPPED, f"0 to {MOST_SKIPPED}", self.skip)
-        require_channels(self.channels)
+        require_channels(self.plain)
+        holds = len(self.names) in (0, len(self.channels))
+        require("names", holds, "a word a channel", list(self.names))
+        parts = self.order.split()
+        holds = self.order in ("", *ORDERS) or (
+            parts.count("frames") == 1 and any(sorted(parts) == sorted(known) for known in AXES)
+        )
+        said = "axes from the slowest to the fastest, as in 'frames rows cols channels'"
+        require("order", holds, said, self.order)
 
     @property
-    def names(self) -> tuple[str, ...]:
-        """The full names of the channels, as frames have them."""
-        return channel_names(self.channels, len(self.channels))
+    def plain(self) -> tuple[str, ...]:
+        """The names of the channels without a sign."""
+        return tuple(name.removeprefix("-") for name in self.channels)
+
+    @property
+    def signs(self) -> tuple[float, ...]:
+        """1 or -1 for each channel."""
+        return tuple(-1.0 if name.startswith("-") else 1.0 for name in self.channels)
+
+    @property
+    def full_names(self) -> tuple[str, ...]:
+        """The names of the channels, as frames have them."""
+        return channel_names(self.plain, len(self.channels))
 
     @property
     def numbers(self) -> int:
@@ -123,7 +168,7 @@ class DataLayout:
 
     @property
     def form(self) -> TextForm:
-        """Form of a CSV file."""
+        """Form of a table."""
         return TextForm(self.separator, self.decimal, self.header, self.skip, self.comment)
 
     def columns(self, header: tuple[str, ...]) -> tuple[str, ...]:
@@ -161,7 +206,8 @@ class DataLayout:
             for col in range(cols):
                 numbers = {"row": row, "col": col, "n": row * cols + col}
                 place = {key: str(number + self.first) for key, number in numbers.items()}
-                yield from ({**place, "channel": name, "axis": name} for name in self.channels)
+                words = self.names or self.plain
+                yield from ({**place, "channel": name, "axis": name} for name in words)
 
 
 def _named(pattern: str, place: dict[str, str]) -> str:

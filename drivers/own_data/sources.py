@@ -1,7 +1,10 @@
 """Columns and arrays of CSV, NumPy and HDF5 files by name, read whole."""
 
 import math
+import warnings
+from array import array
 from collections.abc import Callable, Iterable, Mapping
+from io import TextIOWrapper
 from pathlib import Path
 from typing import Any, cast
 
@@ -9,13 +12,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cnnum.arrays import Floats
+from cnnum.drivers.clock_times import nanoseconds
+from cnnum.drivers.codecs.scan import Scan
+from cnnum.drivers.codecs.wire import Asked, wire
 from cnnum.drivers.npz_archive import read_arrays
-from cnnum.drivers.own_data.hdf5_file import read_hdf5
-from cnnum.drivers.own_data.layout import SECONDS, DataLayout
-from cnnum.drivers.text_table import Head, Wanted, read_columns
-from cnnum.errors import CodecError, RecordingError, unreadable
+from cnnum.drivers.own_data.hdf5_file import PARQUET, read_hdf5
+from cnnum.drivers.own_data.layout import AXES, ORDERS, SECONDS, DataLayout
+from cnnum.drivers.text_table import LONGEST_LINE, Head, Wanted, read_columns
+from cnnum.errors import CodecError, RecordingError, RecordingWarning, unreadable
+from cnnum.recordings.messages import (
+    BAGS,
+    LOG_TIME,
+    PUBLISH_TIME,
+    field_arrays,
+    is_bag,
+)
+from cnnum.recordings.messages import LINES as JSON_LINES
 from cnnum.safety.names import shown
-from cnnum.safety.reading import DAMAGE, open_regular
+from cnnum.safety.reading import DAMAGE, MEGABYTE, open_regular
 
 Arrays = Mapping[str, NDArray[Any]]
 NUMBERS = "fiub"
@@ -74,9 +88,174 @@ def npz_arrays(path: Path, layout: DataLayout) -> Arrays:
 
 
 def hdf5_arrays(path: Path, layout: DataLayout) -> Arrays:
-    """Return arrays of an HDF5 file; a name may have folders, as in "trial1/taxels"."""
+    """Return arrays of an HDF5 file, or columns of a Parquet one.
+
+    A name of an HDF5 file may have folders, as in "trial1/taxels".
+    """
+    columns = layout.values
+    if isinstance(columns, tuple):
+        known, every = read_hdf5(path, list(dict.fromkeys((*columns, *_singles(layout)))))
+        for name in (*columns, *_singles(layout)):
+            if name not in every:
+                raise CodecError(f"'{path}' has no array {shown(name)}; it has {_some(known)}.")
+        values = np.stack([every[name].reshape(-1) for name in columns], axis=1)
+        return {VALUES: values, **{name: every[name] for name in _singles(layout)}}
     known, held = read_hdf5(path, list(dict.fromkeys((_array_name(layout), *_singles(layout)))))
     return _picked(path, layout, held.__getitem__, known)
+
+
+def message_fields(path: Path, layout: DataLayout) -> Arrays:
+    """Return fields of messages: of an MCAP file, a bag, or lines of JSON."""
+    times = layout.time or ("" if layout.rate else LOG_TIME)
+    values = layout.values if isinstance(layout.values, tuple) else (layout.values,)
+    wanted = tuple(dict.fromkeys((*values, *((times,) if times else ()), *layout.truth)))
+    held = field_arrays(path, layout.topic, wanted)
+    if not held["order"]:
+        warnings.warn(
+            f"The messages of '{path}' do not stand in the order in which they came: they are "
+            "sorted by their log times.",
+            RecordingWarning,
+            stacklevel=2,
+        )
+    parts = [held[name].reshape(len(held[name]), -1) for name in values]
+    main = held[values[0]] if len(values) == 1 else np.concatenate(parts, axis=1)
+    found = {VALUES: main, **{name: held[name] for name in layout.truth}}
+    if times:
+        stamped = times in (LOG_TIME, PUBLISH_TIME)
+        found[times] = held[times] / (SECONDS[layout.time_unit] if stamped else 1.0)
+    return found
+
+
+def sent_scans(path: Path, layout: DataLayout) -> Arrays:
+    """Return the scans of a file that holds what an array sent, by its protocol."""
+    decoder = wire(layout.protocol, Asked(layout.shape)).decoder()
+    scans: list[Scan] = []
+    try:
+        with open_regular(path) as file:
+            while part := file.read(MEGABYTE):
+                scans += decoder.feed(part)
+        scans += decoder.flush()
+    except OSError as error:
+        raise unreadable(RecordingError, f"'{path}'", error) from None
+    if not scans:
+        said = decoder.conflict or f"no scan of the protocol '{layout.protocol}'"
+        raise CodecError(f"'{path}' holds {said}.")
+    if decoder.bad:
+        warnings.warn(
+            f"'{path}': {decoder.bad} packets of the protocol '{layout.protocol}' are damaged, and "
+            "left out.",
+            RecordingWarning,
+            stacklevel=2,
+        )
+    values = np.stack([np.asarray(scan.values, np.float64) for scan in scans])
+    found: dict[str, NDArray[Any]] = {VALUES: values}
+    stamps = [scan.time_us for scan in scans if scan.time_us is not None]
+    if len(stamps) == len(scans):
+        steps = np.diff(np.array(stamps, np.int64))
+        wrap = scans[0].time_wrap
+        steps[steps < -(wrap // 2)] += wrap if wrap < 1 << 62 else 0
+        seconds = 1e-6 * np.concatenate([[0], np.cumsum(steps)])
+        found[layout.time or LOG_TIME] = seconds / SECONDS[layout.time_unit]
+    elif not layout.rate:
+        raise CodecError(
+            f"'{path}': the protocol '{layout.protocol}' has no times: set 'rate' in the layout."
+        )
+    return found
+
+
+def blocks(path: Path, layout: DataLayout) -> Arrays:
+    """Return the frames of a text file that has a block of lines a frame, a line a row.
+
+    Lines of as many numbers as the array has columns are rows. All others stand between the
+    blocks; the times may stand in them, behind the word that the layout names.
+    """
+    rows, cols = layout.shape
+    wide = cols * len(layout.channels)
+    values, times, lines = array("d"), array("d"), array("q")
+    count, number = 0, 0
+    separator = None if layout.separator == " " else layout.separator
+    try:
+        with open_regular(path) as raw, TextIOWrapper(raw, "utf-8-sig", newline="") as text:
+            while line := text.readline(LONGEST_LINE):
+                number += 1
+                found = _row_of(layout, line, separator, wide)
+                if found is not None:
+                    values.extend(found)
+                    if count % rows == 0:
+                        lines.append(number)
+                    count += 1
+                elif count % rows and line.strip(f" \r\n{layout.separator}"):
+                    raise CodecError(
+                        f"'{path}', line {number}: expected row {count % rows + 1} of {rows} of a "
+                        f"frame, {wide} numbers, got {shown(line.strip())}."
+                    )
+                elif layout.time and (when := stamp(layout.time, line)) is not None:
+                    times.append(when)
+    except OSError as error:
+        raise unreadable(RecordingError, f"'{path}'", error) from None
+    except UnicodeError as error:
+        raise CodecError(f"'{path}' is not a text file in UTF-8: {error}.") from None
+    if not count or count % rows:
+        raise CodecError(
+            f"'{path}' ends in row {count % rows} of {rows} of a frame: expected whole blocks of "
+            f"{rows} lines with {wide} numbers each."
+        )
+    shape = (count // rows, rows, cols, len(layout.channels))
+    held: dict[str, NDArray[Any]] = {VALUES: np.asarray(values).reshape(shape)}
+    held[LINES] = np.asarray(lines, np.int64)
+    if layout.time:
+        if len(times) != len(lines):
+            raise CodecError(
+                f"'{path}' has {len(times)} times behind '{layout.time}' and {len(lines)} frames: "
+                "set 'rate', and leave out 'time'."
+            )
+        held[layout.time] = np.asarray(times)
+    return held
+
+
+def _row_of(layout: DataLayout, line: str, separator: str | None, wide: int) -> list[float] | None:
+    """Return the numbers of a line; None where it is no row of the array."""
+    fields = line.strip().split(separator)
+    while len(fields) > wide and not fields[-1].strip():
+        fields.pop()
+    if len(fields) != wide:
+        return None
+    try:
+        return [float(field.replace(layout.decimal, ".")) for field in fields]
+    except ValueError:
+        return None
+
+
+def stamp(word: str, line: str) -> float | None:
+    """Return the time behind a word in a line, as in "Time, 0.25" or "Frame 3 at 12:00:00.25"."""
+    place = line.find(word)
+    rest = line[place + len(word) :].strip(' ,;:=\t"\r\n') if place >= 0 else ""
+    if not rest:
+        return None
+    when = nanoseconds(rest) if ":" in rest else None
+    if when is not None:
+        return 1e-9 * when
+    try:
+        return float(rest.replace(",", " ").split()[0])
+    except ValueError:
+        return None
+
+
+def held_by(path: Path, layout: DataLayout) -> Arrays:
+    """Return the values, times and truths of a file by its layout.
+
+    Raises
+    ------
+    CnnumError
+        If it cannot be read, or does not fit the layout.
+    """
+    if layout.protocol:
+        return sent_scans(path, layout)
+    if layout.block:
+        return blocks(path, layout)
+    if is_bag(path):
+        return message_fields(path, layout)
+    return READERS[path.suffix.lower()](path, layout)
 
 
 READERS: Mapping[str, Callable[[Path, DataLayout], Arrays]] = {
@@ -85,6 +264,10 @@ READERS: Mapping[str, Callable[[Path, DataLayout], Arrays]] = {
     ".npz": npz_arrays,
     ".h5": hdf5_arrays,
     ".hdf5": hdf5_arrays,
+    PARQUET: hdf5_arrays,
+    ".mcap": message_fields,
+    **dict.fromkeys((*JSON_LINES, *BAGS), message_fields),
+    **dict.fromkeys((".log", ".bin"), sent_scans),
 }
 """By the suffix of the file."""
 
@@ -106,13 +289,30 @@ def _picked(
     known, main = list(names), _array_name(layout)
     for name in (main, *_singles(layout)):
         if name not in known:
-            held = f"; it has {', '.join(known[:12])}" if known else ""
+            held = f"; it has {_some(known)}" if known else ""
             raise CodecError(f"'{path}' has no array {shown(name)}{held}.")
     return {VALUES: read(main), **{name: read(name) for name in _singles(layout)}}
 
 
+def _some(names: Iterable[str]) -> str:
+    return ", ".join(list(names)[:12])
+
+
+GUESSED = (
+    "frames rows cols channels",
+    "frames channels rows cols",
+    "rows cols channels frames",
+    "channels rows cols frames",
+    "frames cols rows channels",
+    "frames channels cols rows",
+    "cols rows channels frames",
+    "channels cols rows frames",
+)
+"""Orders of axes that are tried in turn; the first is meant where several fit."""
+
+
 def shaped(path: Path, layout: DataLayout, held: NDArray[Any]) -> Floats:
-    """Return values as (frames, rows, cols, channels).
+    """Return values as (frames, rows, cols, channels), with the signs of the channels.
 
     Raises
     ------
@@ -121,15 +321,50 @@ def shaped(path: Path, layout: DataLayout, held: NDArray[Any]) -> Floats:
     """
     if held.dtype.kind not in NUMBERS:
         raise CodecError(f"'{path}' must hold numbers, got the type '{held.dtype}'.")
-    (rows, cols), count = layout.shape, len(layout.channels)
-    whole = (count, rows, cols) if layout.order == "channels-first" else (rows, cols, count)
-    fits = held.shape[1:] in {whole, (math.prod(whole),)}
-    if count == 1:
-        fits |= held.shape[1:] == (rows, cols)
-    if not fits or not len(held):
+    orders = (ORDERS.get(layout.order, layout.order),) if layout.order else GUESSED
+    fitting = [order for order in orders if _fits(held.shape, _sizes(layout, held, order))]
+    if not fitting or not held.size:
+        (rows, cols), count = layout.shape, len(layout.channels)
         raise CodecError(
-            f"'{path}' must hold (frames, {', '.join(map(str, whole))}) or (frames, "
-            f"{math.prod(whole)}) values by its layout, got {held.shape}."
+            f"'{path}' must hold (frames, {rows}, {cols}, {count}), (frames, {rows * cols}, "
+            f"{count}) or (frames, {rows * cols * count}) values"
+            f"{f' in the order {layout.order!r}' if layout.order else ''} by its layout, or the "
+            f"same in another order of the axes, got {held.shape}."
         )
-    values = held.reshape(len(held), *whole).astype(np.float64)
-    return np.moveaxis(values, 1, -1) if layout.order == "channels-first" else values
+    if fitting[0] != GUESSED[0] and len(fitting) > 1:
+        raise CodecError(
+            f"'{path}' holds {held.shape} values, which are of the layout's shape in several "
+            f"orders: set 'order' to one of {', '.join(map(repr, fitting))}."
+        )
+    return arranged(layout, held, fitting[0])
+
+
+def arranged(layout: DataLayout, held: NDArray[Any], order: str) -> Floats:
+    """Return values in an order of axes that fits as (frames, rows, cols, channels)."""
+    sizes = _sizes(layout, held, order)
+    axes = list(sizes)
+    whole = held.reshape(list(sizes.values()))
+    values = whole.transpose([axes.index(name) for name in AXES[0] if name in axes])
+    if "taxels" in axes:
+        values = whole.transpose([axes.index(name) for name in AXES[1]])
+        values = values.reshape(len(values), *layout.shape, len(layout.channels))
+    back = tuple(axis + 1 for axis, name in enumerate(("rows", "cols")) if name in layout.flip)
+    numbers: Floats = np.flip(values, back).astype(np.float64)
+    return np.asarray(numbers * np.array(layout.signs))
+
+
+def _sizes(layout: DataLayout, held: NDArray[Any], order: str) -> dict[str, int]:
+    """Return the sizes of the axes by name, in their order in the file."""
+    rows, cols = layout.shape
+    known = {"rows": rows, "cols": cols, "taxels": rows * cols, "channels": len(layout.channels)}
+    known["frames"] = held.size // layout.numbers
+    return {name: known[name] for name in order.split()}
+
+
+def _fits(shape: tuple[int, ...], sizes: Mapping[str, int]) -> bool:
+    """Return whether an array's axes are these, where neighbours may be one axis."""
+    edges = set(np.cumprod(list(sizes.values())[::-1]).tolist())
+    axes = np.cumprod([size for size in shape[::-1] if size > 1] or [1]).tolist()
+    # the frames are an axis of their own
+    alone = sizes["frames"] in shape
+    return alone and math.prod(shape) == math.prod(sizes.values()) and edges.issuperset(axes)

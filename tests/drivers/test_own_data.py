@@ -250,7 +250,7 @@ def test_a_file_of_another_shape_or_kind_is_said(kind, values, tmp_path):
     path = saved(kind, values, tmp_path)
     text = path.with_suffix(".toml").read_text()
     path.with_suffix(".toml").write_text(text.replace("[2, 3]", "[3, 3]"))
-    with pytest.raises(CnnumError, match=r"t7_x|\(frames, 3, 3, 3\) or \(frames, 27\)"):
+    with pytest.raises(CnnumError, match=r"t7_x|\(frames, 3, 3, 3\), .* or \(frames, 27\)"):
         cnnum.load_recording(path)
     path.with_suffix(".toml").write_text(text)
     path.write_bytes(b"not at all")

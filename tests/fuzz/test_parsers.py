@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 import cnnum
 from cnnum.drivers import open_driver
+from cnnum.drivers.own_data.proposal import propose
 from cnnum.drivers.serial_packet import Geometry, Packet, decode, encode
 from cnnum.drivers.serial_stream import StreamDecoder
 from cnnum.errors import RecordingWarning
@@ -109,6 +110,52 @@ def archive(suffix: str) -> bytes:
         return Path(path).read_bytes()
 
 
+LAYOUTS = {
+    "text table": ('shape = [1, 2]\nchannels = ["z"]\nvalues = "t{n}"\ntime = "t"\n', ".csv"),
+    "blocks": ('shape = [2, 2]\nchannels = ["z"]\nblock = true\ntime = "Time"\n', ".txt"),
+    "lines of JSON": ('shape = [1, 2]\nchannels = ["z"]\nvalues = "d"\ntime = "t"\n', ".jsonl"),
+    "messages": ('shape = [1, 2]\nchannels = ["z"]\ntopic = "/a"\nvalues = "d"\n', ".mcap"),
+    "packets": ('shape = [4, 4]\nprotocol = "xela"\nrate = 100.0\n', ".log"),
+}
+TEXTS = {
+    "text table": b"# a log\nt,t0,t1\n2024-05-03 12:00:00.25,1,NA\n2024-05-03 12:00:00.5,2,3,\n",
+    "blocks": b"ROWS 2\nTime 0.1\n1,2\n3,4\n\nTime 0.2\n1,2\n3,5\n\nTime 0.3\n1,2\n3,5\n",
+    "lines of JSON": b"".join(b'{"t": %d, "d": [1, 2.5]}\n' % n for n in range(4)),
+    "packets": b'{"message": 1, "1": {"sensor": 1, "time": 1.0, "taxels": 16, "data": "%s"}}\n'
+    % b",".join(b"8000" for _ in range(48)),
+}
+
+
+def by_layout(name: str) -> Callable[[Path], object]:
+    """Reads a file of others by its layout, and then looks for one."""
+    layout, _ = LAYOUTS[name]
+
+    def read(path: Path) -> object:
+        path.with_suffix(".toml").write_text(layout)
+        try:
+            return cnnum.load_recording(path)
+        finally:
+            propose(path)
+
+    return read
+
+
+def others_mcap() -> bytes:
+    from io import BytesIO
+
+    from mcap.writer import Writer
+
+    data = BytesIO()
+    writer = Writer(data, use_chunking=False)
+    writer.start()
+    schema = writer.register_schema("s", "jsonschema", b"{}")
+    channel = writer.register_channel("/a", "json", schema)
+    for n in range(4):
+        writer.add_message(channel, 10**18 + n * 10_000_000, b'{"d": [1, 2]}', n)
+    writer.finish()
+    return data.getvalue()
+
+
 def template(suffix: str) -> bytes:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / f"one{suffix}"
@@ -161,6 +208,11 @@ PARSERS = {
     ),
     "csv": (lambda: archive(".csv"), through_file(cnnum.load_recording, ".csv")),
     "npz": (lambda: archive(".npz"), through_file(cnnum.load_recording, ".npz")),
+    **{
+        name: (lambda name=name: TEXTS[name], through_file(by_layout(name), LAYOUTS[name][1]))
+        for name in TEXTS
+    },
+    "messages": (others_mcap, through_file(by_layout("messages"), ".mcap")),
     "mcap": (mcap, through_file(all_frames("mcap"), ".mcap")),
     "serial packet": (lambda: packets()[: len(packets()) // 3], decode),
     "serial stream": (packets, stream),

@@ -115,6 +115,26 @@ recording = cnnum.Recording(taxels, rate=30.0)
 rows = write_lerobot(recording, pathlib.Path("set"), 30.0, task="a", robot="b")
 assert rows == 30
 """,
+    "bags": """
+import pathlib
+try:
+    from rosbags.rosbag2 import Writer
+    from rosbags.typesys import Stores, get_typestore
+except ModuleNotFoundError:
+    pathlib.Path("bag").mkdir()
+    pathlib.Path("bag/metadata.yaml").touch()
+else:
+    store, kind = get_typestore(Stores.ROS2_HUMBLE), "geometry_msgs/msg/Vector3"
+    with Writer(pathlib.Path("bag"), version=9) as writer:
+        connection = writer.add_connection("/force", kind, typestore=store)
+        for n in range(5):
+            data = store.serialize_cdr(store.types[kind](1.0, 2.0, float(n)), kind)
+            writer.write(connection, n * 10_000_000, data)
+pathlib.Path("bag.toml").write_text('shape = [1, 1]\\ntopic = "/force"\\n')
+recording = cnnum.load_recording("bag")
+assert recording.values[:, 0, 0].tolist() == [[1.0, 2.0, float(n)] for n in range(5)]
+assert round(recording.rate) == 100
+""",
     "fem": """
 from cnnum.tactile.cover.fem.geometry import Shape
 from cnnum.tactile.cover.fem.revolution import make_bodies

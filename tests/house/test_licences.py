@@ -11,7 +11,7 @@ TABLE = ROOT / "docs" / "licences.md"
 FOR_TESTS = {
     *("tamaas", "ContactMechanics", "SurfaceTopography", "muGrid", "NuMPI", "mpmath", "igor2"),
     *("flint", "unicorn"),
-    *("hypothesis", "pytest", "xdist", "mcap_ros2", "mypy", "build"),
+    *("hypothesis", "pytest", "xdist", "mypy", "build"),
 }
 """Modules that are installed for tests alone; tamaas is under the AGPL."""
 

@@ -29,6 +29,7 @@ DEFAULT = "demo"
     "--scene",
     help="A scene's file or name: the events to look for. Counts need one; else 'demo'.",
 )
+@click.option("--topic", default="", help="Of an MCAP file or a bag of others, as its layout says.")
 @scene_options
 @trust_option
 @saving.save_option
@@ -52,6 +53,7 @@ DEFAULT = "demo"
 def command(
     file: Path,
     scene: str | None,
+    topic: str,
     changes: Changes,
     save: Path | None,
     rerun: str | None,
@@ -65,8 +67,9 @@ def command(
 ) -> int:
     """Run a scene's program over the recording FILE, as fast as it goes or at a pace.
 
-    FILE is a recording of `cnnum record`, or a CSV, NumPy or HDF5 file with its layout. It may be
-    the folder of a uSkin trial, too. Only the array of the scene is replaced: its program and its
+    FILE is a recording of `cnnum record`, or a file of others with its layout (`cnnum layout`): a
+    text table, NumPy, HDF5, Parquet, messages in MCAP or a bag. It may be the folder of a uSkin
+    trial, too. Only the array of the scene is replaced: its program and its
     events stay. With --from the frames before run silently: rest, tare and memories are those of
     the whole recording, and so are forces and events from then on.
     """
@@ -77,7 +80,7 @@ def command(
         from cnnum.drivers.recording_file import array_of
         from cnnum.scenes.pipeline import load_scene
 
-        array = array_of(file)
+        array = array_of(file, topic)
         if scene is None:
             scene = _usual_scene(file, array, changes)
         loaded = load_scene(scene, changes={"array": array} | changes, trust=trust)

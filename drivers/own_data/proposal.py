@@ -1,0 +1,789 @@
+"""The layout of a file of others, as far as the file itself shows it."""
+
+import json
+import math
+import re
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import closing
+from dataclasses import dataclass, field
+from io import TextIOWrapper
+from itertools import islice
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+
+from cnnum.arrays import Floats
+from cnnum.drivers.clock_times import nanoseconds
+from cnnum.drivers.codecs.wire import Asked, protocol_names, wire
+from cnnum.drivers.npz_archive import array_shapes
+from cnnum.drivers.own_data.hdf5_file import PARQUET, list_hdf5, read_hdf5
+from cnnum.drivers.own_data.sources import HDF5
+from cnnum.drivers.text_table import MISSING, SEPARATORS, TextForm, fields_of
+from cnnum.errors import CnnumError, CodecError, RecordingError, unreadable
+from cnnum.recordings.messages import BAGS, LINES, is_bag, messages, numeric_fields
+from cnnum.recordings.times import rate_of
+from cnnum.safety.reading import open_regular
+
+LOOKED_AT = 400
+"""Lines of a text file that are looked at."""
+
+LOOKED_BYTES, LONGEST = 1 << 20, 1 << 22
+"""Bytes that are tried with a protocol, and letters of a line."""
+
+WORDS: Mapping[str, tuple[str, ...]] = {
+    "x": ("x", "fx", "bx", "tx", "sx", "gx", "shearx", "forcex", "tangx"),
+    "y": ("y", "fy", "by", "ty", "sy", "gy", "sheary", "forcey", "tangy"),
+    "z": ("z", "fz", "bz", "tz", "sz", "gz", "normal", "pressure", "forcez", "fn"),
+}
+"""Words for the three axes of a taxel in the names of columns."""
+
+TIME = re.compile(
+    r"(?:^|[^a-z])(?:ts|time|stamp|timestamp|clock|seconds|secs?)(?:$|[^a-z])"
+    r"|^t(?:$|[ _\[(.])",
+    re.IGNORECASE,
+)
+"""Names of times. A "t" with a number is a taxel."""
+
+COUNTER = re.compile(r"^(?:|index|frame|frame.?(?:no|nr|id|index|number)|seq|sequence|n|#)$", re.I)
+UNITS = {"N": "N", "n": "N", "kpa": "kPa", "pa": "Pa", "v": "V", "mv": "mV", "psi": "psi"}
+LIKELY = re.compile(r"tact|taxel|touch|skin|press|force|sensor|xela|values|data|grid", re.I)
+TIME_UNITS = ("s", "ms", "us", "ns")
+SCALE = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+
+SLOWEST, QUICKEST = 2.0, 5000.0
+"""Hz of an array, for the unit of times that do not say it."""
+
+KNOWN_SHAPES: Mapping[int, tuple[int, int]] = {24: (4, 6), 384: (12, 32), 5: (1, 5)}
+"""Rows and columns by the number of taxels where these are no square: XELA's uSPa46, FlexiTac's
+12×32, AnySkin's five magnetometers."""
+
+
+@dataclass(slots=True)
+class Proposal:
+    """A layout, and what is not known of it.
+
+    Attributes
+    ----------
+    table : dict of str to object
+        The keys of the layout.
+    undecided : list of str
+        Sentences on what the file does not show, and what is taken.
+    seen : list of str
+        Sentences on what it shows.
+    """
+
+    table: dict[str, object] = field(default_factory=dict[str, object])
+    undecided: list[str] = field(default_factory=list[str])
+    seen: list[str] = field(default_factory=list[str])
+
+    def text(self) -> str:
+        """Return the layout as TOML."""
+        lines = [f"# {line}" for line in self.undecided]
+        lines += [f"{key} = {_toml(value)}" for key, value in self.table.items()]
+        if "rate" not in self.table and not {"time", "topic", "protocol"} & set(self.table):
+            lines.append("# rate = (frames a second: the file does not say it)")
+        return "\n".join(lines) + "\n"
+
+
+def _toml(value: object) -> str:
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False)
+    if isinstance(value, tuple | list):
+        items = cast("Iterable[object]", value)
+        return "[" + ", ".join(_toml(item) for item in items) + "]"
+    return repr(value)
+
+
+def propose(path: Path, topic: str = "") -> Proposal:
+    """Return the layout that a file seems to have.
+
+    Parameters
+    ----------
+    path : Path
+    topic : str
+        Of an MCAP file or a bag; that with the most numbers unless given.
+
+    Raises
+    ------
+    RecordingError, CodecError
+        If it cannot be read, or shows no frames.
+    """
+    suffix = path.suffix.lower()
+    if suffix in LINES and (found := _sent(path, ("xela",))) is not None:
+        return found
+    if is_bag(path) or suffix in (".mcap", *LINES, *BAGS):
+        return _of_messages(path, topic)
+    if suffix in (".npy", ".npz"):
+        return _of_arrays(path, array_shapes(path))
+    if suffix in (*HDF5, PARQUET):
+        return _of_arrays(path, list_hdf5(path)[0])
+    text = _lines(path)
+    if text is None or suffix in (".bin", ".raw"):
+        found = _sent(path, protocol_names())
+        if found is None:
+            raise CodecError(
+                f"'{path}' is neither a table in a text file, nor what an array of a known "
+                "protocol sent."
+            )
+        return found
+    if suffix == ".log" and (found := _sent(path, protocol_names())) is not None:
+        return found
+    return _of_text(path, text)
+
+
+# frames and their shape
+
+
+def _shape(proposal: Proposal, taxels: int, sure: bool = False) -> tuple[int, int]:
+    """Return rows and columns of taxels that only their number is known of."""
+    root = math.isqrt(taxels)
+    if root * root == taxels:
+        shape = root, root
+    elif taxels in KNOWN_SHAPES:
+        shape = KNOWN_SHAPES[taxels]
+    else:
+        rows = max(n for n in range(1, root + 1) if taxels % n == 0)
+        shape = rows, taxels // rows
+    if taxels > 1 and not sure:
+        proposal.undecided.append(
+            f"shape: {taxels} taxels are taken as {shape[0]} rows of {shape[1]}, from left to right"
+        )
+    return shape
+
+
+def _channels(proposal: Proposal, numbers: int) -> int:
+    """Return how many numbers a taxel has."""
+    root = math.isqrt(numbers)
+    third = numbers // 3
+    if (numbers % 3 == 0 and (math.isqrt(third) ** 2 == third or third in KNOWN_SHAPES)) or (
+        numbers % 3 == 0 and root * root != numbers and numbers not in KNOWN_SHAPES
+    ):
+        count = 3
+    else:
+        count = 1
+    proposal.undecided.append(
+        f"channels: {numbers} numbers a frame are taken as {numbers // count} taxels of {count}"
+    )
+    return count
+
+
+def _said_channels(proposal: Proposal, count: int) -> None:
+    if count == 3:
+        proposal.table["channels"] = ("x", "y", "z")
+        proposal.undecided.append(
+            "channels: the three numbers of a taxel are taken as x (shear to the right), y (shear "
+            "downwards) and z (normal): 'cnnum check' looks whether a press agrees"
+        )
+    elif count == 1:
+        proposal.table["channels"] = ("z",)
+    else:
+        proposal.table["channels"] = tuple(f"c{n}" for n in range(count))
+        proposal.undecided.append(f"channels: {count} numbers a taxel, whose names are not known")
+
+
+def _of_axes(proposal: Proposal, shape: Sequence[int]) -> None:
+    """Set shape, channels and order by the axes of a frame."""
+    axes = [size for size in shape if size > 1] or [1]
+    few = (2, 3, 4, 6)
+    if len(axes) == 3 and axes[2] in few:
+        proposal.table["shape"], count = tuple(axes[:2]), axes[2]
+    elif len(axes) == 3 and axes[0] in few:
+        proposal.table["shape"], count = tuple(axes[1:]), axes[0]
+        proposal.table["order"] = "channels-first"
+    elif len(axes) == 2 and axes[1] == 3 and axes[0] != 3:
+        count = 3
+        proposal.table["shape"] = _shape(proposal, axes[0])
+    elif len(axes) == 2 and axes[0] == 3 and axes[1] != 3:
+        count = 3
+        proposal.table["shape"] = _shape(proposal, axes[1])
+        proposal.table["order"] = "frames channels taxels"
+    elif len(axes) == 2:
+        proposal.table["shape"], count = tuple(axes), 1
+    elif len(axes) == 1:
+        count = _channels(proposal, axes[0])
+        proposal.table["shape"] = _shape(proposal, axes[0] // count)
+    else:
+        raise CodecError(
+            f"A frame of the shape {tuple(shape)} is none of rows, columns and channels."
+        )
+    _said_channels(proposal, count)
+
+
+def _time_unit(name: str, values: Floats) -> str:
+    """Return the unit of times by their name or their steps; "" where they are no times."""
+    steps = np.diff(values)
+    ahead = steps[steps > 0.0]
+    if not len(ahead) or (steps < 0.0).mean() > 0.05:
+        return ""
+    for unit in ("ns", "us", "ms", "s"):
+        if re.search(rf"(?:^|[^a-zA-Z]){unit.replace('us', '(?:us|µs)')}(?:$|[^a-zA-Z])", name):
+            return unit
+    for unit, least in (("ns", 1e17), ("us", 1e14), ("ms", 1e11), ("s", 1e8)):
+        if abs(float(values[0])) >= least:  # since 1970
+            return unit
+    rate = rate_of(values)
+    if rate == 1.0 and (steps == 1.0).all():
+        return ""  # a counter
+    return next((u for u in TIME_UNITS if SLOWEST <= rate / SCALE[u] <= QUICKEST), "s")
+
+
+def _no_rate(proposal: Proposal) -> None:
+    proposal.undecided.append("rate: the file has no times: give it, as in '--set rate=60'")
+
+
+def _unit(proposal: Proposal, names: Iterable[str], whole: bool) -> None:
+    for name in names:
+        for word in re.findall(r"[\(\[]\s*([A-Za-z]+)\s*[\)\]]", name):
+            if word.lower() in UNITS or word in UNITS:
+                proposal.table["unit"] = UNITS.get(word, UNITS.get(word.lower(), word))
+                return
+    proposal.table["unit"] = "count"
+    if not whole:
+        proposal.undecided.append("unit: the file does not say it; 'count' has no scale")
+
+
+# arrays: NumPy, HDF5, Parquet
+
+
+def _of_arrays(path: Path, shapes: Mapping[str, tuple[tuple[int, ...], str]]) -> Proposal:
+    proposal = Proposal()
+    numeric = {
+        name: shape
+        for name, (shape, kind) in shapes.items()
+        if re.search(r"int|float|double|halffloat|uint|bool|list|[<>|=]?[fiub]\d", kind)
+        and "string" not in kind
+    }
+    clocks = {n: s for n, s in numeric.items() if max(s, default=0) == math.prod(s) and s}
+    frames = {n: s for n, s in numeric.items() if len(s) > 1 and n not in clocks}
+    if not frames:
+        flat = [name for name in clocks if not TIME.search(name.rpartition("/")[2])]
+        if path.suffix.lower() == PARQUET and len(flat) > 1:
+            return _of_columns(path, list(shapes), numeric)
+        raise CodecError(
+            f"'{path}' has no array of frames; its arrays are "
+            f"{', '.join(f'{n} {s}' for n, (s, _) in list(shapes.items())[:12]) or 'none'}."
+        )
+    lengths = Counter(math.prod(shape) for shape in clocks.values())
+
+    def rank(name: str) -> tuple[bool, bool, float]:
+        shape = frames[name]
+        timed = any(size in lengths for size in shape)
+        likely = LIKELY.search(name) is not None
+        return likely and "image" not in name, timed, math.prod(shape)
+
+    name = max(frames, key=rank)
+    others = [other for other in frames if other != name and LIKELY.search(other)]
+    if others:
+        proposal.undecided.append(
+            f"values: '{name}' is taken of {', '.join(map(repr, (name, *others[:6])))}"
+        )
+    shape = frames[name]
+    count = next((size for size in (shape[0], shape[-1]) if size in lengths), shape[0])
+    if count == shape[0] or len(shape) < 3 or max(shape) != shape[-1]:
+        count, inner = shape[0], shape[1:]
+    else:
+        count, inner = shape[-1], shape[:-1]
+    if max(shape) == shape[-1] and len(shape) > 2 and shape[-1] > 8 * shape[0]:
+        count, inner = shape[-1], shape[:-1]  # the frames are last
+    _of_axes(proposal, inner)
+    if count != shape[0]:
+        order = str(proposal.table.pop("order", ""))
+        if order:
+            proposal.table["order"] = "channels rows cols frames"
+    if path.suffix.lower() != ".npy":
+        proposal.table = {"values": name, **proposal.table}
+    proposal.seen.append(f"{count} frames in '{name}' {shape}" if name else f"{count} frames")
+    times = [n for n, s in clocks.items() if math.prod(s) == count]
+    times.sort(key=lambda n: (not TIME.search(n.rpartition("/")[2]), len(n)))
+    if times and TIME.search(times[0].rpartition("/")[2]):
+        values = _one_array(path, times[0])
+        unit = _time_unit(times[0], values)
+        if unit:
+            proposal.table |= {"time": times[0], "time_unit": unit}
+    if "time" not in proposal.table:
+        _no_rate(proposal)
+    _unit(proposal, (name,), "int" in shapes[name][1] or "u" in shapes[name][1][:2])
+    return proposal
+
+
+def _one_array(path: Path, name: str) -> Floats:
+    if path.suffix.lower() in (*HDF5, PARQUET):
+        return np.asarray(read_hdf5(path, [name])[1][name], np.float64).reshape(-1)
+    from cnnum.drivers.npz_archive import read_arrays
+
+    return np.asarray(read_arrays(path, {name})[name], np.float64).reshape(-1)
+
+
+def _of_columns(path: Path, names: list[str], numeric: Mapping[str, tuple[int, ...]]) -> Proposal:
+    """Return the layout of a Parquet file with a column a number, as of a table in text."""
+    proposal = Proposal()
+    columns = [name for name in names if name in numeric]
+    clock = next((name for name in columns if TIME.search(name)), "")
+    if clock:
+        unit = _time_unit(clock, _one_array(path, clock))
+        proposal.table |= {"time": clock, "time_unit": unit} if unit else {}
+    if "time" not in proposal.table:
+        _no_rate(proposal)
+    rest = [name for name in columns if name != clock and not COUNTER.search(name)]
+    family = _family(rest)
+    _name_columns(proposal, family, rest, listed=True)
+    _unit(proposal, rest, False)
+    return proposal
+
+
+# messages
+
+
+def _of_messages(path: Path, topic: str) -> Proposal:
+    proposal = Proposal()
+    found: dict[str, list[tuple[str, tuple[int, ...]]]] = {}
+    with closing(messages(path, topic)) as every:
+        for message in islice(every, LOOKED_AT):
+            if message.topic not in found:
+                try:
+                    found[message.topic] = list(numeric_fields(message.content()))
+                except CnnumError as error:
+                    if path.suffix.lower() in LINES:
+                        raise
+                    found[message.topic] = []
+                    proposal.undecided.append(f"topic '{message.topic}': {error}")
+    ranked = [
+        (LIKELY.search(f"{name}.{part}") is not None, math.prod(shape), -len(part), name, part)
+        for name, parts in found.items()
+        for part, shape in parts
+        if "covariance" not in part
+    ]
+    if not ranked:
+        there = ", ".join(map(repr, list(found)[:12])) or "none"
+        raise CodecError(f"'{path}' has no message with several numbers; its topics are {there}.")
+    *_, name, part = max(ranked)
+    shape = dict(found[name])[part]
+    if len({one[3] for one in ranked}) > 1:
+        proposal.undecided.append(
+            f"topic: '{name}' is taken of {', '.join(sorted({repr(one[3]) for one in ranked}))}"
+        )
+    proposal.table = {"topic": name} if name else {}
+    proposal.table["values"] = part
+    _of_axes(proposal, shape)
+    if not name:  # lines of JSON have no time of their own
+        _line_times(path, proposal)
+    proposal.seen.append(f"'{part}' {shape} in each message")
+    _unit(proposal, (part,), False)
+    return proposal
+
+
+def _line_times(path: Path, proposal: Proposal) -> None:
+    from cnnum.recordings.messages import names_of, part_of
+
+    with closing(messages(path, "")) as every:
+        some = [message.content() for message in islice(every, LOOKED_AT)]
+    for name in names_of(some[0]):
+        held = [part_of(one, name) for one in some if name in names_of(one)]
+        if TIME.search(name) and all(isinstance(one, int | float) for one in held):
+            unit = _time_unit(name, np.array(held, np.float64))
+            if unit:
+                proposal.table |= {"time": name, "time_unit": unit}
+                return
+    _no_rate(proposal)
+
+
+# bytes as an array sent them
+
+
+def _sent(path: Path, names: Iterable[str]) -> Proposal | None:
+    """Return the layout of a file that holds what an array sent; None where no protocol fits."""
+    try:
+        with open_regular(path) as file:
+            data = file.read(LOOKED_BYTES)
+    except OSError as error:
+        raise unreadable(RecordingError, f"'{path}'", error) from None
+    best: tuple[float, str, Any, bool] = (0.0, "", None, False)
+    for name in names:
+        try:
+            known = wire(name, Asked())
+            decoder = known.decoder()
+            scans = [*decoder.feed(data), *decoder.flush()]
+        except CnnumError:
+            continue
+        whole = 1.0 - decoder.discarded / max(1, len(data))
+        score = whole * decoder.good / (decoder.good + decoder.bad + 1)
+        if len(scans) > 4 and score > best[0]:
+            best = score, name, scans[0], scans[0].time_us is not None
+    score, name, scan, timed = best
+    if scan is None or score < 0.8:
+        return None
+    proposal = Proposal()
+    rows, cols, _ = scan.values.shape
+    proposal.table = {"protocol": name, "shape": (rows, cols), "channels": _short(scan.channels)}
+    proposal.table["unit"] = scan.unit
+    proposal.seen.append(f"packets of the protocol '{name}'")
+    if not timed:
+        _no_rate(proposal)
+    return proposal
+
+
+def _short(channels: Sequence[str]) -> tuple[str, ...]:
+    short = {"shear_x": "x", "shear_y": "y", "normal": "z"}
+    return tuple(short.get(name, name) for name in channels)
+
+
+# tables in text files
+
+
+def _lines(path: Path) -> list[str] | None:
+    """Return the first lines of a text file; None where it is none."""
+    try:
+        with open_regular(path) as raw:
+            begin = raw.read(4096)
+            if b"\0" in begin and not begin.startswith((b"\xff\xfe", b"\xfe\xff")):
+                return None
+            raw.seek(0)
+            wide = begin.startswith((b"\xff\xfe", b"\xfe\xff"))
+            with TextIOWrapper(raw, "utf-16" if wide else "utf-8-sig", newline="") as text:
+                return [line for line in (text.readline(LONGEST) for _ in range(LOOKED_AT)) if line]
+    except OSError as error:
+        raise unreadable(RecordingError, f"'{path}'", error) from None
+    except UnicodeError:
+        return None
+
+
+def _number(text: str, decimal: str) -> bool:
+    try:
+        float(text.strip().replace(decimal, "."))
+    except ValueError:
+        return not text.strip() or text.strip().lower() in MISSING
+    return "_" not in text
+
+
+def _of_text(path: Path, lines: list[str]) -> Proposal:
+    comment = next(
+        (c for c in ("#", "%", "//") if any(x.lstrip().startswith(c) for x in lines)), "#"
+    )
+    best: tuple[float, int, str, str] = (0.0, 0, ",", ".")
+    content = [line for line in lines if line.strip() and not line.lstrip().startswith(comment)]
+    for separator in (",", *SEPARATORS):
+        rows = [fields for fields in fields_of(content, TextForm(separator)) if any(fields)]
+        rows = [_stripped(fields) for fields in rows]
+        width, often = Counter(map(len, rows)).most_common(1)[0] if rows else (0, 0)
+        wide = [fields for fields in rows if len(fields) == width]
+        for decimal in (".", ","):
+            numbers = sum(
+                _number(text, decimal) or nanoseconds(text) is not None
+                for fields in wide
+                for text in fields
+            )
+            share = numbers / max(1, width * len(wide)) * often / max(1, len(rows))
+            # equal shares: the more fields the better, and the point before the comma
+            if width > 1 and (round(share, 3), width) > (round(best[0], 3), best[1]):
+                best = share, width, separator, decimal
+    share, width, separator, decimal = best
+    if not width:
+        width = 1
+    block = _block(lines, separator, decimal)
+    if block is not None:
+        return block
+    if share < 0.5:
+        raise CodecError(
+            f"'{path}' shows no table of numbers: expected rows of fields between commas, "
+            "semicolons, tabs or blanks."
+        )
+    return _of_table(path, lines, TextForm(separator, decimal, comment=comment), width)
+
+
+def _stripped(fields: list[str]) -> list[str]:
+    while len(fields) > 1 and not fields[-1].strip():
+        fields = fields[:-1]
+    return fields
+
+
+def _of_table(path: Path, lines: list[str], form: TextForm, width: int) -> Proposal:
+    proposal = Proposal()
+    numeric = 0
+    rows: list[list[str]] = []
+    header, skip, said = "", 0, False
+    for number, line in enumerate(lines):
+        is_comment = line.lstrip().startswith(form.comment)
+        bare = line.lstrip().removeprefix(form.comment) if is_comment else line
+        fields = _stripped(next(iter(fields_of([bare], form)), [""]))
+        numbers = [_number(text, form.decimal) for text in fields]
+        fits = len(fields) in (width, width + 1) and not is_comment
+        # the times may be dates
+        clocks = [
+            not n and nanoseconds(text) is not None for n, text in zip(numbers, fields, strict=True)
+        ]
+        if fits and sum(numbers) + sum(clocks) >= 0.8 * len(fields) and sum(numbers) > 0:
+            rows.append(fields)
+            numeric += 1
+            continue
+        if not rows and len(fields) >= width - 1 and len(fields) > 1 and not all(numbers):
+            header, said, skip = bare, is_comment, number
+        elif not rows and line.strip() and not is_comment:
+            skip = number + 1
+    if header:
+        names = [name.strip() for name in _stripped(next(iter(fields_of([header], form))))]
+        if said:
+            skip = 0
+    else:
+        names = [str(n + 1) for n in range(len(rows[0]))]
+        proposal.table["header"] = False
+    if skip:
+        proposal.table["skip"] = skip
+    for key, value, usual in (
+        ("separator", form.separator, ","),
+        ("decimal", form.decimal, "."),
+        ("comment", form.comment, "#"),
+    ):
+        if value != usual:
+            proposal.table[key] = value
+    whole = [fields for fields in rows if len(fields) >= len(names)]
+    columns = {name: [fields[n] for fields in whole] for n, name in enumerate(names)}
+    _columns(proposal, columns, form.decimal, bool(header))
+    proposal.seen.append(f"a table of {len(names)} columns")
+    return proposal
+
+
+def _columns(
+    proposal: Proposal, columns: Mapping[str, list[str]], decimal: str, named: bool
+) -> None:
+    values: dict[str, Floats] = {}
+    clock = ""
+    for name, texts in columns.items():
+        if all(_number(text, decimal) for text in texts):
+            made = [
+                np.nan
+                if text.strip().lower() in (*MISSING, "")
+                else float(text.replace(decimal, "."))
+                for text in texts
+            ]
+            values[name] = np.array(made)
+        elif not clock and nanoseconds(texts[0]) is not None:
+            clock = name
+    if clock:
+        proposal.table["time"] = clock
+    else:
+        for name, numbers in values.items():
+            likely = TIME.search(name) if named else (np.diff(numbers) > 0).all()
+            if not likely or not np.isfinite(numbers).all():
+                continue
+            unit = _time_unit(name, numbers)
+            if unit:
+                clock = name
+                proposal.table |= {"time": name, "time_unit": unit}
+                break
+    if not clock:
+        _no_rate(proposal)
+    rest = [n for n in values if n != clock and not (named and COUNTER.search(n))]
+    rest = [n for n in rest if not (TIME.search(n) and named)]
+    counters = [
+        n for n in rest if len(values[n]) > 2 and (np.diff(values[n]) == 1.0).all() and not named
+    ]
+    rest = [n for n in rest if n not in counters]
+    family = _family(rest) if named else rest
+    _name_columns(proposal, family, rest, listed=False)
+    if not named and len(family) + bool(clock) < len(columns):
+        proposal.table["values"] = tuple(family)
+    whole = all((np.nan_to_num(values[n]) % 1.0 == 0.0).all() for n in family)
+    _unit(proposal, family, whole)
+
+
+_PART = re.compile(r"\d+|[^\W\d_]+|[\W_]+")
+
+
+@dataclass(frozen=True, slots=True)
+class _Name:
+    """A column's name, taken apart: its kind, its numbers, and the word for an axis."""
+
+    kind: tuple[str, ...]
+    numbers: tuple[int, ...]
+    axis: str
+    word: str
+
+
+def _taken_apart(name: str) -> _Name:
+    parts = _PART.findall(name)
+    # units in brackets are no words for an axis, and of several words the last is
+    end = next((n for n, part in enumerate(parts) if "(" in part or "[" in part), len(parts))
+    end = end or len(parts)
+    found = [
+        (n, axis)
+        for n, part in enumerate(parts[:end])
+        for axis, words in WORDS.items()
+        if part.lower() in words
+    ]
+    at, axis = found[-1] if found else (-1, "")
+    kind = ["#" if part.isdigit() else "*" if n == at else part for n, part in enumerate(parts)]
+    numbers = tuple(int(part) for part in parts if part.isdigit())
+    return _Name(tuple(kind), numbers, axis, parts[at] if found else "")
+
+
+def _family(names: Sequence[str]) -> list[str]:
+    """Return the largest set of columns whose names differ in numbers and an axis alone."""
+    sets: dict[tuple[str, ...], list[str]] = {}
+    for name in names:
+        sets.setdefault(_taken_apart(name).kind, []).append(name)
+    if not sets:
+        raise CodecError("The table has no columns of numbers beside its times.")
+    best = max(sets.values(), key=len)
+    return best if len(best) > 1 else list(names)
+
+
+def _name_columns(
+    proposal: Proposal, family: list[str], others: list[str], *, listed: bool
+) -> None:
+    """Set shape, channels and values by the columns of the taxels."""
+    left = [name for name in others if name not in set(family)]
+    if left:
+        proposal.seen.append(f"left out: {', '.join(left[:8])}{' …' if len(left) > 8 else ''}")
+    taken = [_taken_apart(name) for name in family]
+    places = [one.numbers for one in taken]
+    axes = list(dict.fromkeys(one.axis for one in taken))
+    words = list(dict.fromkeys(one.word for one in taken))
+    count = len(axes) if all(axes) else 1
+    same = len({len(place) for place in places}) == 1 and len({one.kind for one in taken}) == 1
+    width = len(places[0])
+    varying = [n for n in range(width) if len({place[n] for place in places}) > 1] if same else []
+    taxels = len(family) // count
+    whole = same and len(set(zip(places, words and [t.axis for t in taken], strict=True))) == len(
+        family
+    )
+    if not (whole and len(varying) in (1, 2) and taxels * count == len(family)):
+        count = (
+            count if count == 3 and taxels * 3 == len(family) else _channels(proposal, len(family))
+        )
+        proposal.table["shape"] = _shape(proposal, len(family) // count)
+        if not (count > 1 and all(axes)):
+            _said_channels(proposal, count)
+        else:
+            proposal.table["channels"] = tuple(axes)
+        if "header" not in proposal.table:
+            proposal.table["values"] = tuple(family)
+        return
+    first = min(place[varying[0]] for place in places)
+    if len(varying) == 2:
+        highs = [max(place[n] for place in places) for n in varying]
+        lows = [min(place[n] for place in places) for n in varying]
+        shape = (highs[0] - lows[0] + 1, highs[1] - lows[1] + 1)
+        if shape[0] * shape[1] != taxels or lows[0] != lows[1]:
+            proposal.table["shape"] = _shape(proposal, taxels)
+            _axes_by_name(proposal, axes, words, count)
+            proposal.table["values"] = tuple(family)
+            return
+        proposal.table["shape"] = shape
+    else:
+        if count == 1:
+            split = _channels(proposal, taxels)
+            if split > 1:
+                proposal.table["shape"] = _shape(proposal, taxels // split)
+                _said_channels(proposal, split)
+                proposal.table["values"] = tuple(family)
+                return
+        proposal.table["shape"] = _shape(proposal, taxels)
+    _axes_by_name(proposal, axes, words, count)
+    if listed:
+        by_place = sorted(
+            family, key=lambda n: (_taken_apart(n).numbers, axes.index(_taken_apart(n).axis))
+        )
+        proposal.table["values"] = tuple(by_place)
+        return
+    pattern = _pattern(family[0], varying)
+    if first:
+        proposal.table["first"] = first
+    proposal.table["values"] = pattern if len(family) > 1 else tuple(family)
+
+
+def _axes_by_name(proposal: Proposal, axes: list[str], words: list[str], count: int) -> None:
+    if count > 1:
+        proposal.table["channels"] = tuple(axes)
+        if words != axes:
+            proposal.table["names"] = tuple(words)
+    else:
+        proposal.table["channels"] = ("z",) if axes in ([""], ["z"]) else tuple(axes)
+        if axes != [""] and words != axes:
+            proposal.table["names"] = tuple(words)
+
+
+def _pattern(name: str, varying: list[int]) -> str:
+    """Return the pattern of a family by one of its names."""
+    taken = _taken_apart(name)
+    places = ("{row}", "{col}") if len(varying) == 2 else ("{n}",)
+    made, number = list[str](), 0
+    for part, kind in zip(_PART.findall(name), taken.kind, strict=True):
+        if kind == "#":
+            made.append(places[varying.index(number)] if number in varying else part)
+            number += 1
+        else:
+            made.append("{channel}" if kind == "*" else part)
+    return "".join(made)
+
+
+# blocks of lines
+
+
+def _block(lines: list[str], separator: str, decimal: str) -> Proposal | None:
+    """Return the layout of a text file with a block of lines a frame; None where it has none."""
+    form = TextForm(separator, decimal)
+    widths: list[int] = []
+    for line in lines:
+        fields = _stripped(next(iter(fields_of([line], form)), [""]))
+        numbers = bool(line.strip()) and all(_number(text, decimal) for text in fields)
+        widths.append(len(fields) if numbers and fields != [""] else 0)
+    runs: list[tuple[int, int, int]] = []
+    for number, width in enumerate(widths):
+        if width > 1 and runs and runs[-1][2] == width and runs[-1][1] == number:
+            runs[-1] = (runs[-1][0], number + 1, width)
+        elif width > 1:
+            runs.append((number, number + 1, width))
+    inner = runs[:-1] if len(lines) == LOOKED_AT else runs
+    lengths = {(end - begin, width) for begin, end, width in inner}
+    if len(inner) < 3 or len(lengths) != 1:
+        return None
+    rows, cols = lengths.pop()
+    if rows < 2:
+        return None
+    proposal = Proposal({"block": True, "shape": (rows, cols), "channels": ("z",)})
+    proposal.seen.append(f"a block of {rows} lines a frame")
+    if separator != ",":
+        proposal.table["separator"] = separator
+    if decimal != ".":
+        proposal.table["decimal"] = decimal
+    head = lines[: inner[0][0]]
+    between = [lines[inner[n][1] : inner[n + 1][0]] for n in range(len(inner) - 1)]
+    _block_times(proposal, head, between)
+    words = " ".join(head).lower()
+    unit = next(
+        (u for w, u in UNITS.items() if re.search(rf"units?\W+{re.escape(w)}\b", words)), ""
+    )
+    proposal.table["unit"] = unit or "count"
+    if not unit:
+        proposal.undecided.append("unit: the file does not say it; 'count' has no scale")
+    return proposal
+
+
+def _block_times(proposal: Proposal, head: list[str], between: list[list[str]]) -> None:
+    for line in head:
+        found = re.search(
+            r"(seconds_per_frame|frame.?rate|frames.?per.?second|frequency)\W+([\d.]+)", line, re.I
+        )
+        if found and float(found[2]) > 0.0:
+            value = float(found[2])
+            proposal.table["rate"] = 1.0 / value if found[1].lower().startswith("sec") else value
+            return
+    from cnnum.drivers.own_data.sources import stamp
+
+    for line in between[0]:
+        for word in re.findall(r"[A-Za-z][A-Za-z _]*", line):
+            if not TIME.search(word):
+                continue
+            times = [
+                next((t for one in some if (t := stamp(word, one)) is not None), None)
+                for some in between
+            ]
+            known = [t for t in times if t is not None]
+            if len(known) == len(between) and known == sorted(known) and known[0] != known[-1]:
+                proposal.table["time"] = word.strip()
+                return
+    _no_rate(proposal)

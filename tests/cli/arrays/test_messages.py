@@ -1,0 +1,261 @@
+"""Messages in MCAP files and bags: of others by a layout, and our own after other programs."""
+
+import json
+import warnings
+import zlib
+
+import numpy as np
+import pytest
+from mcap.writer import CompressionType, Writer
+
+import cnnum
+from cnnum.drivers import open_driver
+from cnnum.errors import CnnumError, RecordingWarning
+from cnnum.recordings.reader import look
+
+NS = 10_000_000
+LAYOUT = 'shape = [2, 2]\nchannels = ["x", "y", "z"]\ntopic = "/skin"\n'
+VALUES = np.random.default_rng(3).normal(100.0, 5.0, (60, 2, 2, 3))
+FORMS = {
+    "chunks": {},
+    "no chunks": {"use_chunking": False},
+    "no checksums": {"enable_crcs": False, "enable_data_crcs": False},
+    "packed": {"compression": CompressionType.ZSTD},
+    "lz4": {"compression": CompressionType.LZ4},
+    "no index": {"use_statistics": False, "use_summary_offsets": False, "repeat_channels": False},
+}
+
+
+def made(path, fill, order=None, **form):
+    """An MCAP file of 60 messages."""
+    with path.open("wb") as file:
+        writer = Writer(file, **form)
+        writer.start()
+        send = fill(writer)
+        for n in range(60) if order is None else order:
+            send(n, 10**18 + n * NS)
+        writer.finish()
+    return path
+
+
+def as_json(writer):
+    schema = writer.register_schema("Touch", "jsonschema", b"{}")
+    channel = writer.register_channel("/skin", "json", schema)
+    other = writer.register_channel("/other", "json", schema)
+
+    def send(n, when):
+        content = {"header": {"stamp": {"sec": 5, "nanosec": n * NS}}, "data": VALUES[n].tolist()}
+        writer.add_message(channel, when, json.dumps(content).encode(), when)
+        writer.add_message(other, when, b'{"data": [1, 2]}', when)
+
+    return send
+
+
+def read(path, layout):
+    path.with_suffix(".toml").write_text(layout)
+    return cnnum.load_recording(path)
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_json_in_every_form_of_mcap(form, tmp_path):
+    path = made(tmp_path / "a.mcap", as_json, **FORMS[form])
+    for time in ("", 'time = "header.stamp"\n'):
+        recording = read(path, LAYOUT + 'values = "data"\n' + time)
+        assert np.array_equal(recording.values, VALUES)
+        assert recording.times == pytest.approx(np.arange(60) / 100.0, abs=1e-9)
+
+
+def test_any_order_is_sorted_and_said(tmp_path):
+    order = np.random.default_rng(1).permutation(60).tolist()
+    path = made(tmp_path / "a.mcap", as_json, order, use_chunking=False)
+    with pytest.warns(RecordingWarning, match="sorted by their log times"):
+        assert np.array_equal(read(path, LAYOUT + 'values = "data"\n').values, VALUES)
+
+
+def test_messages_that_are_there_twice_are_repeats(tmp_path):
+    path = made(tmp_path / "a.mcap", as_json, np.repeat(np.arange(60), 2).tolist())
+    recording = read(path, LAYOUT + 'values = "data"\n')
+    assert recording.quality.tolist() == [0, 2] * 60
+    assert recording.rate == pytest.approx(100.0)
+
+
+def as_protobuf(writer):
+    pytest.importorskip("mcap_protobuf", reason="the extra 'bags' is not installed")
+    from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
+
+    described = descriptor_pb2.FileDescriptorProto(name="t.proto", package="t", syntax="proto3")
+    vector, touch = described.message_type.add(), described.message_type.add()
+    vector.name, touch.name = "V", "Touch"
+    for n, name in enumerate("xyz", 1):
+        vector.field.add(name=name, number=n, type=1, label=1)
+    touch.field.add(name="taxels", number=1, type=11, label=3, type_name=".t.V")
+    pool = descriptor_pool.DescriptorPool()
+    pool.Add(described)
+    kind = message_factory.GetMessageClass(pool.FindMessageTypeByName("t.Touch"))
+    files = descriptor_pb2.FileDescriptorSet(file=[described]).SerializeToString()
+    schema = writer.register_schema("t.Touch", "protobuf", files)
+    channel = writer.register_channel("/skin", "protobuf", schema)
+
+    def send(n, when):
+        message = kind()
+        for x, y, z in VALUES[n].reshape(-1, 3).tolist():
+            message.taxels.add(x=x, y=y, z=z)
+        writer.add_message(channel, when, message.SerializeToString(), when)
+
+    return send
+
+
+def as_ros2(writer):
+    pytest.importorskip("rosbags", reason="the extra 'bags' is not installed")
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    kind = "std_msgs/msg/Float64MultiArray"
+    text, _ = store.generate_msgdef(kind, ros_version=2)
+    schema = writer.register_schema(kind, "ros2msg", text.encode())
+    channel = writer.register_channel("/skin", "cdr", schema)
+    empty = store.types["std_msgs/msg/MultiArrayLayout"]([], 0)
+
+    def send(n, when):
+        message = store.types[kind](empty, VALUES[n].ravel())
+        writer.add_message(channel, when, bytes(store.serialize_cdr(message, kind)), when)
+
+    return send
+
+
+@pytest.mark.parametrize(("fill", "field"), [(as_protobuf, "taxels"), (as_ros2, "data")])
+def test_protobuf_and_ros_2(fill, field, tmp_path):
+    recording = read(made(tmp_path / "a.mcap", fill), LAYOUT + f'values = "{field}"\n')
+    assert np.array_equal(recording.values, VALUES)
+
+
+def test_a_bag_of_ros_1(tmp_path):
+    pytest.importorskip("rosbags", reason="the extra 'bags' is not installed")
+    from rosbags.rosbag1 import Writer as Writer1
+    from rosbags.typesys import Stores, get_typestore
+
+    store, kind = get_typestore(Stores.ROS1_NOETIC), "geometry_msgs/msg/WrenchStamped"
+    types = store.types
+    path = tmp_path / "a.bag"
+    with Writer1(path) as writer:
+        connection = writer.add_connection("/wrench", kind, typestore=store)
+        for n in range(60):
+            force = types["geometry_msgs/msg/Vector3"](*map(float, VALUES[n, 0, 0]))
+            stamp = types["builtin_interfaces/msg/Time"](5, n * NS)
+            message = types[kind](
+                types["std_msgs/msg/Header"](n, stamp, "pad"),
+                types["geometry_msgs/msg/Wrench"](force, force),
+            )
+            writer.write(connection, 10**18 + n * NS, store.serialize_ros1(message, kind))
+    layout = 'shape = [1, 1]\ntopic = "/wrench"\nvalues = "wrench.force"\ntime = "header.stamp"\n'
+    recording = read(path, layout)
+    assert np.array_equal(recording.values[:, 0, 0], VALUES[:, 0, 0])
+    assert recording.rate == pytest.approx(100.0)
+
+
+def test_the_topic_on_the_command_line(call, records, tmp_path):
+    path = made(tmp_path / "a.mcap", as_json)
+    path.with_suffix(".toml").write_text(LAYOUT.replace("/skin", "/other") + 'values = "data"\n')
+    scene = tmp_path / "s.toml"
+    scene.write_text(
+        'needs = ["contact"]\n[array]\ndriver = "simulated"\n[engine]\nname = "numba"\n'
+        '[program]\nname = "contact"\n[program.parameters]\npush = 1.0\nreads = "force"\n'
+    )
+    done = call("replay", path, "--topic", "/skin", "--scene", scene, "--json")
+    assert done.exit_code == 0, done.stderr
+    assert records(done.stdout)[-1]["frames"] == 60
+
+
+FAULTS = {
+    "no such topic": ('topic = "/skim"\nvalues = "data"\n', r"'/skim'; it has '/skin', '/other'"),
+    "no such field": (
+        'topic = "/skin"\nvalues = "dada"\n',
+        r"no field 'dada'.*it has header, data",
+    ),
+    "no numbers": ('topic = "/skin"\nvalues = "header.stamp.sec"\n', r"must hold"),
+}
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_faults_name_what_is_there(name, tmp_path):
+    keys, said = FAULTS[name]
+    path = made(tmp_path / "a.mcap", as_json)
+    with pytest.raises(CnnumError, match=said):
+        read(path, "shape = [2, 2]\n" + keys)
+
+
+def test_messages_of_others_without_a_layout_say_how_to_get_one(tmp_path):
+    path = made(tmp_path / "a.mcap", as_json)
+    with pytest.raises(CnnumError, match=r"'cnnum layout a\.mcap --topic /skin' proposes one"):
+        cnnum.load_recording(path)
+
+
+@pytest.fixture
+def own(tmp_path):
+    """A recording of ours, and its messages as the MCAP library reads them."""
+    from mcap.reader import make_reader
+
+    whole = cnnum.Recording(VALUES, rate=100.0, unit="N", truth={"slip": np.arange(60) % 5})
+    with whole.save(tmp_path / "own.mcap").open("rb") as file:
+        return whole, list(make_reader(file).iter_messages())
+
+
+def repacked(path, every, order, **form):
+    """Our messages as another program packs them, or merges files."""
+    with path.open("wb") as file:
+        writer = Writer(file, **form)
+        writer.start()
+        schema, channel, _ = every[0]
+        number = writer.register_schema(schema.name, schema.encoding, schema.data)
+        number = writer.register_channel(
+            channel.topic, channel.message_encoding, number, channel.metadata
+        )
+        for n in order:
+            one = every[n][2]
+            writer.add_message(number, one.log_time, one.data, one.publish_time, one.sequence)
+        writer.finish()
+    return path
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_our_recordings_are_read_after_other_programs(form, own, tmp_path):
+    whole, every = own
+    path = repacked(tmp_path / "b.mcap", every, range(60), **FORMS[form])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert cnnum.load_recording(path) == whole
+
+
+@pytest.mark.parametrize("form", ["chunks", "no chunks", "no checksums"])
+def test_our_recordings_in_another_order_and_twice(form, own, tmp_path, call):
+    whole, every = own
+    order = np.random.default_rng(2).permutation(60).tolist()
+    path = repacked(tmp_path / "b.mcap", every, order, chunk_size=2000, **FORMS[form])
+    with pytest.warns(RecordingWarning, match="sorted by their log times"):
+        assert cnnum.load_recording(path) == whole
+    # two copies one after the other, and message by message
+    for twice in ([*range(60), *range(60)], np.repeat(np.arange(60), 2).tolist()):
+        path = repacked(tmp_path / "c.mcap", every, twice, **FORMS[form])
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", RecordingWarning)
+            with open_driver("mcap", {"path": str(path)}) as driver:
+                frames = [frame for frame in driver.frames() if not frame.repeated]
+        assert (driver.counters.frames, driver.counters.repeated) == (60, 60)
+        assert np.array_equal(np.stack([frame.values for frame in frames]), VALUES)
+        out = tmp_path / f"{len(twice)}-{twice[1]}.npz"
+        assert call("recover", path, out).exit_code == 0
+        assert cnnum.load_recording(out).quality.tolist() == [0, 2] * 60
+
+
+@pytest.mark.parametrize("form", ["no chunks", "no checksums"])
+def test_the_whole_messages_of_a_file_that_was_cut_off(form, own, tmp_path):
+    whole, every = own
+    path = repacked(tmp_path / "b.mcap", every, range(60), chunk_size=2000, **FORMS[form])
+    data = path.read_bytes()
+    path.write_bytes(data[: len(data) // 2])
+    contents = look(path)
+    assert 15 < contents.frames < 45
+    assert contents.unreadable > 0
+    frames = np.stack([frame.values for frame, _ in contents.stored()])
+    assert np.array_equal(frames, whole.values[: len(frames)])
+    assert zlib.crc32(path.read_bytes()) == zlib.crc32(data[: len(data) // 2])
