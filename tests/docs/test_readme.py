@@ -126,15 +126,18 @@ HELD = {
     "docs/engines.md-1": steps_are_those_of_the_table,
     "docs/how-to/learn.md-0": learned_outlines_are_those_of_edge,
     "docs/methods.md-1": the_step_is_two_over_the_fastest_rate,
-    "docs/microcontrollers.md-0": noise_is_no_slip_in_whole_numbers,
-    "docs/microcontrollers.md-1": a_chip_is_off_by_its_noise_and_its_mismatch,
-    "docs/microcontrollers.md-2": noise_on_a_chip_is_no_twist,
+    "docs/microcontrollers.md-1": noise_is_no_slip_in_whole_numbers,
+    "docs/microcontrollers.md-2": a_chip_is_off_by_its_noise_and_its_mismatch,
+    "docs/microcontrollers.md-3": noise_on_a_chip_is_no_twist,
     "docs/programs-by-example.md-1": holes_are_counted,
     "docs/stability.md-1": proofs_say_what_has_settled,
 }
 """The truth of code that neither asserts nor shows what it prints."""
 
-DEFINED = {"docs/recordings.md-0": "tests/drivers/test_recorded_bytes.py decodes such bytes"}
+DEFINED = {
+    "docs/recordings.md-0": "tests/drivers/test_recorded_bytes.py decodes such bytes",
+    "docs/how-to/program.md-2": "the next block of the page runs it",
+}
 """Code that only defines something, and where that is held."""
 
 
