@@ -31,6 +31,12 @@ from cnnum.tactile.indenters import Disc, Rectangle, Ring, frame_under
 from cnnum.tactile.texture import texture as whole_recording
 from cnnum.tactile.texture_materials import FOUR, Stroke, rub
 from cnnum.tactile.touches import Touch, readings
+from docs.figures.scene_pictures import (
+    active_contour_picture,
+    moving_patterns_picture,
+    on_off_picture,
+    receptors_picture,
+)
 from docs.figures.slip_pictures import slip_and_twist_picture
 
 MADE: Any = {"dpi": 100, "bbox_inches": "tight"}
@@ -278,6 +284,10 @@ PICTURES = {
     "grasp-code": grasp_code_picture,
     "texture": texture_picture,
     "slip-and-twist": slip_and_twist_picture,
+    "active-contour": active_contour_picture,
+    "on-off": on_off_picture,
+    "moving-patterns": moving_patterns_picture,
+    "receptors": receptors_picture,
 }
 
 

@@ -18,6 +18,9 @@ PARTS = (("error", "-", 1.2, "total"), ("discretisation", "-", 5.0, "lattice"),
 COLOURS = {"float32": "#2f6db5", "float64": "#d1495b"}
 ACROSS = 4
 
+NEAR = 5.0
+"""Ratio of errors up to which a panel shows them on a linear axis."""
+
 FEW_DECADES = 2.3
 """Decades of an axis up to which it also has room for ticks at 2 and 5."""
 
@@ -71,10 +74,22 @@ def _errors(axes: Axes, rows: Sequence[Row]) -> None:
         for at, row in zip(x, own, strict=True):
             axes.annotate(f"{_number(row, 'setting'):g}", (at, _number(row, "error")), fontsize=7,
                           xytext=(3, 4), textcoords="offset points")  # fmt: skip
-    axes.set(xscale="log", yscale="log")
-    axes.set_xlabel(f"µs a frame; numbers: {rows[0]['knob']}", fontsize=8)
-    axes.set_ylabel("error, share of the largest", fontsize=8)
+    _scaled(axes, [_number(row, key) for row in rows for key, *_ in PARTS])
+    split = any(row["discretisation"] is not None for row in rows)
+    of = "pitches" if "pitches" in str(rows[0]["truth"]) else "share of the true value"
+    axes.set_xlabel(f"µs a frame (at the points: {rows[0]['knob']})", fontsize=8)
+    axes.set_ylabel(f"error, {'share of the largest' if split else of}", fontsize=8)
     axes.legend(fontsize=6.5)
+
+
+def _scaled(axes: Axes, values: Sequence[float]) -> None:
+    """Give logarithmic axes, with room for numbers; errors that are near each other begin at 0."""
+    known = [value for value in values if value > 0.0]
+    axes.margins(0.12)
+    axes.set(xscale="log", yscale="log")
+    if max(known) < NEAR * min(known):
+        axes.set(yscale="linear")
+        axes.set_ylim(0.0, 1.3 * max(known))
 
 
 def _delays(axes: Axes, rows: Sequence[Row]) -> None:
@@ -90,8 +105,9 @@ def _delays(axes: Axes, rows: Sequence[Row]) -> None:
             missed = _number(row, "missed")
             axes.annotate(f"{text}, {missed:.0%} missed" if missed else text, (at, delay),
                           fontsize=7, xytext=(3, 4), textcoords="offset points")  # fmt: skip
+    axes.margins(0.12)
     axes.set(xscale="log")
-    axes.set_ylim(bottom=0.0)
+    axes.set_ylim(0.0, 1.3 * max([1.0, *(1e3 * _number(row, "delay_s") for row in rows)]))
     axes.set_xlabel("µs of work a second of touch", fontsize=8)
     axes.set_ylabel("delay of the report, ms", fontsize=8)
     axes.legend(fontsize=6.5)

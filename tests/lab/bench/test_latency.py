@@ -112,6 +112,15 @@ def test_every_slow_program_has_a_closed_form():
         assert errors.program_forms(name), name
 
 
+def test_frames_before_a_contact_judge_nothing(opencl, monkeypatch):
+    """On a busy machine the reference ends at rest, where all outputs are 0 on both sides."""
+    monkeypatch.setattr(errors, "REFERENCE_S", 0.0)
+    plan = latency.Subject("twist", "twist").plan(opencl)
+    judged = errors.program_error(opencl, plan, "twist")
+    assert judged.truth.startswith("closed form")
+    assert judged.error > 0.0
+
+
 def test_errors_are_those_of_the_outputs_that_are_wanted(opencl, monkeypatch):
     """Of a plan of some outputs, against the reference engine's same outputs."""
     plan = latency.BOTH.plan(opencl)
