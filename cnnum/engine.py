@@ -90,7 +90,7 @@ class Engine(OfThisProcess):
     @property
     def name(self) -> str:
         """Name of the engine."""
-        return self._backend.name
+        return self._backend.record.name
 
     @property
     def device(self) -> str:
@@ -116,7 +116,7 @@ class Engine(OfThisProcess):
         DeviceError
             If the device does not have it.
         """
-        device = self.device if self.name == "opencl" else None
+        device = self.device if self._backend.record.devices else None
         return Engine(self.name, device=device, precision=precision, fallback=self._fallback)
 
     def compile(
@@ -179,7 +179,7 @@ class Engine(OfThisProcess):
         if chip is not None:
             from cnnum.runs.chip_programs import chip_backend  # with SciPy, which takes its time
 
-            backend = chip_backend(chip, self.name, self.precision)
+            backend = chip_backend(chip, backend)
         if like is not None:
             backend = measuring(backend, like, (*graph.shape, len(channels)))
         about = (program.name, graph, channels, needs)
@@ -270,7 +270,7 @@ class Engine(OfThisProcess):
                 "force": force, "estimate": estimate, "at": at}  # fmt: skip
             if chip is not None or not isinstance(template, TemplateBatch):
                 return run_on_chip(cast(Chip, chip), template, arrays, partial(self.run, **options))
-            how = (self.name, self.precision, self._plan_for, self.run)
+            how = (self._backend.record, self.precision, self._plan_for, self.run)
             return run_batch(*how, template, arrays, options)
         template = as_template(template)
         if at is not None:
@@ -357,7 +357,9 @@ class Engine(OfThisProcess):
         plan = self._plan_for((ran.digest, shape, names, spec), ran, shape, names, spec)
         (solver,) = plan.solvers.values()
         steps = isinstance(solver.scheme, Stepping)
-        finely = self.name == "reference" and not (solver.asked or template.output.discrete)
+        finely = not self._backend.record.takes_steps and not (
+            solver.asked or template.output.discrete
+        )
         if finely or (steps and end.method != solver.method):
             return None
         if steps and by_halving(ran, dt=spec.dt, settle=False):
@@ -414,7 +416,7 @@ class Engine(OfThisProcess):
         spec: RunSpec,
     ) -> Result:
         """Return the result of a run to equilibrium, which runs on where there is none yet."""
-        exact = result.method == "propagator" and self.name != "reference"
+        exact = result.method == "propagator" and self._backend.record.takes_steps
         if exact or is_integer(self.precision):
             # whole numbers rest where a step moves none of them
             known = np.isfinite(result.error) | is_integer(self.precision)
@@ -448,16 +450,17 @@ class Engine(OfThisProcess):
         plan = self._plan_for((ran.digest, shape, names, spec), ran, shape, names, spec)
         (solver,) = plan.solvers.values()
         try:
-            refuse_hopeless(self.name, solver, float(ran.tau.min()))
+            refuse_hopeless(self._backend.record, solver, float(ran.tau.min()))
             outputs = outputs_of(plan, given, lead)
         except MethodError:
-            implicit = implicit_spec(self.name, ran, shape, spec)
+            implicit = implicit_spec(self._backend.record, ran, shape, spec)
             if implicit is None or is_integer(self.precision):
                 raise
             return stiffly(self._run(template, given, shape, implicit, None))
         result = finished(outputs, solver, template, linear=ran is not template)
         result = with_fallback(result, plan)
-        halves = by_halving(ran, dt=spec.dt, settle=solver.settle) and self.name != "reference"
+        halves = by_halving(ran, dt=spec.dt, settle=solver.settle)
+        halves = halves and self._backend.record.takes_steps
         if isinstance(solver.scheme, FixedSteps) and halves and not is_integer(self.precision):
 
             def finer(step: float, frames: NDArray[np.intp]) -> Result:
@@ -483,7 +486,7 @@ class Engine(OfThisProcess):
 
     def _follows(self, solver: Solver, template: Template) -> bool:
         """Return whether the engine takes the solver's own steps, whose error may miss a growth."""
-        steps = solver.asked or self.name != "reference"
+        steps = solver.asked or self._backend.record.takes_steps
         return steps and may_grow(template, solver) and not is_integer(self.precision)
 
     def _plan_for(

@@ -17,7 +17,7 @@ import numpy as np
 
 from cnnum.arrays import digest
 from cnnum.embedded.formats import precision_named
-from cnnum.engines.backend import PRECISIONS, backend_names
+from cnnum.engines.registry import PRECISIONS, backend_names
 from cnnum.errors import TemplateError, name_error
 from cnnum.integrators.stability import METHODS
 from cnnum.runs.chip import MOST_BITS

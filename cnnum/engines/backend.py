@@ -1,20 +1,22 @@
-"""The interface of every engine, and the registry that imports only the wanted one."""
+"""What an engine is: a record of what it can do, and the interfaces of what it opens and builds."""
 
 from collections.abc import Callable, Mapping, Sequence
-from importlib import import_module
-from typing import Any, Protocol, cast
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cnnum.arrays import Floats
-from cnnum.embedded.formats import is_integer
-from cnnum.engines.notices import say_once
-from cnnum.engines.opencl_advice import how_to_get_opencl
-from cnnum.errors import NoOpenCLError, name_error
+from cnnum.arrays import Floats, Shape
+from cnnum.errors import NotSupportedError
+from cnnum.graph.nodes import Transient
 from cnnum.graph.schedule import Schedule
-from cnnum.integrators.solver import Solver, Solvers
+from cnnum.integrators.solver import Exact, Solver, Solvers
 from cnnum.templating.template import Template
+
+if TYPE_CHECKING:
+    from cnnum.embedded.emulator import Numbers
+    from cnnum.embedded.program import IntegerProgram
 
 
 class OneFrame(Protocol):
@@ -146,12 +148,79 @@ class Executable(Protocol):
         ...
 
 
+class Looking(Executable, Protocol):
+    """An executable that can also be looked at on its way."""
+
+    def look(
+        self,
+        frames: NDArray[np.floating],
+        moments: Sequence[float],
+        ends: Sequence[Exact] = (),
+        cuts: int = 1,
+    ) -> Mapping[str, NDArray[np.floating[Any]]]:
+        """Return what a run of its only transient passes through.
+
+        Parameters
+        ----------
+        frames : (batch, rows, cols, channels) float
+        moments : sequence of float
+            Rising, none after the end of the run.
+        ends : sequence of Exact
+            The schemes of runs to these times, where an end is known without steps.
+        cuts : int
+            Parts in which a piece of a step of fixed length is taken up to a moment.
+
+        Returns
+        -------
+        mapping
+            "seen" (times, batch, layers, rows, cols), and "marks" (times, batch, 3): steps,
+            settled, error.
+        """
+        ...
+
+
+class Runner(Protocol):
+    """Runs frames of one program in whole numbers."""
+
+    def run(
+        self,
+        inputs: Mapping[str, "Numbers"],
+        state: dict[str, "Numbers"],
+        *,
+        first: bool,
+        batch: int = 1,
+    ) -> dict[str, "Numbers"]:
+        """Run a frame of every stream and bring the state up to date."""
+        ...
+
+
+Solve = Callable[
+    [Transient, dict[str, Floats], Callable[[Floats], Floats] | None], dict[str, Floats]
+]
+"""Solves a template on one frame of maps by role, with a sum of A over outputs in place of its own
+unless that is None; returns its answers by name, maps as (layers, rows, cols)."""
+
+
+class Analogue(Protocol):
+    """A model of an analogue array, which stands between a program and the cells that run it."""
+
+    def refuse(self, template: Template) -> None:
+        """Raise NotSupportedError if no such array runs the template."""
+        ...
+
+    def answer(
+        self, solve: Solve, operation: Transient, maps: dict[str, Floats], shape: Shape
+    ) -> dict[str, Floats]:
+        """Return the answers of a template on one frame, (layers, rows, cols) maps by role."""
+        ...
+
+
 class Backend(Protocol):
-    """An engine behind `cnnum.Engine`."""
+    """An engine that is open: on one device, in one precision."""
 
     @property
-    def name(self) -> str:
-        """As the user says it."""
+    def record(self) -> "EngineRecord":
+        """What the engine does."""
         ...
 
     @property
@@ -179,62 +248,95 @@ class Backend(Protocol):
         ...
 
 
-_FACTORIES = {
-    "opencl": ("cnnum.engines.opencl", "OpenCLBackend"),
-    "numba": ("cnnum.engines.numba", "NumbaBackend"),
-    "reference": ("cnnum.engines.reference", "ReferenceBackend"),
-}
+@dataclass(frozen=True, slots=True)
+class Limit:
+    """Something that an engine leaves out.
 
-
-PRECISIONS = ("float32", "float64", "q15", "q7")
-"""Names of precisions that a message offers; those of whole numbers are more."""
-
-
-def backend_names() -> tuple[str, ...]:
-    """Return the names of the engines."""
-    return tuple(_FACTORIES)
-
-
-def open_backend(name: str | None, device: str | None, precision: str | None) -> Backend:
-    """Return the engine of that name; without one, "opencl" where a device works, else "numba".
-
-    Raises
-    ------
-    UnknownNameError
-        If there is no such engine, or the precision is no name.
-    DeviceError
-        If its device cannot be had.
+    Attributes
+    ----------
+    what, why : str
+        As parts of a sentence.
+    applies : callable
+        Whether a transient and its solver need it.
     """
-    if not (precision is None or isinstance(cast(object, precision), str)):
-        raise name_error("precision", precision, PRECISIONS)
-    if name is not None:
-        return _opened(name, device, precision)
-    try:
-        return _opened("opencl", device, precision)
-    except NoOpenCLError as error:
-        if device is not None:  # who names a device wants no other
-            raise
-        say_once(f"The numba engine runs because {error.reason}; {error.advice}.")
-        return _opened("numba", None, precision)
+
+    what: str
+    why: str
+    applies: Callable[[Transient, Solver], bool]
 
 
-def _opened(name: str, device: str | None, precision: str | None) -> Backend:
-    if not isinstance(cast(object, name), str) or name not in _FACTORIES:
-        raise name_error("engine", name, _FACTORIES)
-    if is_integer(precision):
-        from cnnum.engines.whole import whole_backend
+@dataclass(frozen=True, slots=True, eq=False)
+class EngineRecord:
+    """An engine: how it is opened, and what it can do.
 
-        assert precision is not None
-        return _tried(name, lambda: whole_backend(name, device, precision))
-    module, factory = _FACTORIES[name]
-    return _tried(name, lambda: getattr(import_module(module), factory)(device, precision))
+    The rest of the package asks these fields and never an engine's name.
 
+    Attributes
+    ----------
+    name : str
+        As the user says it.
+    open : callable
+        Takes this record, a device's name or None, and a precision; returns a `Backend`.
+    precisions : tuple of str
+        Real numbers that it counts in, the usual one first.
+    whole : callable, optional
+        Opens it in whole numbers: takes a device's name or None; returns the device in words, a
+        function that makes the `Runner` of a program, and the launches a frame.
+    devices : bool
+        It runs on devices that are chosen by name and may be lost; others run on the host.
+    missing : callable, optional
+        Makes the error of a module that cannot be imported.
+    stands_in : bool
+        It runs any plan of a device in the same precision, so that it can go on where one is lost.
+    fuses : bool
+        Chains of linear operations are fused before it builds them.
+    takes_steps : bool
+        It takes the steps of the method that was chosen. Another solves as finely as it can,
+        unless a method or a step was asked for.
+    implicit : bool
+        It takes implicit steps; else these run on an engine of the host that does.
+    lanes : bool
+        Frames of a batch can have templates of their own, side by side.
+    looks : bool
+        Its executables are `Looking`; else one of the host looks at times on the way of a run.
+    analogue : callable, optional
+        Takes this record, and a function that makes the model of an analogue array for each
+        program; returns the `Backend` that runs programs on it.
+    limits : tuple of Limit
+        What it leaves out, and why.
+    """
 
-def _tried(name: str, make: Callable[[], Any]) -> Backend:
-    try:
-        return cast(Backend, make())
-    except ImportError as error:
-        if name != "opencl":
-            raise
-        why = f"PyOpenCL cannot be imported ({error})"
-        raise NoOpenCLError(why, how_to_get_opencl()) from error
+    name: str
+    open: Callable[["EngineRecord", str | None, str], Backend]
+    precisions: tuple[str, ...] = ("float32", "float64")
+    whole: Callable[[str | None], tuple[str, Callable[["IntegerProgram"], Runner], int]] | None = (
+        None
+    )
+    devices: bool = False
+    missing: Callable[[ImportError], Exception] | None = None
+    stands_in: bool = False
+    fuses: bool = True
+    takes_steps: bool = True
+    implicit: bool = False
+    lanes: bool = False
+    looks: bool = False
+    analogue: Callable[["EngineRecord", Callable[[], Analogue]], Backend] | None = None
+    limits: tuple[Limit, ...] = ()
+
+    def refuse_beyond(self, schedule: Schedule, solvers: Solvers) -> None:
+        """Raise if a schedule needs something that the engine leaves out.
+
+        Raises
+        ------
+        NotSupportedError
+            With the reason.
+        """
+        for node in schedule.transients if self.limits else ():
+            assert isinstance(node.operation, Transient)
+            solver = solvers[node.index]
+            for limit in self.limits:
+                if limit.applies(node.operation, solver):
+                    raise NotSupportedError(
+                        f"The {self.name} engine leaves out {limit.what} ('{solver.method}' for "
+                        f"'{node.operation}'): {limit.why}; use another engine."
+                    )

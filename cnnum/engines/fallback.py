@@ -13,15 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cnnum.arrays import Floats
-from cnnum.engines.backend import Backend, Executable, OneFrame, open_backend
+from cnnum.engines.backend import Backend, EngineRecord, Executable, OneFrame
 from cnnum.engines.notices import say_once
+from cnnum.engines.registry import PACKAGED, backend_names, open_backend, record_named
 from cnnum.errors import DeviceError, NoOpenCLError, SizeError, name_error
 from cnnum.graph.schedule import Schedule
 from cnnum.integrators.solver import Solver, Solvers
 from cnnum.templating.template import Template
-
-FALLBACKS = ("numba",)
-"""Engines that run every plan of a device in its precision, and lose none."""
 
 Numbers = tuple[NDArray[np.floating], ...]
 
@@ -46,9 +44,9 @@ class FallbackBackend:
     _turn: RLock = field(default_factory=RLock)
 
     @property
-    def name(self) -> str:
-        """As the user says it."""
-        return self.first.name
+    def record(self) -> EngineRecord:
+        """What the device's engine does."""
+        return self.first.record
 
     @property
     def device(self) -> str:
@@ -275,14 +273,16 @@ def opened(
     """
     if fallback is None:
         return open_backend(name, device, precision)
-    if not isinstance(cast(object, fallback), str) or fallback not in FALLBACKS:
-        raise name_error("fallback", fallback, FALLBACKS)
+    able = tuple(record.name for record in PACKAGED.values() if record.stands_in)
+    known = isinstance(cast(object, fallback), str) and fallback in backend_names()
+    if not known or not record_named(fallback).stands_in:
+        raise name_error("fallback", fallback, able)
     try:
         first = open_backend(name, device, precision)
     except NoOpenCLError as error:
         say_once(f"The {fallback} engine runs because {error.reason}; {error.advice}.")
         return open_backend(fallback, None, precision)
-    if first.name != "opencl":
+    if not first.record.devices:
         return first  # the host is not lost
     found = FallbackBackend(first, fallback)
     found.host()  # refuses a precision that it does not have

@@ -2,16 +2,17 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import count
 
 import numpy as np
 
 from cnnum.arrays import Floats, Shape, largest
-from cnnum.engines.reference import ReferenceBackend, ReferenceExecutable
+from cnnum.embedded.formats import is_integer
+from cnnum.engines.backend import Backend, Solve
+from cnnum.engines.registry import first_that
 from cnnum.errors import MethodError, NotSupportedError
 from cnnum.graph.nodes import Transient
-from cnnum.graph.schedule import Schedule
-from cnnum.integrators.solver import Solver, Solvers
 from cnnum.runs.chip import Chip
 from cnnum.safety.values import expect
 from cnnum.templating.boundary import halo_sources
@@ -23,8 +24,8 @@ SCALED = ("input", "previous", "state", "bias")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ChipExecutable(ReferenceExecutable):
-    """Walks a schedule; its templates run as on an analogue array.
+class ChipModel:
+    """Runs the templates of a program as on an analogue array.
 
     Attributes
     ----------
@@ -36,12 +37,15 @@ class ChipExecutable(ReferenceExecutable):
     chip: Chip
     runs: Iterator[int] = field(default_factory=count)
 
+    def refuse(self, template: Template) -> None:
+        """Raise if a template has couplings that no chip has."""
+        self.chip.programmed(template)
+
     def answer(
-        self, operation: Transient, solver: Solver, maps: dict[str, Floats]
+        self, solve: Solve, operation: Transient, maps: dict[str, Floats], shape: Shape
     ) -> dict[str, Floats]:
         """Return the answers of a template's run on one frame."""
-        chip, shape = self.chip, self.schedule.shape
-        template = operation.template
+        chip, template = self.chip, operation.template
         # a start that all cells share is a level of the chip's own
         own = replace(chip.programmed(template, shared=False), initial=template.initial)
         held = {role: scaled(chip, each) if role in SCALED else each for role, each in maps.items()}
@@ -50,7 +54,7 @@ class ChipExecutable(ReferenceExecutable):
             off = chip.offsets(own, held.get("input"), shape)
             held["bias"] = off + held["bias"] if "bias" in held else off
             feedback = uneven_feedback(chip, own, shape)
-        found = self.solved(replace(operation, template=own), solver, held, feedback)
+        found = solve(replace(operation, template=own), held, feedback)
         output = found["output"]
         if chip.noise:
             random = np.random.default_rng([chip.seed, next(self.runs)])
@@ -58,33 +62,7 @@ class ChipExecutable(ReferenceExecutable):
         return found | {"output": scaled(chip, output)}
 
 
-class ChipBackend(ReferenceBackend):
-    """Builds programs for an analogue array.
-
-    Parameters
-    ----------
-    chip : Chip
-    """
-
-    def __init__(self, chip: Chip) -> None:
-        super().__init__(None, None)
-        self._chip = chip
-
-    def build(self, schedule: Schedule, solvers: Solvers) -> ChipExecutable:
-        """Return the schedule ready to run.
-
-        Raises
-        ------
-        NotSupportedError
-            If a template has couplings that no chip has.
-        """
-        for node in schedule.transients:
-            assert isinstance(node.operation, Transient)
-            self._chip.programmed(node.operation.template)
-        return ChipExecutable(schedule, np.dtype(np.float64), solvers, self._chip)
-
-
-def chip_backend(chip: Chip, engine: str, precision: str) -> ChipBackend:
+def chip_backend(chip: Chip, backend: Backend) -> Backend:
     """Return the builder of programs on a chip.
 
     Raises
@@ -92,15 +70,17 @@ def chip_backend(chip: Chip, engine: str, precision: str) -> ChipBackend:
     MethodError
         If it is no chip.
     NotSupportedError
-        If the engine is another than the reference in real numbers.
+        If the engine has cells that are all alike, or counts in whole numbers.
     """
     expect("chip", chip, Chip, MethodError)
-    if (engine, precision) != ("reference", "float64"):
+    record = backend.record
+    if record.analogue is None or is_integer(backend.precision):
+        able = first_that(lambda one: one.analogue)
         raise NotSupportedError(
-            "A program runs on a chip by Engine('reference'): its feedback may differ from cell to "
-            f"cell. Got the engine '{engine}' in {precision}."
+            f"A program runs on a chip by Engine('{able.name}'): its feedback may differ from cell "
+            f"to cell. Got the engine '{record.name}' in {backend.precision}."
         )
-    return ChipBackend(chip)
+    return record.analogue(record, partial(ChipModel, chip))
 
 
 def scaled(chip: Chip, values: Floats) -> Floats:

@@ -9,18 +9,18 @@ from cnnum.arrays import Shape
 from cnnum.embedded.formats import is_integer
 from cnnum.embedded.lowering.solvers import whole_solver
 from cnnum.engines.backend import Backend
-from cnnum.engines.support import FUSING
+from cnnum.engines.registry import first_that, open_record
 from cnnum.graph.graph import Graph
 from cnnum.graph.nodes import FIGURES, RunSpec, Transient
 from cnnum.graph.passes import schedule
 from cnnum.integrators.choice import choose
 from cnnum.integrators.fusing import fuse
+from cnnum.integrators.rosenbrock import ImplicitSteps
 from cnnum.integrators.solver import Solver
 from cnnum.plan import Plan
 from cnnum.programs.fields import Field
 from cnnum.programs.machine import FrameFields
 from cnnum.programs.transients import Applied, transient
-from cnnum.runs.stiff import on_host
 from cnnum.safety.memory import refuse_on_host
 from cnnum.templating.template import Template
 
@@ -75,10 +75,14 @@ def plan_of(
         for node in wanted.transients
         if isinstance(node.operation, Transient)
     }
-    if engine.name != "reference" and (host := on_host(name, wanted, solvers)) is not None:
-        return host
-    built = fuse(wanted, solvers) if engine.name in FUSING and not whole else wanted
-    about = (name, engine.name, engine.device, engine.precision)
+    record = backend.record
+    implicit = any(isinstance(solver.scheme, ImplicitSteps) for solver in solvers.values())
+    if implicit and not record.implicit:
+        engine = backend = open_record(first_that(lambda one: one.implicit), None, None)
+        record = engine.record
+    built = fuse(wanted, solvers) if record.fuses and not whole else wanted
+    record.refuse_beyond(built, solvers)
+    about = (name, engine.record.name, engine.device, engine.precision)
     return Plan(*about, wanted, built, solvers, backend.build(built, solvers), backend)
 
 

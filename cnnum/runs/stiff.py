@@ -5,14 +5,12 @@ from dataclasses import replace
 import numpy as np
 
 from cnnum.arrays import Shape
-from cnnum.engines.backend import open_backend
+from cnnum.engines.backend import EngineRecord
 from cnnum.engines.failures import refuse_unfinished
 from cnnum.graph.nodes import RunSpec
-from cnnum.graph.schedule import Schedule
-from cnnum.integrators.rosenbrock import MOST_STATES, RODAS3, ImplicitSteps, may_be_implicit
+from cnnum.integrators.rosenbrock import MOST_STATES, RODAS3, may_be_implicit
 from cnnum.integrators.schemes import MAX_STEPS, AdaptiveSteps, ChebyshevSteps
 from cnnum.integrators.solver import Solver
-from cnnum.plan import Plan
 from cnnum.runs.result import Result
 from cnnum.templating.template import Template
 
@@ -22,42 +20,35 @@ SOONEST = 0.1
 REASON = f"explicit steps would be more than {MAX_STEPS:,}; implicit ones, on the host in float64"
 
 
-def implicit_spec(engine: str, template: Template, shape: Shape, spec: RunSpec) -> RunSpec | None:
+def implicit_spec(
+    engine: EngineRecord, template: Template, shape: Shape, spec: RunSpec
+) -> RunSpec | None:
     """Return how a run is taken by implicit steps where explicit ones do not reach its end.
 
     None where a method or a step was asked for, or the array is not one for implicit steps. The
-    reference engine has its own.
+    engines that solve finely have their own.
 
     Parameters
     ----------
-    engine : str
+    engine : EngineRecord
     template : Template
     shape : (rows, cols)
     spec : RunSpec
     """
     states = template.layers * shape[0] * shape[1]
-    free = spec.method == "auto" and spec.dt is None and engine != "reference"
+    free = spec.method == "auto" and spec.dt is None and engine.takes_steps
     able = may_be_implicit(template) and states <= MOST_STATES
     return replace(spec, method=RODAS3.name) if free and able else None
 
 
-def on_host(name: str, schedule: Schedule, solvers: dict[int, Solver]) -> Plan | None:
-    """Return the plan of a run by implicit steps, which the host takes; None for others."""
-    if not any(isinstance(solver.scheme, ImplicitSteps) for solver in solvers.values()):
-        return None
-    host = open_backend("reference", None, None)
-    about = (name, host.name, host.device, host.precision)
-    return Plan(*about, schedule, schedule, solvers, host.build(schedule, solvers), host)
-
-
-def refuse_hopeless(engine: str, solver: Solver, tau: float) -> None:
+def refuse_hopeless(engine: EngineRecord, solver: Solver, tau: float) -> None:
     """Raise as a run would whose steps are too short to reach its end, and so not begin it.
 
-    The reference engine takes them only where they were asked for.
+    Engines that solve finely take them only where they were asked for.
 
     Parameters
     ----------
-    engine : str
+    engine : EngineRecord
     solver : Solver
     tau : float
         The shortest time constant.
@@ -68,7 +59,7 @@ def refuse_hopeless(engine: str, solver: Solver, tau: float) -> None:
         If so.
     """
     scheme = solver.scheme
-    taken = solver.asked or engine != "reference"
+    taken = solver.asked or engine.takes_steps
     if taken and isinstance(scheme, AdaptiveSteps | ChebyshevSteps):
         # up to a rest cells need their own time, whatever the others do
         end = min(SOONEST * tau, solver.duration) if solver.settle else solver.duration

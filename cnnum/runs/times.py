@@ -1,12 +1,14 @@
 """A transient at several times: one run, looked at on its way."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cnnum.arrays import finite, number_type
+from cnnum.engines.backend import Looking
+from cnnum.engines.registry import first_that, open_record
 from cnnum.errors import ArrayError, MethodError
 from cnnum.graph.nodes import Transient
 from cnnum.integrators.estimate import LOST
@@ -59,8 +61,8 @@ def looked_at(
     """Return what a plan's run passes through at times before its end; None where it cannot say.
 
     Steps are those of the run itself: each time takes the part of a step up to it, so that state
-    and error are those of a run which ends there. The compiled loops of the engine "numba" look,
-    on the host, whichever engine takes the run.
+    and error are those of a run which ends there. Where the engine cannot look, one of the host
+    takes the same steps and does.
 
     Parameters
     ----------
@@ -79,9 +81,10 @@ def looked_at(
     (solver,) = plan.solvers.values()
     if isinstance(solver.scheme, ImplicitSteps):
         return None
-    from cnnum.engines.numba import NumbaBackend  # with its compiler, which takes its time
-
-    executable = NumbaBackend(None, precision).build(plan.schedule, plan.solvers)
+    backend = plan.backend
+    if not backend.record.looks:
+        backend = open_record(first_that(lambda record: record.looks), None, precision)
+    executable = cast(Looking, backend.build(plan.schedule, plan.solvers))
     frames, _ = plan.read(as_frame(dict(given), lead, np.dtype(number_type(precision))))
     found = executable.look(frames, times, _ends_at(plan, solver, times), cuts)
     (transient,) = {n.operation for n in plan.schedule.transients}

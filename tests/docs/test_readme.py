@@ -181,11 +181,3 @@ def test_no_line_is_lost_as_a_comment(page):
 
 def test_the_template_of_the_first_example_is_the_librarys():
     assert cnnum.get_template("CORNER").z[0] == -5.0
-
-
-def test_engines_page_has_every_limit():
-    from cnnum.engines.limits import LIMITS
-
-    page = (ROOT / "docs" / "engines.md").read_text()
-    rows = {f"| {limit.engine} | {limit.what} | {limit.why} |" for limit in LIMITS}
-    assert rows <= set(page.splitlines())

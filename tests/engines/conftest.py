@@ -1,9 +1,15 @@
-"""Every engine in every precision, made once; the reference stands apart."""
+"""Every engine in every precision, made once; the reference stands apart.
+
+`CNNUM_TEST_ENGINE=name` puts an engine of another package in the place of "numba".
+"""
+
+import os
 
 import pytest
 
 from cnnum.engine import Engine
 
+OUTSIDE = os.environ.get("CNNUM_TEST_ENGINE", "numba")
 NAMES = ("opencl-float32", "opencl-float64", "numba-float32", "numba-float64")
 
 
@@ -13,7 +19,7 @@ class Engines(dict[str, Engine]):
     def __missing__(self, label: str) -> Engine:
         """Return the reference; another that is not here raises, which skips the test."""
         name, _, precision = label.partition("-")
-        return Engine(name, precision=precision or None)
+        return _made(name, precision or None)
 
 
 @pytest.fixture(scope="session")
@@ -21,7 +27,11 @@ def engines(fast: Engine) -> Engines:
     """Engines that tests choose from by name and precision; the reference stands apart."""
     here = [label for label in NAMES if fast.name == "opencl" or label.startswith("numba")]
     made = ((label, label.split("-")) for label in here)
-    return Engines({label: Engine(name, precision=precision) for label, (name, precision) in made})
+    return Engines({label: _made(name, precision) for label, (name, precision) in made})
+
+
+def _made(name: str, precision: str | None) -> Engine:
+    return Engine(OUTSIDE if name == "numba" else name, precision=precision)
 
 
 @pytest.fixture(scope="session")

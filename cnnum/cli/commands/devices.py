@@ -101,7 +101,7 @@ def command(
     if arrays:
         _arrays(ports, as_json=as_json)
         return
-    from cnnum.engines.backend import open_backend
+    from cnnum.engines.registry import open_backend
     from cnnum.errors import NoOpenCLError
 
     output = Output(as_json)
@@ -120,9 +120,11 @@ def command(
         # it says why, or raises where a device was asked for by its name
         host = open_backend(None, device, None)
         why = "no OpenCL device works"
-        output.record({"engine": host.name, "device": host.device, "chosen": True, "why": why})
+        output.record(
+            {"engine": host.record.name, "device": host.device, "chosen": True, "why": why}
+        )
         output.show(
-            facts([("CPU", host.device), ("used", f"yes, by the {host.name} engine: {why}")])
+            facts([("CPU", host.device), ("used", f"yes, by the {host.record.name} engine: {why}")])
         )
 
     if wrong:

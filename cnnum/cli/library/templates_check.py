@@ -127,13 +127,15 @@ def _alone(names: tuple[str, ...]) -> "Entry | None":
 def _engines(names: tuple[str, ...], device: str | None, precision: str | None) -> "list[Engine]":
     """Return the engines of those names; of all where none is named, those that work here."""
     from cnnum.engine import Engine
-    from cnnum.engines.backend import backend_names
+    from cnnum.engines.registry import backend_names, device_for, record_named
 
     if names and "all" not in names:
-        on = {name: device if name == "opencl" else None for name in names}
-        return [Engine(name, device=on[name], precision=precision) for name in names]
+        return [
+            Engine(name, device=device_for(name, device), precision=precision) for name in names
+        ]
     fast = Engine(device=device, precision=precision)
-    others = (name for name in backend_names() if name not in ("opencl", fast.name))
+    hosts = (name for name in backend_names() if not record_named(name).devices)
+    others = (name for name in hosts if name != fast.name)
     return [fast, *(Engine(name, precision=precision) for name in others)]
 
 
@@ -199,9 +201,9 @@ def _planned(
     left_out = list[_LeftOut]()
     for form in (form for name in programs for form in program_forms(name)):
         run = partial(run_program_check, form, get_program(form.program), seed=seed, shape=shape)
-        runs = [each for each in used if each.name in form.engines]
+        runs = [each for each in used if each.name not in form.too_slow]
         jobs += [_Job(form.program, each.name, partial(run, engine=each)) for each in runs]
-        if slow := tuple(each.name for each in used if each.name not in form.engines):
+        if slow := tuple(each.name for each in used if each.name in form.too_slow):
             left_out.append(_LeftOut(form, slow))
     return jobs, left_out
 
@@ -227,9 +229,12 @@ def _entries(name: str) -> "list[Entry]":
 
 def _nothing(engine: str, left_out: "Sequence[_LeftOut]") -> CnnumError:
     """Return the error of an engine that was asked for and checks nothing."""
+    from cnnum.engines.registry import backend_names
+
     forms = [item.form for item in left_out if engine in item.engines]
     programs = ", ".join(dict.fromkeys(form.program for form in forms))
-    able = ", ".join(dict.fromkeys(name for form in forms for name in form.engines))
+    slow = {name for form in forms for name in form.too_slow}
+    able = ", ".join(name for name in backend_names() if name not in slow)
     return NotSupportedError(
         f"'{engine}' checks nothing of {programs} ({forms[0].left_out}): expected one of {able}, "
         "or other names."

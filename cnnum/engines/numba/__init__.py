@@ -7,11 +7,10 @@ functions. These take any template as lists of taps, so that nothing is compiled
 
 import numpy as np
 
-from cnnum.engines.limits import refuse_beyond
+from cnnum.engines.backend import EngineRecord
 from cnnum.engines.numba.compiling import cores
 from cnnum.engines.numba.executable import NumbaExecutable
 from cnnum.engines.numba.records import Real
-from cnnum.errors import DeviceError, name_error
 from cnnum.graph.schedule import Schedule
 from cnnum.integrators.solver import Solver, Solvers
 from cnnum.templating.template import Template
@@ -25,14 +24,8 @@ _TYPES: dict[str, Real] = {
 class NumbaBackend:
     """Runs on all cores of the host."""
 
-    name = "numba"
-
-    def __init__(self, device: str | None, precision: str | None) -> None:
-        if device is not None:
-            raise DeviceError(f"The numba engine runs on the host, got device={device!r:.60}.")
-        self.precision = precision or "float32"
-        if self.precision not in _TYPES:
-            raise name_error("precision", self.precision, _TYPES)
+    def __init__(self, record: EngineRecord, device: None, precision: str) -> None:
+        self.record, self.precision = record, precision
 
     @property
     def device(self) -> str:
@@ -45,5 +38,4 @@ class NumbaBackend:
 
     def build(self, schedule: Schedule, solvers: Solvers) -> NumbaExecutable:
         """Return the schedule ready to run."""
-        refuse_beyond(self.name, schedule, solvers)
         return NumbaExecutable.of(schedule, solvers, _TYPES[self.precision])

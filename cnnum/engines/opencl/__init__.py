@@ -3,11 +3,12 @@
 import numpy as np
 import pyopencl as cl
 
+from cnnum.engines.backend import EngineRecord
 from cnnum.engines.devices.inline import partner_of
 from cnnum.engines.devices.selection import choose_device
 from cnnum.engines.forks import refuse_after_fork
 from cnnum.engines.opencl.executable import OpenCLExecutable
-from cnnum.errors import DeviceError, name_error
+from cnnum.errors import DeviceError
 from cnnum.graph.schedule import Schedule
 from cnnum.integrators.solver import Solver, Solvers
 from cnnum.templating.template import Template
@@ -21,13 +22,9 @@ _TYPES: dict[str, np.dtype[np.floating]] = {
 class OpenCLBackend:
     """Holds a device's context and queue, and builds schedules for it."""
 
-    name = "opencl"
-
-    def __init__(self, device: str | None, precision: str | None) -> None:
+    def __init__(self, record: EngineRecord, device: str | None, precision: str) -> None:
+        self.record, self.precision = record, precision
         self._device = choose_device(device)
-        self.precision = precision or "float32"
-        if self.precision not in _TYPES:
-            raise name_error("precision", self.precision, _TYPES)
         if self.precision == "float64" and not self._device.double:
             raise DeviceError(
                 f"Device '{self._device.label}' has no double precision; use 'float32'."

@@ -1,16 +1,17 @@
 """The reference engine: float64 NumPy and SciPy, operation by operation; slow, plain, trusted."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import cast
 
 import numpy as np
 
 from cnnum.arrays import Floats
+from cnnum.engines.backend import Analogue, EngineRecord
 from cnnum.engines.failures import refuse_unfinished
 from cnnum.engines.host import HostExecutable, Values, local, picked, picks
 from cnnum.engines.reference.equation import Feedback, Given, StateEquation
 from cnnum.engines.reference.solve import change, instead, solve
-from cnnum.errors import DeviceError, name_error
 from cnnum.graph.nodes import CAPTURED, Loop, Node, Parameter, Pick, Transient
 from cnnum.graph.schedule import Schedule
 from cnnum.integrators.estimate import LOST
@@ -26,9 +27,12 @@ class ReferenceExecutable(HostExecutable):
     ----------
     solvers : mapping of int to Solver
         How each transient runs, by the index of its node.
+    analogue : Analogue, optional
+        Model of the array that programs run on.
     """
 
     solvers: Solvers
+    analogue: Analogue | None = None
 
     def evaluate(self, values: dict[int, Values], batch: int) -> None:
         """Fill in the values of all nodes."""
@@ -113,7 +117,15 @@ class ReferenceExecutable(HostExecutable):
         self, operation: Transient, solver: Solver, maps: dict[str, Floats]
     ) -> dict[str, Floats]:
         """Return the answers of a template's run on one frame; maps by role."""
-        return self.solved(operation, solver, maps, None)
+        if self.analogue is None:
+            return self.solved(operation, solver, maps, None)
+
+        def solve(
+            operation: Transient, maps: dict[str, Floats], feedback: Feedback | None
+        ) -> dict[str, Floats]:
+            return self.solved(operation, solver, maps, feedback)
+
+        return self.analogue.answer(solve, operation, maps, self.schedule.shape)
 
     def solved(
         self,
@@ -144,17 +156,27 @@ def _figures(equation: StateEquation, solver: Solver) -> dict[str, Floats]:
 
 
 class ReferenceBackend:
-    """Needs no device; always float64."""
+    """Needs no device; always float64.
 
-    name = "reference"
+    Parameters
+    ----------
+    record : EngineRecord
+    device : None
+    precision : "float64"
+    model : callable, optional
+        Makes the model of the array that a program runs on.
+    """
+
     device = "NumPy and SciPy on the host"
-    precision = "float64"
 
-    def __init__(self, device: str | None, precision: str | None) -> None:
-        if device is not None:
-            raise DeviceError(f"The reference engine runs on the host, got device={device!r:.60}.")
-        if not (precision is None or str(precision) == "float64"):
-            raise name_error("precision", str(precision), ("float64",))
+    def __init__(
+        self,
+        record: EngineRecord,
+        device: None,
+        precision: str,
+        model: Callable[[], Analogue] | None = None,
+    ) -> None:
+        self.record, self.precision, self._model = record, precision, model
 
     def explained(self, template: Template, solver: Solver) -> Solver:
         """Return the solver, whose reason says where it is solved finely instead."""
@@ -162,5 +184,22 @@ class ReferenceBackend:
         return replace(solver, reason=f"{solver.reason}; here {words}") if words else solver
 
     def build(self, schedule: Schedule, solvers: Solvers) -> ReferenceExecutable:
-        """Return the schedule ready to run."""
-        return ReferenceExecutable(schedule, np.dtype(np.float64), solvers)
+        """Return the schedule ready to run.
+
+        Raises
+        ------
+        NotSupportedError
+            If a template is none that the analogue array runs.
+        """
+        analogue = None
+        if self._model is not None:
+            analogue = self._model()
+            for node in schedule.transients:
+                assert isinstance(node.operation, Transient)
+                analogue.refuse(node.operation.template)
+        return ReferenceExecutable(schedule, np.dtype(np.float64), solvers, analogue)
+
+
+def on_analogue(record: EngineRecord, model: Callable[[], Analogue]) -> ReferenceBackend:
+    """Return the engine whose programs run on an analogue array."""
+    return ReferenceBackend(record, None, "float64", model)

@@ -4,14 +4,15 @@ The reference engine runs its statements in NumPy, and OpenCL devices the text t
 as C99: both give the same bits.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 from cnnum.arrays import Floats
 from cnnum.embedded.emulator import Emulator
 from cnnum.embedded.formats import Precision, precision_named
 from cnnum.embedded.program import IntegerProgram
-from cnnum.engines.whole.executable import Runner, WholeExecutable
+from cnnum.engines.backend import EngineRecord, Runner
+from cnnum.engines.whole.executable import WholeExecutable
 from cnnum.errors import DeviceError, UnknownNameError
 from cnnum.graph.schedule import Schedule
 from cnnum.integrators.solver import Solver, Solvers
@@ -24,7 +25,9 @@ class WholeBackend:
 
     Attributes
     ----------
-    name, device : str
+    record : EngineRecord
+        Of the engine.
+    device : str
     kind : Precision
     runner : callable
         Makes the function that runs a program's frames.
@@ -34,7 +37,7 @@ class WholeBackend:
         Streams whose ranges decide on formats; those of a batch itself unless given.
     """
 
-    name: str
+    record: EngineRecord
     device: str
     kind: Precision
     runner: Callable[[IntegerProgram], Runner]
@@ -65,27 +68,39 @@ class WholeBackend:
         return WholeExecutable(schedule, solvers, self.kind, self.runner, self.launches, self.like)
 
 
-def whole_backend(name: str, device: str | None, precision: str) -> WholeBackend:
-    """Return the engine of that name in whole numbers.
+def whole_backend(
+    record: EngineRecord, device: str | None, precision: str, able: Sequence[str]
+) -> WholeBackend:
+    """Return an engine in whole numbers.
+
+    Parameters
+    ----------
+    record : EngineRecord
+    device : str or None
+    precision : str
+    able : sequence of str
+        Engines that count in whole numbers, for the message where this one does not.
 
     Raises
     ------
     UnknownNameError
-        If that engine has no such precision.
+        If the engine has no such precision.
     DeviceError
         If its device cannot be had.
     """
     kind = precision_named(precision)
-    if name == "reference":
-        if device is not None:
-            raise DeviceError(f"The reference engine runs on the host, got device={device!r:.60}.")
-        return WholeBackend(name, "NumPy on the host", kind, Emulator, 0)
-    if name == "opencl":
-        from cnnum.engines.whole.device_frames import DeviceFrames, opened
+    if record.whole is None:
+        raise UnknownNameError(
+            f"The engine '{record.name}' has no precision {precision!r:.60}: take the engine "
+            f"{' or '.join(map(repr, able))}, or precision "
+            f"{' or '.join(map(repr, record.precisions))}."
+        )
+    if device is not None and not record.devices:
+        raise DeviceError(f"The {record.name} engine runs on the host, got device={device!r:.60}.")
+    label, runner, launches = record.whole(device)
+    return WholeBackend(record, label, kind, runner, launches)
 
-        label, queue = opened(device)
-        return WholeBackend(name, label, kind, lambda program: DeviceFrames(program, queue), 1)
-    raise UnknownNameError(
-        f"The engine '{name}' has no precision {precision!r:.60}: take the engine 'opencl' or "
-        "'reference', or precision 'float32' or 'float64'."
-    )
+
+def emulated(device: None) -> tuple[str, Callable[[IntegerProgram], Runner], int]:
+    """Return how frames run on the host: in words, the maker of a program's runner, launches."""
+    return "NumPy on the host", Emulator, 0

@@ -1,6 +1,6 @@
 """Frames of a program in whole numbers on an OpenCL device: a work item runs a stream's frame."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 import pyopencl as cl
@@ -16,8 +16,8 @@ from cnnum.engines.devices.selection import choose_device
 from cnnum.engines.forks import refuse_after_fork
 
 
-def opened(device: str | None) -> tuple[str, cl.CommandQueue]:
-    """Return a device's label, and a queue of it.
+def opened(device: str | None) -> tuple[str, "Callable[[IntegerProgram], DeviceFrames]", int]:
+    """Return how frames run on a device: in words, the maker of a program's runner, launches.
 
     Raises
     ------
@@ -27,7 +27,8 @@ def opened(device: str | None) -> tuple[str, cl.CommandQueue]:
         If none works.
     """
     chosen = choose_device(device)
-    return chosen.label, cl.CommandQueue(cl.Context([chosen.handle]))
+    queue = cl.CommandQueue(cl.Context([chosen.handle]))
+    return chosen.label, lambda program: DeviceFrames(program, queue), 1
 
 
 class DeviceFrames:

@@ -1,8 +1,7 @@
 """A schedule in whole numbers: measured, lowered, and run frame by frame."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,27 +12,13 @@ from cnnum.embedded.formats import Precision
 from cnnum.embedded.making import Made, make_with
 from cnnum.embedded.measuring import measured
 from cnnum.embedded.program import IntegerProgram
+from cnnum.engines.backend import Runner
 from cnnum.engines.host import OnHost
 from cnnum.errors import ProgramError
 from cnnum.graph.nodes import Pick
 from cnnum.graph.schedule import Schedule
 from cnnum.integrators.estimate import LOST
 from cnnum.integrators.solver import Solvers
-
-
-class Runner(Protocol):
-    """Runs the frames of a program."""
-
-    def run(
-        self,
-        inputs: Mapping[str, Numbers],
-        state: dict[str, Numbers],
-        *,
-        first: bool,
-        batch: int = 1,
-    ) -> dict[str, Numbers]:
-        """Run a frame of every stream and bring the state up to date."""
-        ...
 
 
 @dataclass(slots=True, eq=False)

@@ -7,7 +7,7 @@ from math import inf
 from typing import TypeVar
 
 from cnnum.engine import Engine
-from cnnum.engines.backend import backend_names
+from cnnum.engines.registry import backend_names, device_for
 from cnnum.errors import CnnumError
 from cnnum.lab.bench.errors import REFERENCE_S, SLOW_REFERENCE
 from cnnum.lab.bench.programs.program_rungs import WHOLE, ladder_of, program_rungs
@@ -172,7 +172,7 @@ def engines_here(device: str | None, *, quick: bool = False) -> tuple[Engine, ..
             if name == "reference" or (quick and (name, precision) not in QUICK_PLACES):
                 continue
             try:
-                on = device if name == "opencl" else None
+                on = device_for(name, device)
                 found.append(Engine(name, device=on, precision=precision))
             except CnnumError:  # not on this machine
                 continue

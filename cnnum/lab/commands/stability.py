@@ -73,11 +73,12 @@ def _left_out(case: "Case", engine: str) -> bool:
 def _rows(
     cases: "tuple[Case, ...]", pairs: list[tuple[str, str]], device: str | None
 ) -> "Iterator[Row]":
+    from cnnum.engines.registry import device_for
     from cnnum.lab.stability import run
 
     for engine, precision in pairs:
         some = [case for case in cases if not _left_out(case, engine)]
-        yield from run(some, engine, precision, device if engine == "opencl" else None)
+        yield from run(some, engine, precision, device_for(engine, device))
 
 
 def _show(output: Output, rows: "list[Row]") -> None:

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cnnum.engines.backend import EngineRecord
 from cnnum.errors import ArrayError, NotSupportedError
 from cnnum.runs.arguments import channels_and_lead, maps_by_role
 from cnnum.runs.delays import by_halving, delay_of, halved
@@ -16,9 +17,6 @@ from cnnum.runs.settling import lanes_at_rest
 from cnnum.templating.batch import TemplateBatch
 from cnnum.templating.template import Template
 
-OWN_NUMBERS = "opencl"
-"""The engine whose lanes can have numbers of their own."""
-
 PARTS = ("output", "state", "time", "steps", "settled", "error")
 """Of a result, with an axis of frames."""
 
@@ -26,7 +24,7 @@ ALL = ("input", "previous", "state", "bias", "mask")
 
 
 def run_batch(
-    engine: str,
+    engine: EngineRecord,
     precision: str,
     plans: Plans,
     one: Callable[..., Result],
@@ -38,7 +36,8 @@ def run_batch(
 
     Parameters
     ----------
-    engine, precision : str
+    engine : EngineRecord
+    precision : str
     plans : callable
         Returns the plan of a run.
     one : callable
@@ -73,7 +72,7 @@ def run_batch(
         for role, array in maps.items()
     }
     options = {key: value for key, value in asked.items() if key not in ("force", "estimate", "at")}
-    if engine == OWN_NUMBERS and fits_lanes(batch, shape, options):
+    if engine.lanes and fits_lanes(batch, shape, options):
 
         def side_by_side(dt: float | None) -> Result:
             asked = {**options, "dt": dt}

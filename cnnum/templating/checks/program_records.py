@@ -56,10 +56,10 @@ class ProgramForm:
         Why it is not smaller.
     summary : str
         Description of the answer.
-    engines : tuple of str
-        Those that come to an answer within a minute.
+    too_slow : tuple of str
+        Engines that take longer than a minute, and are left out.
     left_out : str
-        Why the others are left out.
+        Why.
     compares : "last" or "all"
         The last frame's outputs, or those of all frames, with the frames as the first axis.
     """
@@ -72,6 +72,6 @@ class ProgramForm:
     tolerance: float
     tolerance_reason: str
     summary: str
-    engines: tuple[str, ...] = ("opencl", "numba", "reference")
+    too_slow: tuple[str, ...] = ()
     left_out: str = ""
     compares: Literal["last", "all"] = "last"

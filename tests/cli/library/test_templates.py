@@ -15,7 +15,7 @@ ENGINES = ("opencl", "reference")
 @pytest.fixture(autouse=True)
 def two_engines(monkeypatch):
     """As if there were no other engine: the compilers of some take their time."""
-    monkeypatch.setattr("cnnum.engines.backend.backend_names", lambda: ENGINES)
+    monkeypatch.setattr("cnnum.engines.registry.backend_names", lambda: ENGINES)
 
 
 FIELDS = [field.name for field in fields(CheckResult)]

@@ -7,7 +7,7 @@ import pytest
 from scipy import ndimage
 
 from cnnum.engine import Engine
-from cnnum.engines.backend import backend_names
+from cnnum.engines.registry import backend_names
 from cnnum.errors import NotSupportedError
 from cnnum.programs import Program
 from cnnum.templates.pictures.components import components

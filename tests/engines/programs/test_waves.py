@@ -8,7 +8,7 @@ from scipy import ndimage
 from scipy.stats import poisson
 
 from cnnum.engine import Engine
-from cnnum.engines.backend import backend_names
+from cnnum.engines.registry import backend_names
 from cnnum.errors import NotSupportedError
 from cnnum.templating.checks.analytic.waves import line_after
 from cnnum.templating.checks.digital.life import next_generation

@@ -116,7 +116,7 @@ FORMS = (
         "cover-transform", "halfspace_layers", STRESS, _layers_case, _share, 1e-5,
         "slabs of a twelfth of the depth leave up to 8e-6, in white noise on 4×4 to 16×16 cells",
         "stress under white noise, by cosine transform",
-        engines=("opencl",),
+        too_slow=("numba", "reference"),
         left_out="without modes its layers relax, which takes minutes or leaves 3e-4",
     ),
     ProgramForm(
@@ -124,7 +124,7 @@ FORMS = (
         ("displacement_x", "displacement_y", "displacement_z"), _block_case, _share, 1e-5,
         "roundings in single precision of sums over all cells",
         "displacement of a block, by a direct solve of its energy",
-        engines=("opencl", "numba"),
+        too_slow=("reference",),
         left_out="takes minutes to settle such a block",
     ),
     ProgramForm(

@@ -1,0 +1,172 @@
+"""The engines by name: those of this package, and those that other packages offer.
+
+Nothing is imported of an engine before it is opened.
+"""
+
+from collections.abc import Callable, Mapping
+from importlib import import_module
+from importlib.metadata import EntryPoint, entry_points
+from typing import Any, cast
+
+from cnnum.embedded.formats import is_integer
+from cnnum.engines.backend import Backend, EngineRecord
+from cnnum.engines.notices import say_once
+from cnnum.engines.opencl_advice import how_to_get_opencl
+from cnnum.errors import DeviceError, NoOpenCLError, NotSupportedError, name_error
+from cnnum.safety.names import shown
+
+GROUP = "cnnum.engines"
+"""Entry points of other packages: name of an engine to its `EngineRecord`."""
+
+PRECISIONS = ("float32", "float64", "q15", "q7")
+"""Names of precisions that a message offers; those of whole numbers are more."""
+
+
+def _in(place: str) -> Callable[..., Any]:
+    """Return a function of a module, "module:name", that is imported at its first call."""
+    module, _, name = place.partition(":")
+
+    def call(*arguments: object) -> Any:
+        return getattr(import_module(module), name)(*arguments)
+
+    return call
+
+
+def _no_opencl(error: ImportError) -> NoOpenCLError:
+    return NoOpenCLError(f"PyOpenCL cannot be imported ({error})", how_to_get_opencl())
+
+
+PACKAGED: Mapping[str, EngineRecord] = {
+    record.name: record
+    for record in (
+        EngineRecord(
+            "opencl",
+            _in("cnnum.engines.opencl:OpenCLBackend"),
+            whole=_in("cnnum.engines.whole.device_frames:opened"),
+            devices=True,
+            missing=_no_opencl,
+            lanes=True,
+        ),
+        EngineRecord(
+            "numba",
+            _in("cnnum.engines.numba:NumbaBackend"),
+            stands_in=True,
+            looks=True,
+        ),
+        EngineRecord(
+            "reference",
+            _in("cnnum.engines.reference:ReferenceBackend"),
+            precisions=("float64",),
+            whole=_in("cnnum.engines.whole:emulated"),
+            fuses=False,  # so that it can check those that do
+            takes_steps=False,
+            implicit=True,
+            analogue=_in("cnnum.engines.reference:on_analogue"),
+        ),
+    )
+}
+"""In the order in which they are tried where no name is given: those with devices first."""
+
+
+def _offered() -> Mapping[str, EntryPoint]:
+    """Return the engines that installed packages offer, by name."""
+    return {point.name: point for point in entry_points(group=GROUP) if point.name not in PACKAGED}
+
+
+def backend_names() -> tuple[str, ...]:
+    """Return the names of the engines, those of other packages last."""
+    return (*PACKAGED, *_offered())
+
+
+def record_named(name: str) -> EngineRecord:
+    """Return the engine of that name.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is no such engine.
+    NotSupportedError
+        If what another package offers is no engine, or cannot be imported.
+    """
+    if not isinstance(cast(object, name), str):
+        raise name_error("engine", name, backend_names())
+    if name in PACKAGED:
+        return PACKAGED[name]
+    point = _offered().get(name)
+    if point is None:
+        raise name_error("engine", name, backend_names())
+    try:
+        found = point.load()
+    except (ImportError, AttributeError) as error:
+        raise NotSupportedError(
+            f"The engine {shown(name)} is offered as '{point.value}', which cannot be imported "
+            f"({error}): reinstall the package that offers it."
+        ) from error
+    if not isinstance(found, EngineRecord) or found.name != name:
+        raise NotSupportedError(
+            f"The engine {shown(name)} is offered as '{point.value}': expected a "
+            f"cnnum.engines.backend.EngineRecord named {shown(name)}, got {type(found).__name__}."
+        )
+    return found
+
+
+def first_that(able: Callable[[EngineRecord], object]) -> EngineRecord:
+    """Return the first engine of this package that is able to do something."""
+    return next(record for record in PACKAGED.values() if able(record))
+
+
+def device_for(name: str, device: str | None) -> str | None:
+    """Return a device's name for an engine that runs on devices, None for others."""
+    return device if record_named(name).devices else None
+
+
+def open_backend(name: str | None, device: str | None, precision: str | None) -> Backend:
+    """Return the engine of that name; without one, "opencl" where a device works, else "numba".
+
+    Raises
+    ------
+    UnknownNameError
+        If there is no such engine, or the precision is no name.
+    DeviceError
+        If its device cannot be had.
+    """
+    if not (precision is None or isinstance(cast(object, precision), str)):
+        raise name_error("precision", precision, PRECISIONS)
+    if name is not None:
+        return open_record(record_named(name), device, precision)
+    try:
+        return open_record(first_that(lambda record: record.devices), device, precision)
+    except NoOpenCLError as error:
+        if device is not None:  # who names a device wants no other
+            raise
+        host = first_that(lambda record: record.stands_in)
+        say_once(f"The {host.name} engine runs because {error.reason}; {error.advice}.")
+        return open_record(host, None, precision)
+
+
+def open_record(record: EngineRecord, device: str | None, precision: str | None) -> Backend:
+    """Return an engine that is open; errors are those of `open_backend`."""
+    if is_integer(precision):
+        from cnnum.engines.whole import whole_backend
+
+        named = str(precision)
+        return _tried(record, lambda: whole_backend(record, device, named, _whole_names()))
+    if device is not None and not record.devices:
+        raise DeviceError(f"The {record.name} engine runs on the host, got device={device!r:.60}.")
+    precision = precision or record.precisions[0]
+    if precision not in record.precisions:
+        raise name_error("precision", precision, record.precisions)
+    return _tried(record, lambda: record.open(record, device, precision))
+
+
+def _whole_names() -> tuple[str, ...]:
+    return tuple(record.name for record in PACKAGED.values() if record.whole is not None)
+
+
+def _tried(record: EngineRecord, make: Callable[[], Backend]) -> Backend:
+    try:
+        return make()
+    except ImportError as error:
+        if record.missing is None:
+            raise
+        raise record.missing(error) from error
