@@ -2,7 +2,7 @@
 
 from __future__ import annotations  # signatures that `help` shows as they are written
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from numbers import Integral
 from typing import Any
@@ -14,11 +14,11 @@ from cnnum.arrays import Floats, Shape, finite, largest
 from cnnum.errors import MethodError, NotSupportedError
 from cnnum.runs.arguments import maps_by_role
 from cnnum.runs.raw_pictures import ROLES
+from cnnum.runs.request import Ask
 from cnnum.runs.result import Result
 from cnnum.safety.values import expect, is_real
 from cnnum.templating.batch import TemplateBatch
 from cnnum.templating.boundary import halo_sources
-from cnnum.templating.library import as_template
 from cnnum.templating.network import taps
 from cnnum.templating.numbers import on_grid
 from cnnum.templating.template import Template
@@ -160,22 +160,8 @@ class Chip:
         return np.random.default_rng([self.seed, STREAMS[part]]).standard_normal(size)
 
 
-def run_on_chip(
-    chip: Chip,
-    template: Template | TemplateBatch | str,
-    arrays: Sequence[ArrayLike | None],
-    run: Callable[..., Result],
-) -> Result:
+def on_chip(ask: Ask, down: Callable[[Ask], Result]) -> Result:
     """Run a template as on an analogue array.
-
-    Parameters
-    ----------
-    chip : Chip
-    template : Template or str
-    arrays : sequence of array or None
-        Input, previous, state, bias and mask, as `Engine.run` takes them.
-    run : callable
-        Runs a template on arrays by name.
 
     Raises
     ------
@@ -186,15 +172,17 @@ def run_on_chip(
     ArrayError
         If the arrays do not fit.
     """
-    expect("chip", chip, Chip, MethodError)
+    expect("chip", ask.chip, Chip, MethodError)
+    assert ask.chip is not None
+    chip = ask.chip
+    template = ask.template
     if isinstance(template, TemplateBatch):
         raise NotSupportedError(
             "A chip holds one template at a time: run those of a batch one by one."
         )
-    template = as_template(template)
     own = chip.programmed(template)
     names = ("input", "previous", "state", "bias", "mask")
-    given, shape = maps_by_role(template, dict(zip(names, arrays, strict=True)))
+    given, shape = maps_by_role(template, dict(zip(names, ask.arrays, strict=True)))
     maps = {role: finite(role, array) for role, array in given.items()}
     for role in maps.keys() & {*ROLES, "previous"}:
         maps[role] = chip.stored(maps[role])
@@ -203,7 +191,8 @@ def run_on_chip(
     if chip.mismatch:
         offsets = chip.offsets(own, maps.get("input"), shape)
         maps["bias"] = offsets + maps["bias"] if "bias" in maps else offsets
-    result = run(own, **{role: _plain(array) for role, array in maps.items()})
+    plain = {role: _plain(array) for role, array in maps.items()}
+    result = down(ask.of(own, [plain.get(name) for name in names]))
     bits = f"chip of {chip.weight_bits}-bit weights and {chip.state_bits}-bit maps"
     return replace(result, output=chip.read(result.output), reason=f"{bits}; {result.reason}")
 

@@ -13,7 +13,7 @@ step is off by θ(1 − θ) times a number that its neighbours share, which is n
 nothing then, and is taken for 2.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -22,11 +22,12 @@ from numpy.typing import NDArray
 
 from cnnum.arrays import Floats
 from cnnum.errors import SizeError
-from cnnum.integrators.estimate import LOST
-from cnnum.integrators.schemes import MAX_STEPS
+from cnnum.integrators.estimate import LOST, delayed_growth
+from cnnum.integrators.schemes import MAX_STEPS, FixedSteps
 from cnnum.integrators.tableau import TABLEAUX
+from cnnum.runs.request import Request
 from cnnum.runs.result import Result
-from cnnum.templating.reads import jumps
+from cnnum.templating.reads import jumps, turning_points
 from cnnum.templating.template import Template
 
 MAPS = ("output", "state")
@@ -56,7 +57,6 @@ MOST_KEPT = 2**26
 
 REASON = "halved until two runs agree within the tolerance"
 
-Maps = Mapping[str, NDArray[np.floating]]
 Run = Callable[[float, NDArray[np.intp]], Result]
 """Runs some of a batch's frames in steps of that length; results have one axis of frames."""
 
@@ -75,20 +75,39 @@ def by_halving(template: Template, *, dt: float | None, settle: bool) -> bool:
     return template.delayed is not None and dt is None and not settle and not jumps(template)
 
 
+def halves(request: Request) -> bool:
+    """Return whether a run's steps are halved until they keep its tolerance."""
+    if request.template.delayed is None or request.engine.whole:
+        return False
+    known = by_halving(request.ran, dt=request.spec.dt, settle=request.settles)
+    taken = request.engine.record.takes_steps
+    return known and taken and isinstance(request.solver.scheme, FixedSteps)
+
+
+def in_halves(request: Request, down: Callable[[Request], Result]) -> Result:
+    """Take a run with a delay to its tolerance."""
+    template, solver, spec = request.ran, request.solver, request.spec
+    assert isinstance(solver.scheme, FixedSteps)
+
+    def finer(step: float, frames: NDArray[np.intp]) -> Result:
+        return down(request.by(replace(spec, dt=step), request.frames(frames)))
+
+    return halved(
+        down(request),
+        finer,
+        delay_of(template),
+        (spec.rtol, spec.atol),
+        request.engine.precision,
+        solver.scheme.step,
+        growth=delayed_growth(template),
+        turns=bool(turning_points(template, solver.duration)),
+    )
+
+
 def delay_of(template: Template) -> float:
     """Return the delay of a template that has one."""
     assert template.delayed is not None
     return template.delayed.delay
-
-
-def frames_of(
-    given: Maps, lead: tuple[int, ...], frames: NDArray[np.intp]
-) -> dict[str, NDArray[np.floating]]:
-    """Return the maps of some frames of a batch, (frames, maps, rows, cols) by role."""
-    return {
-        role: np.broadcast_to(maps, (*lead, *maps.shape[-3:])).reshape(-1, *maps.shape[-3:])[frames]
-        for role, maps in given.items()
-    }
 
 
 def halved(

@@ -22,6 +22,7 @@ from cnnum.integrators.estimate import error_growth
 from cnnum.integrators.schemes import AdaptiveSteps, ChebyshevSteps
 from cnnum.integrators.solver import Solver
 from cnnum.integrators.tableau import BOGACKI_SHAMPINE, DORMAND_PRINCE
+from cnnum.runs.request import Request
 from cnnum.runs.result import Result
 from cnnum.templating.pair_functions import PairFunction
 from cnnum.templating.template import Template
@@ -47,6 +48,27 @@ def may_grow(template: Template, solver: Solver) -> bool:
     """Return whether a run is one whose followed error may miss a growth."""
     followed = isinstance(solver.scheme, AdaptiveSteps | ChebyshevSteps)
     return followed and not solver.settle and error_growth(template) > 0.0
+
+
+def follows(request: Request) -> bool:
+    """Return whether the engine takes the chosen steps, whose error may miss a growth."""
+    if request.engine.whole or request.settles:
+        return False
+    solver = request.solver
+    steps = solver.asked or request.engine.record.takes_steps
+    return steps and may_grow(request.ran, solver)
+
+
+def followed(request: Request, down: Callable[[Request], Result]) -> Result:
+    """Take a run whose error holds where its state has grown far, too."""
+    result = down(request)
+    if result.method != request.solver.method:  # implicit steps, whose error misses none
+        return result
+
+    def again(finer: RunSpec, frames: NDArray[np.intp]) -> Result:
+        return down(request.by(finer, request.frames(frames)))
+
+    return compared(result, request.ran, request.given, request.spec, again)
 
 
 def scale(template: Template, sizes: Mapping[str, Floats]) -> Floats:

@@ -4,9 +4,10 @@ A run on 8×8 cells takes a few microseconds; looking at every argument anew tak
 """
 
 import math
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from numbers import Real
 from threading import RLock
+from typing import cast
 
 import numpy as np
 
@@ -17,12 +18,10 @@ from cnnum.plan import Plan
 from cnnum.runs.growth import FAR, may_grow, scale
 from cnnum.runs.linear_range import may_stay_linear
 from cnnum.runs.raw_pictures import LEAST_SQUARES, ROLES, refuse_grey_levels
-from cnnum.runs.result import Result, result_of
-from cnnum.runs.single import with_fallback
+from cnnum.runs.request import Ask, Form, Request
+from cnnum.runs.result import Result, result_of, with_fallback, with_proof
+from cnnum.runs.settling import saturated
 from cnnum.templating.template import Template
-
-Form = tuple[object, ...]
-"""All that runs share which differ in their numbers alone."""
 
 EXACT_TYPES = "df?"
 """Codes of number types whose values a frame holds as they are, if they are in its range."""
@@ -155,14 +154,45 @@ class PreparedRun:
         return float(scale(self.template, sizes))
 
 
-class PreparedRuns(dict[Form, PreparedRun]):
-    """Runs that are kept ready, by their form."""
+def is_prepared(ask: Ask) -> bool:
+    """Return whether a run of the same form is kept ready; the ask learns its form."""
+    ask.form = form_of(ask.template, ask.arrays, ask.options)
+    if ask.form is None:
+        return False
+    ask.kept = ask.engine.prepared.get(ask.form)
+    return ask.kept is not None
 
-    def keep(self, form: Form, run: PreparedRun) -> None:
-        """Keep a run; the oldest goes where they are too many. One thread at a time."""
-        while len(self) >= MOST_PREPARED:
-            self.pop(next(iter(self)))
-        self[form] = run
+
+def as_prepared(ask: Ask, down: Callable[[Ask], Result]) -> Result:
+    """Take a run of a form that is kept ready; what needs a closer look goes on below."""
+    assert ask.kept is not None
+    try:
+        result = ask.kept.run(ask.arrays)
+    except MethodError:  # its steps are too many: below, others are looked for
+        result = None
+    done, duration, (rtol, atol) = result, ask.duration, ask.options[2:4]
+    if result is not None and duration == "settle":
+        done = saturated(result, ask.template, rtol, atol, ask.engine.precision)
+    if done is None:
+        ask.form, ask.ready = None, result
+        return down(ask)
+    if ask.engine.whole:
+        return done
+    # their caller may change the arrays before a proof is read
+    own = [None if one is None else cast(np.ndarray, one).copy() for one in ask.arrays]
+    return with_proof(done, ask.template, own, duration, (rtol, atol))
+
+
+def keep(request: Request) -> None:
+    """Keep a run ready for others of its form; the oldest goes where they are too many."""
+    run = prepared_run(request.template, request.plan, request.given, exact=request.exact)
+    if run is None or request.form is None:
+        return
+    kept = request.engine.prepared
+    with request.engine.turn:
+        while len(kept) >= MOST_PREPARED:
+            kept.pop(next(iter(kept)))
+        kept[request.form] = run
 
 
 def prepared_run(

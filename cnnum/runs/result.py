@@ -3,7 +3,7 @@
 import math
 import pickle
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
@@ -17,6 +17,7 @@ from cnnum.templating.template import Template
 
 if TYPE_CHECKING:
     from cnnum.runs.certificate import Certificate
+from cnnum.plan import Plan
 from cnnum.values import ByContent
 
 
@@ -159,6 +160,9 @@ class Result(ByContent):
         Why this method: why the array is exact, or about how many evaluations of the rates it
         takes against others. The `reference` engine solves far below the tolerance instead, unless
         it is exact or the steps were asked for.
+    ways : tuple of str
+        How the run was taken, from the outermost way to the innermost: "chip", "batch", "times",
+        "prepared", "compared", "settling", "halved", "implicit", "linear" and "plain".
     """
 
     output: Floats
@@ -171,6 +175,7 @@ class Result(ByContent):
     reason: str
     times: tuple[float, ...] = ()
     proof: Proof | None = field(default=None, repr=False, compare=False)
+    ways: tuple[str, ...] = field(default=(), repr=False, compare=False)
 
     def __post_init__(self) -> None:
         """Make the arrays read-only, as those of all values that compare by content are."""
@@ -286,6 +291,24 @@ class Result(ByContent):
         columns: dict[str, Any] = dict(zip(names, places, strict=True))
         columns |= {"output": self.output.ravel(), "state": self.state.ravel()}
         return tables.data_frame(columns)
+
+
+def with_proof(
+    result: Result,
+    template: Template,
+    given: Mapping[str, NDArray[np.floating]] | Sequence[NDArray[np.floating] | None],
+    duration: float | str,
+    tolerances: tuple[float, float],
+) -> Result:
+    """Return the result with what its proof takes; parameters are those of `Proof`."""
+    proof = Proof(template, given, duration, tolerances, result.state, result.error)
+    object.__setattr__(result, "proof", proof)
+    return result
+
+
+def with_fallback(result: Result, plan: Plan) -> Result:
+    """Return a result that also says on which engine it ran if not on the plan's own."""
+    return replace(result, reason=f"{result.reason}; {plan.fallen}") if plan.fallen else result
 
 
 def result_of(outputs: Mapping[str, Floats], layers: int, method: str, reason: str) -> Result:

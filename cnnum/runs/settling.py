@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from cnnum.arrays import Floats
 from cnnum.errors import MethodError
 from cnnum.graph.nodes import RunSpec
+from cnnum.runs.request import Request
 from cnnum.runs.result import Result
 from cnnum.templating.template import Template
 
@@ -30,6 +31,22 @@ Maps = NDArray[np.floating]
 Given = Mapping[str, Maps]
 Rerun = Callable[[dict[str, Maps], float], Result]
 """Runs frames from their start for a time."""
+
+
+def to_rest(request: Request, down: Callable[[Request], Result]) -> Result:
+    """Take a run to equilibrium, and on where there is none yet."""
+    result = down(request) if request.ready is None else request.ready
+    engine, spec = request.engine, request.spec
+    exact = result.method == "propagator" and engine.record.takes_steps
+    if exact or engine.whole:
+        # whole numbers rest where a step moves none of them
+        settled = result.settled & (np.isfinite(result.error) | engine.whole)
+        return replace(result, settled=settled, error=np.where(settled, result.error, np.inf))
+
+    def again(given: dict[str, Maps], duration: float) -> Result:
+        return down(request.by(replace(spec, duration=duration), given))
+
+    return at_rest(result, request.template, request.given, again, spec, engine.precision)
 
 
 def at_rest(

@@ -1,5 +1,6 @@
 """One run of a plan: its outputs from checked maps, and the result in them."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -7,12 +8,13 @@ from numpy.typing import NDArray
 
 from cnnum.arrays import Floats, number_type
 from cnnum.integrators.estimate import LOST
-from cnnum.integrators.solver import Solver
 from cnnum.plan import Plan
 from cnnum.runs.arguments import as_frame, has_many_cells
-from cnnum.runs.planning import output_names
-from cnnum.runs.result import Result, result_of
-from cnnum.templating.template import Template
+from cnnum.runs.delays import halves
+from cnnum.runs.prepared import keep
+from cnnum.runs.request import Request
+from cnnum.runs.result import Result, result_of, with_fallback
+from cnnum.runs.stiff import refuse_hopeless
 
 NEVER_SATURATES = "no cell leaves the linear range"
 
@@ -28,33 +30,26 @@ def outputs_of(
     return plan.run_finite(as_frame(given, lead, np.dtype(number_type(plan.precision))))
 
 
-def finished(
-    outputs: dict[str, Floats], solver: Solver, template: Template, *, linear: bool
-) -> Result:
-    """Return the result in the outputs of a plan.
-
-    Parameters
-    ----------
-    outputs : dict of str to (..., rows, cols) or (...) float
-    solver : Solver
-        How it ran; a forced step marks the result.
-    template : Template
-        That was asked for.
-    linear : bool
-        Whether it ran as the linear array that it is.
-    """
-    if solver.forced:
+def plainly(request: Request, down: Callable[[Request], Result]) -> Result:
+    """Take a run by its plan, and keep it ready where others may differ in numbers alone."""
+    plan, solver, template = request.plan, request.solver, request.ran
+    refuse_hopeless(request.engine.record, solver, float(template.tau.min()))
+    outputs = outputs_of(plan, request.given, request.lead)
+    if solver.forced:  # nothing is known of its end
         outputs |= {
             "settled": np.zeros_like(outputs["settled"]),
             "error": np.full_like(outputs["error"], LOST),
         }
-    if linear:
-        # rounding may lie beyond 1
-        outputs |= {name: np.clip(outputs[name], -1.0, 1.0) for name in output_names(template)}
-    reason = f"{NEVER_SATURATES}; {solver.reason}" if linear else solver.reason
-    return result_of(outputs, template.layers, solver.method, reason)
+    result = result_of(outputs, template.layers, solver.method, solver.reason)
+    result = with_fallback(result, plan)
+    if request.form is not None and not halves(request):
+        keep(request)
+    return result
 
 
-def with_fallback(result: Result, plan: Plan) -> Result:
-    """Return a result that also says on which engine it ran if not on the plan's own."""
-    return replace(result, reason=f"{result.reason}; {plan.fallen}") if plan.fallen else result
+def linearly(request: Request, down: Callable[[Request], Result]) -> Result:
+    """Run the linear array that a saturating one is as long as no cell leaves that range."""
+    result = down(request)
+    # rounding may lie beyond 1
+    output = np.clip(result.output, -1.0, 1.0)
+    return replace(result, output=output, reason=f"{NEVER_SATURATES}; {result.reason}")

@@ -1,18 +1,18 @@
 """Runs of stiff arrays: where explicit steps are too many, implicit ones on the host."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
-from cnnum.arrays import Shape
 from cnnum.engines.backend import EngineRecord
 from cnnum.engines.failures import refuse_unfinished
-from cnnum.graph.nodes import RunSpec
+from cnnum.errors import MethodError
 from cnnum.integrators.rosenbrock import MOST_STATES, RODAS3, may_be_implicit
 from cnnum.integrators.schemes import MAX_STEPS, AdaptiveSteps, ChebyshevSteps
 from cnnum.integrators.solver import Solver
+from cnnum.runs.request import Request
 from cnnum.runs.result import Result
-from cnnum.templating.template import Template
 
 SOONEST = 0.1
 """Part of a time constant before which no run comes to a rest that it does not start from."""
@@ -20,25 +20,28 @@ SOONEST = 0.1
 REASON = f"explicit steps would be more than {MAX_STEPS:,}; implicit ones, on the host in float64"
 
 
-def implicit_spec(
-    engine: EngineRecord, template: Template, shape: Shape, spec: RunSpec
-) -> RunSpec | None:
-    """Return how a run is taken by implicit steps where explicit ones do not reach its end.
+def may_be_stiff(request: Request) -> bool:
+    """Return whether implicit steps are tried where explicit ones do not reach the end of a run.
 
-    None where a method or a step was asked for, or the array is not one for implicit steps. The
-    engines that solve finely have their own.
-
-    Parameters
-    ----------
-    engine : EngineRecord
-    template : Template
-    shape : (rows, cols)
-    spec : RunSpec
+    They are not where a method or a step was asked for, or the array is large. Engines that solve
+    finely have their own.
     """
-    states = template.layers * shape[0] * shape[1]
-    free = spec.method == "auto" and spec.dt is None and engine.takes_steps
-    able = may_be_implicit(template) and states <= MOST_STATES
-    return replace(spec, method=RODAS3.name) if free and able else None
+    spec, engine = request.spec, request.engine
+    if spec.method != "auto" or spec.dt is not None or engine.whole:
+        return False
+    states = request.template.layers * request.shape[0] * request.shape[1]
+    return engine.record.takes_steps and states <= MOST_STATES
+
+
+def by_implicit_steps(request: Request, down: Callable[[Request], Result]) -> Result:
+    """Take a run by implicit steps where explicit ones do not reach its end."""
+    try:
+        return down(request)
+    except MethodError:
+        if not may_be_implicit(request.template):
+            raise
+        result = down(request.by(replace(request.spec, method=RODAS3.name)))
+        return replace(result, reason=REASON)
 
 
 def refuse_hopeless(engine: EngineRecord, solver: Solver, tau: float) -> None:
@@ -64,8 +67,3 @@ def refuse_hopeless(engine: EngineRecord, solver: Solver, tau: float) -> None:
         # up to a rest cells need their own time, whatever the others do
         end = min(SOONEST * tau, solver.duration) if solver.settle else solver.duration
         refuse_unfinished(np.array([end > MAX_STEPS * scheme.control.longest]))
-
-
-def stiffly(result: Result) -> Result:
-    """Return the result of implicit steps that were taken in place of explicit ones."""
-    return replace(result, reason=REASON)

@@ -1,6 +1,8 @@
 """A transient at several times: one run, looked at on its way."""
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any, cast
 
 import numpy as np
@@ -10,15 +12,19 @@ from cnnum.arrays import finite, number_type
 from cnnum.engines.backend import Looking
 from cnnum.engines.registry import first_that, open_record
 from cnnum.errors import ArrayError, MethodError
-from cnnum.graph.nodes import Transient
+from cnnum.graph.nodes import RunSpec, Transient
 from cnnum.integrators.estimate import LOST
 from cnnum.integrators.exact_ends.choice_of_end import exact_end
 from cnnum.integrators.rosenbrock import ImplicitSteps
-from cnnum.integrators.solver import Exact, Solver
+from cnnum.integrators.solver import Exact, Solver, Stepping
 from cnnum.plan import Plan
-from cnnum.runs.arguments import as_frame
-from cnnum.runs.result import Result
+from cnnum.runs.arguments import as_frame, maps_by_role
+from cnnum.runs.delays import by_differences, by_halving, delay_of
+from cnnum.runs.growth import compared, follows
+from cnnum.runs.request import Ask, Request
+from cnnum.runs.result import ROLES, Result
 from cnnum.templating.network import Network
+from cnnum.templating.reads import turning_points
 from cnnum.templating.template import Duration
 
 MOST = 10_000
@@ -48,6 +54,63 @@ def checked_times(at: ArrayLike, duration: Duration | None = None) -> tuple[floa
             f"unit of tau, got {np.array2string(times, threshold=8).rstrip('.')}."
         )
     return tuple(float(time) for time in times)
+
+
+def at_times(ask: Ask, down: Callable[[Ask], Result]) -> Result:
+    """Return the results of a run at times on its way and at its end."""
+    times = checked_times(cast(ArrayLike, ask.at), ask.options[0])
+    end = down(ask.until(times[-1]))
+    looks = None
+    if len(times) > 1 and not ask.engine.whole:
+        maps = dict(zip(ROLES, ask.arrays, strict=True))
+        given, shape = maps_by_role(ask.template, maps)
+        spec = ask.until(times[-1]).spec
+        looks = _looks(Request(ask.engine, ask.template, given, shape, spec), times[:-1], end)
+    if looks is None:
+        return stacked([*(down(ask.until(time)) for time in times[:-1]), end], times)
+    return ended(looks, end)
+
+
+def _looks(request: Request, times: tuple[float, ...], end: Result) -> Result | None:
+    """Return what a run passes through at times; None where each is a run of its own."""
+    engine, solver, ran, spec = request.engine, request.solver, request.ran, request.spec
+    steps = isinstance(solver.scheme, Stepping)
+    finely = not (engine.record.takes_steps or solver.asked or ran.output.discrete)
+    if finely or (steps and end.method != solver.method):
+        return None
+    if steps and by_halving(ran, dt=spec.dt, settle=False):
+        return _halved_looks(request, times, end)
+    looks = looked_at(request.plan, request.given, request.lead, times, engine.precision)
+    if looks is None or not follows(request):
+        return looks
+
+    def again(finer: RunSpec, frames: NDArray[np.intp]) -> Result:
+        own = Request(engine, ran, request.frames(frames), request.shape, finer)
+        plan = engine.plan_for(ran, request.shape, own.names, finer)
+        found = looked_at(plan, own.given, own.lead, times, engine.precision)
+        if found is None:  # its steps are implicit: nothing is known of the error
+            raise MethodError("Implicit steps are not looked at on their way.")
+        return found
+
+    return compared(looks, ran, request.given, spec, again)
+
+
+def _halved_looks(request: Request, times: tuple[float, ...], end: Result) -> Result | None:
+    """Return the looks at a run with a delay: in the steps of its end, twice and four times."""
+    template, spec, precision = request.ran, request.spec, request.engine.precision
+    step = float(np.max(end.time)) / max(int(np.max(end.steps)), 1)
+    delay = delay_of(template)
+    parts = 4 * max(1, math.ceil(delay / step / 4.0 - 1e-9)) if step else 4
+    found: list[Result] = []
+    for coarser in (4, 2, 1):
+        own = request.by(replace(spec, dt=coarser * delay / parts, method=end.method))
+        # before the first step ends, runs would be the same one but for these
+        one = looked_at(own.plan, own.given, own.lead, times, precision, cuts=4 // coarser)
+        if one is None:
+            return None
+        found.append(one)
+    turns = bool(turning_points(template, times[-1]))
+    return by_differences(found, (spec.rtol, spec.atol), precision, turns=turns)
 
 
 def looked_at(

@@ -167,9 +167,9 @@ def test_lanes_share_one_launch(opencl):
     pictures = np.sign(rng.normal(size=(8, 8)))
     result = opencl.run(batch, input=pictures)
     assert "side by side in lanes" in result.reason
-    kept = len(opencl._plans)
+    kept = len(opencl._open.plans)
     opencl.run(near("HOLE", rng, 40), input=pictures)
-    assert len(opencl._plans) <= kept + 1  # other weights, perhaps the next rung of rates
+    assert len(opencl._open.plans) <= kept + 1  # other weights, perhaps the next rung of rates
 
 
 def test_templates_of_one_form_make_a_batch():
@@ -217,3 +217,14 @@ def test_the_rate_beside_one_template_is_a_ratio(opencl):
     maps = np.random.default_rng(0).uniform(-1, 1, (64, 8, 8))
     template = get_template("HOLE")
     assert rate_beside_one(opencl, template, maps, 0.01, 50) > 0.0
+
+
+def test_a_batch_runs_in_whole_numbers(opencl):
+    """One by one: lanes have numbers of their own in real ones alone."""
+    corner = get_template("CORNER")
+    batch = TemplateBatch.of([corner, corner])
+    u = np.where(np.random.default_rng(2).random((5, 5)) < 0.5, 1.0, -1.0)
+    engine = opencl.with_precision("q15")
+    together = engine.run(batch, input=u, method="euler")
+    alone = engine.run(corner, input=u, method="euler")
+    np.testing.assert_array_equal(together.output, [alone.output, alone.output])

@@ -2,7 +2,8 @@
 
 `python tests/helpers/fingerprints.py OUT.json` writes one hash a case: texts of kernels, exported
 C, and results to the last bit. `python tests/helpers/fingerprints.py OUT.json BEFORE.json` also
-says which cases differ, and exits with 1 if any do. `--every N` takes every N-th case.
+says which cases differ, and exits with 1 if any do. `--only TEXT` takes the cases whose names have
+that text, and `--every N` every N-th of them.
 """
 
 import hashlib
@@ -154,7 +155,9 @@ def _templates(every: int) -> Iterator[cnnum.Template]:
     yield from [each for each in named if each.layers == 1][::every]
     heat = _row(1.0, 3.0, 1.0) + _row(1.0, 0.0, 1.0).T
     yield cnnum.Template("growing", heat, output="linear", boundary="zero-flux", duration=6.0)
-    yield cnnum.Template("stiff", _row(1.0, -2e6, 1.0), [[1.0]], duration=20.0, output="tanh")
+    chain, driven = np.zeros((2, 2, 1, 1)), [[[[1.0]]], [[[0.0]]]]
+    chain[1, 0] = 1.0  # a slow layer drives a fast one, which takes implicit steps
+    yield cnnum.Template("stiff", 3.0 * chain, driven, 1.5, tau=(1.0, 1e-6), duration=2.0)
     delayed = DelayedCoupling(0.4, [[_row(0.0, -0.6, 0.1)]], [[[[0.2]]]])
     yield cnnum.Template("delayed", [[0.5]], [[1.0]], duration=2.0, initial=0.1, delayed=delayed)
     pulse = Table("linear", ((0.0, 1.0), (0.7, 1.5), (2.0, 0.5)))
@@ -190,24 +193,34 @@ def fingerprint(case: Callable[[], object]) -> str:
 
 
 def main(arguments: list[str]) -> int:
-    """Write the hashes, and compare them."""
-    every = 1
-    if "--every" in arguments:
-        at = arguments.index("--every")
-        every = int(arguments[at + 1])
-        del arguments[at : at + 2]
+    """Write the hashes, one a line as they are made, and compare them."""
+    every, only = 1, ""
+    for name in ("--every", "--only"):
+        if name in arguments:
+            at = arguments.index(name)
+            value = arguments[at + 1]
+            every, only = (int(value), only) if name == "--every" else (every, value)
+            del arguments[at : at + 2]
     out, *before = arguments
-    found = {n: fingerprint(make) for k, (n, make) in enumerate(cases()) if k % every == 0}
-    Path(out).write_text(json.dumps(found, indent=0), encoding="utf-8")
-    print(f"{len(found)} cases")
-    if not before:
-        return 0
-    known = json.loads(Path(before[0]).read_text(encoding="utf-8"))
-    differ = [name for name in found if name in known and known[name] != found[name]]
-    for name in differ[:60]:
-        print(f"{name}\n  {known[name]}\n  {found[name]}")
-    print(f"{len(differ)} differ; {len(known.keys() - found.keys())} are missing")
+    known = _read(before[0]) if before else {}
+    wanted = [(name, make) for name, make in cases() if only in name][::every]
+    count = differ = 0
+    with Path(out).open("w", encoding="utf-8") as file:
+        for name, make in wanted:
+            found = fingerprint(make)
+            file.write(json.dumps([name, found]) + "\n")
+            file.flush()
+            count += not known or name in known
+            if known.get(name, found) != found:
+                differ += 1
+                print(f"{name}\n  {known[name]}\n  {found}", flush=True)
+    print(f"{count} cases, {differ} differ")
     return 1 if differ else 0
+
+
+def _read(path: str) -> dict[str, str]:
+    lines = Path(path).read_text(encoding="utf-8").splitlines()
+    return dict(json.loads(line) for line in lines)
 
 
 if __name__ == "__main__":

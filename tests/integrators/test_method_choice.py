@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from cnnum.engine import ROLES, Engine
+from cnnum.engine import Engine
 from cnnum.engines.reference.equation import Given, StateEquation
 from cnnum.errors import MethodError
 from cnnum.graph.nodes import RunSpec
@@ -16,6 +16,9 @@ from cnnum.integrators.spectrum import spectrum
 from cnnum.integrators.stability import stability_bound
 from cnnum.integrators.tableau import BOGACKI_SHAMPINE, DORMAND_PRINCE, TABLEAUX
 from cnnum.runs.arguments import maps_by_role
+from cnnum.runs.ladder import LADDER, run
+from cnnum.runs.request import Request
+from cnnum.runs.result import ROLES
 from cnnum.templating.library import get_template
 from cnnum.templating.template import Template
 
@@ -46,6 +49,9 @@ def network(rng):
     )
 
 
+HALVED = [way.name for way in LADDER].index("halved")
+
+
 def counted(engine, solver_for, template, spec, maps):
     """Return how many evaluations of the rates each method takes that can, on the way alone.
 
@@ -55,7 +61,8 @@ def counted(engine, solver_for, template, spec, maps):
     given, whole = maps_by_role(template, {role: maps.get(role) for role in ROLES})
     for method in PAIRS:
         asked = RunSpec(method=method, **spec)
-        steps = int(engine._run(template, given, whole, asked, None, plainly=True).steps)
+        request = Request(engine._open, template, given, whole, asked)
+        steps = int(run(request, HALVED).steps)  # below the way to a rest
         counts[method] = 1 + steps * (TABLEAUX[method].stages - 1)
     shape = maps["state"].shape[-2:]
     if template.plain and spectrum(template, shape).real:

@@ -130,4 +130,4 @@ def test_prepared_runs_do_not_pile_up(engine, monkeypatch):
     template, picture = get_template("EDGE"), pictures(1)[0]
     for steps in (1, 2, 3, 4):
         engine.run(template, input=picture, method="euler", dt=0.1, duration=0.1 * steps)
-    assert len(engine._prepared) == 2
+    assert len(engine._open.prepared) == 2

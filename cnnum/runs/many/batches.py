@@ -1,17 +1,17 @@
 """Runs of many templates at once: as lanes of one launch, or one after the other."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from cnnum.engines.backend import EngineRecord
 from cnnum.errors import ArrayError, NotSupportedError
 from cnnum.runs.arguments import channels_and_lead, maps_by_role
 from cnnum.runs.delays import by_halving, delay_of, halved
-from cnnum.runs.many.lanes import Maps, Plans, fits_lanes, run_lanes
+from cnnum.runs.many.lanes import Maps, fits_lanes, run_lanes
+from cnnum.runs.request import Ask
 from cnnum.runs.result import Result
 from cnnum.runs.settling import lanes_at_rest
 from cnnum.templating.batch import TemplateBatch
@@ -20,33 +20,13 @@ from cnnum.templating.template import Template
 PARTS = ("output", "state", "time", "steps", "settled", "error")
 """Of a result, with an axis of frames."""
 
+OPTIONS = ("duration", "method", "rtol", "atol", "dt")
+
 ALL = ("input", "previous", "state", "bias", "mask")
 
 
-def run_batch(
-    engine: EngineRecord,
-    precision: str,
-    plans: Plans,
-    one: Callable[..., Result],
-    batch: TemplateBatch,
-    arrays: Sequence[ArrayLike | None],
-    asked: Mapping[str, Any],
-) -> Result:
-    """Run every template of a batch.
-
-    Parameters
-    ----------
-    engine : EngineRecord
-    precision : str
-    plans : callable
-        Returns the plan of a run.
-    one : callable
-        Runs a single template.
-    batch : TemplateBatch
-    arrays : sequence of array or None
-        In the order of the roles of a run; leading axes broadcast with those of the batch.
-    asked : mapping
-        Options of `Engine.run`.
+def as_batch(ask: Ask, down: Callable[[Ask], Result]) -> Result:
+    """Run every template of a batch; leading axes of arrays broadcast with its own.
 
     Raises
     ------
@@ -55,11 +35,13 @@ def run_batch(
     NotSupportedError
         If an option takes single templates.
     """
-    if asked.get("force") or asked.get("estimate") or asked.get("at") is not None:
+    engine, batch = ask.engine, ask.template
+    *asked, force, estimate = ask.options
+    if force or estimate or ask.at is not None:
         raise NotSupportedError(
             "A batch of templates runs without 'force', 'estimate' and 'at': run them one by one."
         )
-    maps, shape = maps_by_role(batch.template, dict(zip(ALL, arrays, strict=True)))
+    maps, shape = maps_by_role(batch.template, dict(zip(ALL, ask.arrays, strict=True)))
     _, own = channels_and_lead(maps)
     try:
         lead = np.broadcast_shapes(batch.lead, own)
@@ -71,19 +53,19 @@ def run_batch(
         role: np.broadcast_to(array, (*lead, *array.shape[-3:])).reshape(-1, *array.shape[-3:])
         for role, array in maps.items()
     }
-    options = {key: value for key, value in asked.items() if key not in ("force", "estimate", "at")}
-    if engine.lanes and fits_lanes(batch, shape, options):
+    options: dict[str, Any] = dict(zip(OPTIONS, asked, strict=True))
+    lanes = engine.record.lanes and not engine.whole
+    if lanes and fits_lanes(batch, shape, options):
 
         def side_by_side(dt: float | None) -> Result:
             asked = {**options, "dt": dt}
-            return _joined(run_lanes(batch, lead, flat, shape, asked, plans, precision))
+            return _joined(run_lanes(batch, lead, flat, shape, asked, engine))
 
-        result = _halved(batch.template, side_by_side, options, precision)
-        duration = asked["duration"]
-        if (batch.template.duration if duration is None else duration) == "settle":
-            result = lanes_at_rest(result, batch.template, asked["rtol"], asked["atol"])
+        result = _halved(batch.template, side_by_side, options, engine.precision)
+        if ask.duration == "settle":
+            result = lanes_at_rest(result, batch.template, options["rtol"], options["atol"])
     else:
-        result = _joined(_one_by_one(batch, lead, flat, options, one))
+        result = _joined(_one_by_one(ask, lead, flat, down))
     return _shaped(result, lead)
 
 
@@ -107,19 +89,16 @@ def _halved(
 
 
 def _one_by_one(
-    batch: TemplateBatch,
-    lead: tuple[int, ...],
-    maps: Maps,
-    asked: Mapping[str, Any],
-    one: Callable[..., Result],
+    ask: Ask, lead: tuple[int, ...], maps: Maps, down: Callable[[Ask], Result]
 ) -> list[tuple[NDArray[np.intp], Result]]:
     """Run frame by frame, frames of the same template together."""
+    batch: TemplateBatch = ask.template
     places = np.broadcast_to(np.arange(batch.size).reshape(batch.lead), lead).ravel()
     parts: list[tuple[NDArray[np.intp], Result]] = []
     for number, template in enumerate(batch.templates()):
         at = np.flatnonzero(places == number)
         own = {role: _plain(array[at]) for role, array in maps.items()}
-        parts.append((at, one(template, **own, **asked)))
+        parts.append((at, down(ask.of(template, [own.get(name) for name in ALL]))))
     return parts
 
 

@@ -5,7 +5,7 @@ The numbers themselves are a map of each frame. The sum over the inputs, taken o
 """
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -14,11 +14,10 @@ from numpy.typing import NDArray
 from cnnum.arrays import Floats, Shape
 from cnnum.graph.nodes import RunSpec
 from cnnum.integrators.tableau import BOGACKI_SHAMPINE, TABLEAUX
-from cnnum.plan import Plan
 from cnnum.runs.arguments import as_frame, channels_and_lead
 from cnnum.runs.many.lane_rates import fastest, growth
-from cnnum.runs.result import Result, result_of
-from cnnum.runs.single import with_fallback
+from cnnum.runs.request import OpenEngine
+from cnnum.runs.result import Result, result_of, with_fallback
 from cnnum.templating.batch import TemplateBatch
 from cnnum.templating.batch_parts import LADDER, Parts, inner, own_parts
 from cnnum.templating.couplings import DelayedCoupling
@@ -33,7 +32,6 @@ LEAST = 1e-9
 """Numbers that stand for those of the frames: too small to change how fast an array is."""
 
 Maps = dict[str, NDArray[np.floating]]
-Plans = Callable[[tuple[object, ...], Template, Shape, tuple[str, ...], RunSpec], Plan]
 
 
 def fits_lanes(batch: TemplateBatch, shape: Shape, asked: Mapping[str, Any]) -> bool:
@@ -50,8 +48,7 @@ def run_lanes(
     maps: Maps,
     shape: Shape,
     asked: Mapping[str, Any],
-    plans: Plans,
-    precision: str,
+    engine: OpenEngine,
 ) -> list[tuple[NDArray[np.intp], Result]]:
     """Run all frames of a batch, and return results with the places of their frames.
 
@@ -67,9 +64,7 @@ def run_lanes(
     shape : (rows, cols)
     asked : mapping
         Options of the run.
-    plans : callable
-        Returns the plan of a run.
-    precision : str
+    engine : OpenEngine
     """
     template, numbers = batch.template, batch.flat(lead)
     given = _given(template, numbers, maps, shape)
@@ -81,12 +76,12 @@ def run_lanes(
         standing = _standing(template, patterns, rate, float(rung))
         own = {role: array[at] for role, array in given.items()}
         own["weights"] = _packed(template, numbers, patterns, at, shape)
-        parts.append((at, _launch(standing, own, asked, plans, precision)))
+        parts.append((at, _launch(standing, own, asked, engine)))
     return parts
 
 
 def _launch(
-    template: Template, given: Maps, asked: Mapping[str, Any], plans: Plans, precision: str
+    template: Template, given: Maps, asked: Mapping[str, Any], engine: OpenEngine
 ) -> Result:
     names, lead = channels_and_lead(given)
     shape = (int(given["state"].shape[-2]), int(given["state"].shape[-1]))
@@ -94,8 +89,8 @@ def _launch(
     follows = free and template.delayed is None and not jumps(template)
     method = BOGACKI_SHAMPINE.name if follows else asked["method"]
     spec = RunSpec(asked["duration"], method, asked["rtol"], asked["atol"], asked["dt"])
-    plan = plans((template.digest, shape, names, spec, "own weights"), template, shape, names, spec)
-    outputs = plan.run_finite(as_frame(given, lead, np.dtype(precision)))
+    plan = engine.plan_for(template, shape, names, spec, "own weights")
+    outputs = plan.run_finite(as_frame(given, lead, np.dtype(engine.precision)))
     (solver,) = plan.solvers.values()
     reason = f"templates side by side in lanes; {solver.reason}"
     return with_fallback(result_of(outputs, template.layers, solver.method, reason), plan)

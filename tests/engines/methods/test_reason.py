@@ -79,7 +79,7 @@ def test_the_reference_says_what_it_does_instead(case, words):
     picture = np.random.default_rng(2).uniform(-1.0, 1.0, (5, 6))
     engine = Engine("reference")
     result = engine.run(template, input=picture, **how)
-    (plan,) = engine._plans.values()
+    (plan,) = engine._open.plans.values()
     assert result.method == method
     assert plan.explain().transients[0].removesuffix(")").endswith(result.reason[-40:])
     assert (f"; here {words}" in result.reason) if words else ("here" not in result.reason)
@@ -90,7 +90,7 @@ def test_a_plan_explains_what_its_result_says():
     template, how, _, _ = CASES["grows"]
     engine = Engine("numba")
     result = engine.run(template, input=np.zeros((5, 6)), **how)
-    (plan,) = engine._plans.values()
+    (plan,) = engine._open.plans.values()
     assert result.reason in plan.explain().transients[0]
 
 

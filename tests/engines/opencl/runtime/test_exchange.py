@@ -189,7 +189,7 @@ def test_the_device_itself_looks_at_what_it_takes(engines):
     engine = engines["opencl-float32"]
     state, given = maps(10)
     run(engine, state, given)
-    plan = next(plan for plan in engine._plans.values() if plan.schedule.shape == SHAPE)
+    plan = next(plan for plan in engine._open.plans.values() if plan.schedule.shape == SHAPE)
     planes = [given[np.newaxis], state[np.newaxis]]
     outputs = plan.run_large(planes, ())
     assert outputs is not None
