@@ -7,6 +7,7 @@ from cnnum.cli.library.templates_audit import audit
 from cnnum.cli.library.templates_check import check
 from cnnum.cli.library.templates_convert import export, import_files
 from cnnum.cli.library.templates_design import design
+from cnnum.cli.library.templates_find import compare, find
 from cnnum.cli.library.templates_gallery import gallery
 from cnnum.cli.library.templates_list import list_templates
 from cnnum.cli.library.templates_measure import measure
@@ -26,7 +27,7 @@ def command(ctx: click.Context) -> None:
 
 
 _MEMBERS = (
-    *(list_templates, show, analyse, check, design, measure, audit, gallery),
+    *(list_templates, find, show, compare, analyse, check, design, measure, audit, gallery),
     *(import_files, export),
 )
 

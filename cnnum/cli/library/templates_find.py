@@ -1,0 +1,154 @@
+"""`cnnum templates find` and `compare`: by words, by an example, and two side by side."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+import numpy as np
+
+from cnnum.cli.library.templates_choice import is_place
+from cnnum.cli.options import completed, json_option
+from cnnum.cli.output import Output, facts, table
+from cnnum.cli.progress import progress
+
+if TYPE_CHECKING:
+    from cnnum.templating.template import Template
+
+PICTURE = click.Path(path_type=Path, exists=True, dir_okay=False)
+
+
+@click.command("find")
+@click.argument("words", nargs=-1)
+@click.option("--input", "given", type=PICTURE, help="Picture that is given: an example's input.")
+@click.option("--wanted", type=PICTURE, help="Picture that is wanted of it.")
+@click.option("--state", type=PICTURE, help="Picture to start from; a template's own unless given.")
+@click.option("--most", default=10, show_default=True, type=click.IntRange(min=1), help="Rows.")
+@json_option
+def find(
+    words: tuple[str, ...],
+    given: Path | None,
+    wanted: Path | None,
+    state: Path | None,
+    most: int,
+    as_json: bool,
+) -> None:
+    """Find templates by WORDS, as in "fill holes", or by an example.
+
+    An example is a picture and the picture that is wanted of it. Every template with one input and
+    one layer runs on it, and those with the fewest wrong cells come first.
+    """
+    output = Output(as_json)
+    if bool(words) == (given is not None or wanted is not None):
+        raise click.UsageError("Give words, or an example by --input and --wanted.")
+    if words:
+        _by_words(" ".join(words), most, output)
+        return
+    if given is None or wanted is None:
+        raise click.UsageError("An example needs both --input and --wanted.")
+    _by_example(given, wanted, state, most, output)
+
+
+def _by_words(words: str, most: int, output: Output) -> None:
+    from cnnum.design.finding import find_by_words
+
+    hits = find_by_words(words, most)
+    shown = table("Template", ">fit", "what it does")
+    for hit in hits:
+        output.record(
+            {"template": hit.name, "fit": round(hit.score, 3), "description": hit.summary}
+        )
+        shown.add_row(hit.name, f"{hit.score:.2f}", hit.summary)
+    output.show(shown if hits else f"No template is described by '{words}'.")
+
+
+def _by_example(given: Path, wanted: Path, state: Path | None, most: int, output: Output) -> None:
+    from cnnum.design.finding import find_by_example
+    from cnnum.pictures import load_picture
+    from cnnum.templating.library import template_names
+
+    start = None if state is None else load_picture(state)
+    with progress("templates", len(template_names()), as_json=output.as_json) as steps:
+        found = find_by_example(
+            load_picture(given), load_picture(wanted), state=start, say=lambda _: steps.advance()
+        )
+    shown = table("Template", ">wrong cells", ">of", ">margin")
+    for match in found[:most]:
+        output.record(
+            {
+                "template": match.name,
+                "wrong": match.wrong,
+                "cells": match.cells,
+                "margin": None if np.isnan(match.margin) else match.margin,
+            }
+        )
+        margin = "" if np.isnan(match.margin) else f"{match.margin:.3g}"
+        shown.add_row(match.name, str(match.wrong), str(match.cells), margin)
+    output.show(shown)
+
+
+@click.command("compare")
+@click.argument("first", shell_complete=completed("template", files=True))
+@click.argument("second", shell_complete=completed("template", files=True))
+@json_option
+def compare(first: str, second: str, as_json: bool) -> None:
+    """Show where the templates FIRST and SECOND differ: in their numbers, and in their answers.
+
+    Each is a template of the library or a file. Uncoupled templates of radius 1 are compared on all
+    512 neighbourhoods, others on random pictures.
+    """
+    from cnnum.design.finding import compare as compared
+
+    one, other = _template(first), _template(second)
+    found, output = compared(one, other), Output(as_json)
+    numbers = {name: [_plain(value) for value in pair] for name, pair in found.differs.items()}
+    output.record(
+        {
+            "kind": "comparison",
+            "templates": [one.name, other.name],
+            "differs": numbers,
+            "exhaustive": found.exhaustive,
+            "cases": found.cases,
+            "unlike": found.unlike,
+            "neighbourhoods": found.inputs.astype(int).tolist() if found.exhaustive else [],
+        }
+    )
+    shown = table("", one.name, other.name)
+    for name, pair in found.differs.items():
+        shown.add_row(name, *(_written(value) for value in pair))
+    output.show(shown if found.differs else "They have the same numbers.")
+    what = "of 512 neighbourhoods" if found.exhaustive else f"of {found.cases:,} cells of pictures"
+    output.show(facts([("answers differ in", f"{found.unlike:,} {what}")]))
+    if found.exhaustive and found.unlike:
+        pairs = zip(found.inputs, found.answers[0], strict=True)
+        blocks = [_block(picture, black=answer > 0.0) for picture, answer in pairs]
+        output.show(
+            f"Black of {one.name} (■), or of {other.name} (□):", *_side_by_side(blocks[:12])
+        )
+
+
+def _template(name: str) -> "Template":
+    from cnnum.templating.files import load_template
+    from cnnum.templating.library import get_template
+
+    return load_template(name) if is_place(name) else get_template(name)
+
+
+def _plain(value: object) -> object:
+    return value.tolist() if isinstance(value, np.ndarray) else str(value)
+
+
+def _written(value: object) -> str:
+    if isinstance(value, np.ndarray):
+        rows = value.reshape(-1, value.shape[-1]) if value.ndim > 1 else value.reshape(1, -1)
+        return "\n".join(" ".join(f"{number:g}" for number in row) for row in rows)
+    return str(value)
+
+
+def _block(picture: np.ndarray, *, black: bool) -> list[str]:
+    """Return a neighbourhood as three lines, and whose answer is black below it."""
+    lines = ["".join("#" if cell > 0 else "." for cell in row) for row in picture]
+    return [*lines, f" {'■' if black else '□'} "]
+
+
+def _side_by_side(blocks: list[list[str]]) -> list[str]:
+    return ["   ".join(lines) for lines in zip(*blocks, strict=True)]
