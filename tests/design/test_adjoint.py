@@ -45,6 +45,7 @@ CASES = {
 }
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("method", ["euler", "heun", "rk4"])
 @pytest.mark.parametrize("case", CASES)
 def test_gradients_are_those_of_differences(case, method):

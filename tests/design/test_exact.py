@@ -68,6 +68,7 @@ def test_designed_weights_know_nothing_of_the_published_ones():
     )
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("name", ["PATCHMAK", "SHADMASK", "ERASMASK", "FINDAREA", "CONCHOLL"])
 def test_coupled_monotonic_templates_pass_the_check_of_the_library(name):
     published = get_template(name)
@@ -160,6 +161,7 @@ def test_no_mismatch_below_the_relative_margin_flips_a_configuration():
                 assert least < 0.0
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("name", ["CORNER", "EDGE", "CONCEROS", "MATCNN_EDGE"])
 def test_the_worst_case_of_a_template_is_that_of_its_runs(name):
     """Every neighbourhood of 3×3 cells has the errors that are worst for it, in a lane of its own.

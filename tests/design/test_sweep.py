@@ -266,6 +266,7 @@ def test_runs_that_fail_are_counted_apart_with_their_reasons(tmp_path):
     assert "share of runs that failed" in text
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("methods", ['["propagator"]', '["propagator", "euler"]'])
 def test_failures_are_printed_and_a_sweep_of_nothing_else_has_failed(tmp_path, methods):
     text = f'template = "HOLE"\nengine = "numba"\n[axes]\nmethod = {methods}\n'

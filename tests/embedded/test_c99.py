@@ -43,6 +43,7 @@ def test_random_frames_give_the_same_bits(program, precision, compiler, tmp_path
     compare(program, precision, compiler, tmp_path)
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("precision", ["q3", "q23", "q8.23", "q1.30"])
 @pytest.mark.parametrize("program", ["slip", "twist"])
 def test_words_of_any_length_give_the_same_bits(program, precision, compiler, tmp_path):

@@ -194,6 +194,7 @@ def ran(extra, feature, folder):
     )
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("extra", FEATURES)
 def test_an_extra_alone_brings_what_its_feature_needs(extra, tmp_path):
     for requirement in PROJECT["optional-dependencies"][extra]:

@@ -267,6 +267,7 @@ def over_and_over(tape, times):
     np.savez(tape, **parts)
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize(
     ("command", "number"),
     [
