@@ -440,7 +440,9 @@ class Rounding:
     def constant(self, number):
         """Return by how much a constant is off."""
         if self.mantissa:
-            return abs(number) * 2.0**-self.mantissa if np.float32(number) != number else 0.0
+            # as a Python float it would be rounded to float32, too, before the two are compared
+            held = float(np.float32(number)) == number
+            return 0.0 if held else abs(number) * 2.0**-self.mantissa
         scaled = abs(number)
         while scaled and scaled != int(scaled) and scaled < 2.0**40:
             scaled *= 2.0

@@ -63,3 +63,11 @@ def test_a_wrong_number_is_found(rounding):
         found += bool(shard.wrong)
         assert all(isinstance(one, V) for answer in answers for one in answer.values())
     assert found >= 10
+
+
+def test_a_constant_that_float32_rounds_has_a_bound_where_its_product_is_exact():
+    """0.3 · 25/64 has seven binary places, but float32 holds another number than 0.3."""
+    assert FLOAT32.constant(0.25) == 0.0 < FLOAT32.constant(0.3)
+    shard = Shard(engines=("numba",))
+    shard.one(40_021)
+    assert not shard.wrong
