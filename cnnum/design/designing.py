@@ -15,7 +15,7 @@ from cnnum.design.local_rules import Seen, Table, check_of
 from cnnum.design.search import Search, search
 from cnnum.design.spec import Spec
 from cnnum.design.worst_case import worst_case
-from cnnum.errors import TemplateError
+from cnnum.errors import MethodError, TemplateError
 from cnnum.templating.checks.measuring import measure
 from cnnum.templating.checks.registry import form_of
 from cnnum.templating.checks.robustness import flips
@@ -343,6 +343,9 @@ def _worst(template: Template) -> dict[str, Any]:
 
 def _rates(spec: Spec, template: Template, engine: Engine) -> tuple[FlipRate, ...]:
     counted = flips(template, engine, mismatches=spec.mismatch, bits=(), draws=spec.draws)
+    for one in counted:
+        if not one.draws:
+            raise MethodError(f"No template of {one.change} can be run: {one.reason}")
     return tuple(
         FlipRate(width, one.flipped, one.low, one.high, one.draws)
         for width, one in zip(spec.mismatch, counted, strict=True)

@@ -164,6 +164,7 @@ def _losses(wanted: Search, judge: Judge, made: Sequence[Template]) -> list[floa
         drawn.append(template)
         drawn += [mismatched(template, rng, wanted.mismatch) for _ in range(wanted.draws)]
     shares = np.array(judge.shares(drawn)).reshape(len(made), -1)
+    shares = np.where(np.isnan(shares), 1.0, shares)  # what no method runs is no design
     losses = (shares > 0.0).mean(axis=1) + shares.mean(axis=1)
     return [float(loss) for loss in losses]
 

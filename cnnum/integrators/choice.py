@@ -35,7 +35,7 @@ from cnnum.integrators.tableau import (
 )
 from cnnum.safety.values import is_real
 from cnnum.templating.network import Network
-from cnnum.templating.reads import jumps, turning_points
+from cnnum.templating.reads import bends, jumps, turning_points
 from cnnum.templating.template import Template
 
 __all__ = (
@@ -267,10 +267,10 @@ class _Choice:
         share = 0.8 if self.settle else 1.0
         safe = share * bound if 0.0 < bound < math.inf else self.duration
         # at a rest the errors of the way have decayed
-        bends = not (self.template.output.smooth or self.settle)
+        bent = bends(self.template) and not self.settle
         stops = turning_points(self.template, self.duration)
         longest = min(safe, self.duration)
-        return AdaptiveSteps((method,), first, self.settle, longest, bends, stops)
+        return AdaptiveSteps((method,), first, self.settle, longest, bent, stops)
 
     def _has_stages(self, found: Spectrum) -> bool:
         steady = self.template.plain and not self.template.output.limited

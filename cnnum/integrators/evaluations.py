@@ -31,6 +31,7 @@ from cnnum.integrators.estimate import linear_growth
 from cnnum.integrators.schemes import AdaptiveSteps
 from cnnum.integrators.spectrum import Spectrum
 from cnnum.integrators.tableau import ButcherTableau
+from cnnum.templating.reads import bends
 from cnnum.templating.template import Template
 
 MODES = 64
@@ -201,9 +202,8 @@ def motion(
         )
     length = max(shape)
     busy = min(duration, length / growth) if growth else 0.0
-    smooth = template.output.smooth
-    bends = SWITCHES * length * template.layers if growth and not smooth else 0.0
-    return Motion(rates, growth, duration, busy, tolerance, bends, template.output.limited)
+    bent = SWITCHES * length * template.layers if growth and bends(template) else 0.0
+    return Motion(rates, growth, duration, busy, tolerance, bent, template.output.limited)
 
 
 def effort(method: Stepper, known: Motion) -> Effort:

@@ -15,7 +15,7 @@ from cnnum.arrays import all_finite
 from cnnum.engines.backend import OneFrame
 from cnnum.errors import MethodError
 from cnnum.plan import Plan
-from cnnum.runs.growth import FAR, may_grow, scale
+from cnnum.runs.growth import FAR, hides_errors, may_grow, scale
 from cnnum.runs.linear_range import may_stay_linear
 from cnnum.runs.raw_pictures import LEAST_SQUARES, ROLES, refuse_grey_levels
 from cnnum.runs.request import Ask, Form, Request
@@ -213,6 +213,8 @@ def prepared_run(
     (solver,) = plan.solvers.values()
     reads_all = plan.schedule.channels_read == plan.schedule.channels
     if solver.forced or not reads_all or (exact and may_stay_linear(template, given)):
+        return None
+    if may_grow(template, solver) and hides_errors(template):  # it is compared with another run
         return None
     one = plan.executable.one(plan.executable.new_memory(1))
     return None if one is None else PreparedRun(template, plan, one, tuple(given))

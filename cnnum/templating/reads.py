@@ -65,6 +65,11 @@ def jumps(template: Template) -> bool:
     return any(coupling.jumps for coupling in template.nonlinear)
 
 
+def bends(template: Template) -> bool:
+    """Return whether rates may bend as states change: tables have corners, as some outputs do."""
+    return not template.output.smooth or any(not c.static for c in template.nonlinear)
+
+
 def autonomous(template: Template) -> bool:
     """Return whether a run may begin anew at any time: nothing is delayed or varies in time."""
     return template.delayed is None and not template.gains

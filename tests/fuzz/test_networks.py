@@ -7,10 +7,11 @@ over, and prints its account. Other shards: `python tests/helpers/random_network
 import os
 import time
 import warnings
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from random_networks import Account, Network, Truth, network_of
+from random_networks import Account, Network, Truth, judged, network_of
 
 import cnnum
 
@@ -40,6 +41,43 @@ def test_no_error_is_below_the_true_one():
     # an error of infinity is always right, and says nothing
     assert account.infinite < 0.3 * account.errors
     assert np.median(account.loose) < 60.0
+
+
+@pytest.mark.parametrize(
+    ("seed", "number"),
+    [
+        (201, 723),  # grows far, in steps that stability sets
+        (203, 1766),  # grows further than it began
+        (203, 3903),
+        (203, 2354),  # a gain in time
+        (203, 2958),  # a table bends the rates
+        (203, 5736),  # f is curved
+        (210, 1295),
+    ],
+)
+def test_errors_that_were_below_the_true_one(seed, number):
+    engine = cnnum.Engine("numba", precision=("float64", "float32")[number % 2])
+    account = Account()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        account.take(engine, seed, number)
+    assert account.networks == 1
+    assert not account.wrong
+
+
+@pytest.mark.parametrize("name", ["numba", "opencl", "reference"])
+@pytest.mark.parametrize(
+    ("number", "method", "at"), [(1220, "bogacki-shampine", 0), (1834, "dormand-prince", 3)]
+)
+def test_saturated_cells_hide_no_growth(name, number, method, at):
+    """They have the largest rates, which fall while the error of the others grows."""
+    net = network_of(201, number)
+    how = {**net.how, "method": method}
+    net = replace(net, times=(net.times[at],), how=how)
+    engine = cnnum.Engine(name, precision="float64")
+    (verdict,) = judged(engine, net, number)
+    assert verdict.method == method
+    assert verdict.covered
 
 
 @pytest.mark.parametrize("factor", [0.0, 0.2])
@@ -85,3 +123,14 @@ def test_networks_are_of_every_kind():
     assert any(net.held is not None for net in nets)
     assert any(len(net.times) > 5 for net in nets)
     assert {len(net.tau) for net in nets} == {1, 2, 3}
+
+
+def test_a_small_start_is_solved_as_well_as_others_on_the_reference():
+    """1e-8 grows to 0.66 by e^{2t}; solved to an absolute tolerance it stated 1e-13 for 5e-7."""
+    template = cnnum.Template(
+        "grows", [[0.0, 0.0, 0.0], [0.5, 2.0, 0.5], [0.0, 0.0, 0.0]], output="linear",
+        boundary="zero-flux",
+    )  # fmt: skip
+    run = cnnum.Engine("reference").run(template, state=np.full((1, 4), 1e-8), duration=9.0)
+    true = 1e-8 * np.exp(18.0)
+    assert np.abs(run.state - true).max() <= run.error < 1e-7 * true

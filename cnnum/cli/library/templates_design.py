@@ -139,12 +139,17 @@ def report(
     for change in changes:
         shown.add_row(change.change, _share(change), f"{100 * change.wrong:.2g} %")
     output.show(shown, f"Of mismatch {_DRAWS} are drawn; in brackets the share's 95 % interval.")
+    for change in changes:
+        if change.failed:
+            output.show(f"{change.change}: {change.failed} were not run. {change.reason}")
     if weights:
         _weights(output, list(tolerances(template, engine)))
 
 
 def _share(change: "Flips") -> str:
     """Return the share that flips; a coarse template is one, and flips or does not."""
+    if change.draws == 0:
+        return "-"
     if change.draws == 1:
         return "yes" if change.flipped else "no"
     low, high = 100 * change.low, 100 * change.high

@@ -9,6 +9,7 @@ from cnnum.engines.numba import codes
 from cnnum.engines.numba.cells import add, bend, copy, couple, show
 from cnnum.engines.numba.compiling import compiled, compiled_parallel, inlined
 from cnnum.engines.numba.records import Frame, Plan, Reals
+from cnnum.integrators.estimate import AROUND, LEAST_SLOPE
 
 
 @inlined
@@ -84,11 +85,29 @@ def _slope(plan: Plan, work: Reals, gains: Reals, layer: Any, stage: Any, lo: An
             slope[i] = max(slope[i], none if moved[i] <= -one else slope[i])
 
 
+@compiled
+def speed(plan: Plan, state: Reals, slope: Reals) -> Any:
+    """Return the largest |dx/dt|, each by how much its cell passes an error on."""
+    real, largest = state.dtype.type, state.dtype.type(0)
+    if plan.settings[0].slopes_count == 0:
+        for i in range(slope.size):
+            largest = max(largest, abs(slope[i]))
+        return largest
+    above, below = np.empty_like(slope), np.empty_like(slope)
+    around, rise = real(AROUND), real(0.5 / AROUND)
+    show(plan, state[: slope.size] + around, above)
+    show(plan, state[: slope.size] - around, below)
+    for i in range(slope.size):
+        passes = max(rise * abs(above[i] - below[i]), real(LEAST_SLOPE))
+        largest = max(largest, passes * abs(slope[i]))
+    return largest
+
+
 @inlined
 def _judge(plan: Plan, work: Reals, layer: Any, step: Any, lo: Any, hi: Any, found: Reals) -> None:
     """Find the error of a step from the state to the last stage, and change and rate there."""
     real, last = work.dtype.type, plan.settings[0].stages - 1
-    worst, speed = real(0), real(0)
+    worst = real(0)
     rtol, atol = real(plan.settings[0].rtol), real(plan.settings[0].atol)
     state, moved = work[codes.STATE, lo:hi], work[codes.MOVED, lo:hi]
     errors, slope = np.zeros(hi - lo, work.dtype), work[codes.SLOPES + last, lo:hi]
@@ -106,9 +125,8 @@ def _judge(plan: Plan, work: Reals, layer: Any, step: Any, lo: Any, hi: Any, fou
         off = np.maximum(off, added)
     for i in range(errors.size):
         worst = max(worst, off[i] / (atol + rtol * max(abs(state[i]), abs(moved[i]))))
-        speed = max(speed, abs(slope[i]))
     added += real(plan.settings[0].rounding) * np.abs(moved)
-    found[0], found[1], found[3] = worst, added.max(), speed
+    found[0], found[1], found[3] = worst, added.max(), speed(plan, moved, slope)
     found[2] = _change(plan, moved, slope)
 
 

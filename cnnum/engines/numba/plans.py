@@ -9,6 +9,7 @@ from cnnum.engines.numba.layout import Layout
 from cnnum.engines.numba.methods import method_settings, pieces_of
 from cnnum.engines.numba.records import SETTINGS, Plan, Real
 from cnnum.engines.numba.stencil import couplings_of, gains_of, packed
+from cnnum.integrators.estimate import slopes_count
 from cnnum.integrators.solver import Solver
 from cnnum.templating.reads import gains_jump, reads_states
 from cnnum.templating.template import Template
@@ -35,6 +36,7 @@ def plan_of(template: Template, layout: Layout, solver: Solver, dtype: Real) -> 
         "response": RESPONSES.get(template.output.name, codes.EXPRESSION),
         "limited": template.output.limited,
         "reads_states": reads_states(template),
+        "slopes_count": slopes_count(template),
         "jumping": gains_jump(template),
         "whole": template.output.discrete,
         "cuts": 1,

@@ -26,6 +26,8 @@ SETTINGS = np.dtype(
         ("response", "i8"),
         ("limited", "i8"),
         ("reads_states", "i8"),
+        # whether rates count by the slope of f in the growth of errors
+        ("slopes_count", "i8"),
         # the method: code, stages, −1/order, length of a (first) step, of the longest and the last
         ("scheme", "i8"),
         ("stages", "i8"),

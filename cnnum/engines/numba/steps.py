@@ -3,12 +3,10 @@
 import math
 from typing import Any
 
-import numpy as np
-
 from cnnum.engines.numba import codes
 from cnnum.engines.numba.cells import add, copy, largest
 from cnnum.engines.numba.compiling import compiled, inlined, merged
-from cnnum.engines.numba.phases import all_bands
+from cnnum.engines.numba.phases import all_bands, speed
 from cnnum.engines.numba.records import Frame, Plan, Reals
 from cnnum.engines.numba.stages import evaluate, evaluate_once, rests
 
@@ -152,7 +150,8 @@ def adaptive(plan: Plan, now: Frame, spread: bool, figures: Reals) -> None:
     taken, time, error, settled, settings = codes.NONE, 0.0, 0.0, 0.0, plan.settings[0]
     step, end = settings.step, settings.duration * (1.0 - 1e-6)
     evaluate_once(plan, now, time, spread)
-    before, piece = np.abs(now.work[codes.SLOPES]).max(), codes.NONE
+    state, rates = now.work[codes.STATE], now.work[codes.SLOPES]
+    before, piece = speed(plan, state, rates), codes.NONE
     at = codes.NONE
     while time < end and settled == 0.0 and taken < settings.count:
         step, ends = min(step, settings.longest, settings.duration - time), False
@@ -162,7 +161,7 @@ def adaptive(plan: Plan, now: Frame, spread: bool, figures: Reals) -> None:
             step, ends = plan.pieces[piece + 1, 1] - time, True
         if settings.jumping:  # the rates at a step's start are those after a jump
             evaluate(plan, now, codes.NONE, step, time, codes.AT_REST, spread)
-            before = np.abs(now.work[codes.SLOPES]).max()
+            before = speed(plan, state, rates)
         first, stages = _stages(plan, step)
         for stage in range(first, first + stages):
             evaluate(plan, now, stage, step, time, codes.AT_REST, spread)
@@ -171,8 +170,8 @@ def adaptive(plan: Plan, now: Frame, spread: bool, figures: Reals) -> None:
         if worst <= 1.0:
             if at < now.moments.size:
                 at = _look(plan, now, at, time, step, taken, error, before, spread)
-            time, speed = time + step, largest(now.found, 3)
-            error, before = _grown(plan, error, step, before, now), speed
+            time, error = time + step, _grown(plan, error, step, before, now)
+            before = largest(now.found, 3)
             if ends:
                 piece += 1
                 time, step = plan.pieces[piece, 1], max(step, usual)

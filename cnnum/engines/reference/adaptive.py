@@ -16,7 +16,16 @@ from cnnum.engines.failures import refuse_unfinished
 from cnnum.engines.reference.equation import StateEquation
 from cnnum.engines.reference.march import limited, weighted
 from cnnum.integrators.chebyshev import MAX_STAGES, chebyshev_method, stages_for
-from cnnum.integrators.estimate import FLOOR, LOST, ROUNDINGS, SMALLEST_RATE, error_growth
+from cnnum.integrators.estimate import (
+    AROUND,
+    FLOOR,
+    LEAST_SLOPE,
+    LOST,
+    ROUNDINGS,
+    SMALLEST_RATE,
+    error_growth,
+    slopes_count,
+)
 from cnnum.integrators.schemes import MAX_STEPS, NEARLY, AdaptiveSteps, ChebyshevSteps
 from cnnum.integrators.solver import Solver
 from cnnum.templating.reads import gains_jump
@@ -126,7 +135,12 @@ def march_adaptive(
         size = np.maximum(np.abs(x), np.abs(trial.state))
         worst = float((trial.off / (solver.atol + solver.rtol * size)).max())
         if worst <= 1.0:
-            error = _grown(error, growth * h, trial, scheme.later)
+            before, after = (
+                _speed(equation, x, trial.first),
+                _speed(equation, trial.state, trial.rate),
+            )
+            faster = after / max(before, SMALLEST_RATE)
+            error = _grown(error, growth * h, faster, trial, scheme.later)
             x, rate, time = trial.state, trial.rate, stops.pop(0) if ends else time + h
             h = max(h, usual) if ends else h
             change = np.abs(slowest * rate) / (solver.atol + solver.rtol * np.abs(x))
@@ -137,9 +151,17 @@ def march_adaptive(
     return x, time, taken, scheme.safety * error + (FLOOR * solver.atol if taken else 0.0)
 
 
-def _grown(error: float, exponent: float, trial: Trial, later: float) -> float:
+def _speed(equation: StateEquation, x: Floats, rate: Floats) -> float:
+    """Return the largest rate, each by how much its cell passes an error on."""
+    if not slopes_count(equation.template):
+        return float(np.abs(rate).max())
+    rise = equation.outputs(x + AROUND) - equation.outputs(x - AROUND)
+    slope = np.maximum(np.abs(rise) / (2.0 * AROUND), LEAST_SLOPE)
+    return float((slope * np.abs(rate)).max())
+
+
+def _grown(error: float, exponent: float, faster: float, trial: Trial, later: float) -> float:
     """Return the error of a run after a step, as `cnnum.integrators.estimate` has it."""
-    faster = float(np.abs(trial.rate).max()) / max(float(np.abs(trial.first).max()), SMALLEST_RATE)
     rounding = ROUNDINGS * float(np.finfo(np.float64).eps)
     added = float((trial.added + rounding * np.abs(trial.state)).max())
     # e^80 is more than `LOST`

@@ -8,7 +8,7 @@ is.
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any
 
@@ -55,6 +55,16 @@ MOST_STEPS = 10_000
 """Implicit steps of a stretch: weights beyond all measure take steps so short that it never ends.
 The cases of `cnnum stability` take up to 3,206."""
 
+MOST_WORK = 3e8
+"""Evaluations of the rate of a cell in a transient, or what takes as long: about half a minute. The
+cases of `cnnum stability` take up to half as many."""
+
+CALL = 500
+"""Cells whose rates take as long as the call itself."""
+
+FACTORED = 20.0
+"""n³ over this many rates of a cell take as long as a factorisation of n states."""
+
 LATEST = 1e6
 """Time constants to which an array is followed whose equilibrium other engines know exactly."""
 
@@ -65,6 +75,57 @@ FINER = 4
 """Where rates jump and no step was asked for, steps of other engines are this much longer."""
 
 Past = Callable[[float], Floats]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Budgeted(StateEquation):
+    """An equation whose rates are given as long as the budget lasts: some runs have no end."""
+
+    _spent: Floats = field(default_factory=lambda: np.zeros(1), init=False)
+
+    def rate(
+        self,
+        drive: Floats,
+        x: Floats,
+        past: Floats | None,
+        time: float,
+        middle: float | None = None,
+        within: float = 0.0,
+    ) -> Floats:
+        """Return dx/dt.
+
+        Raises
+        ------
+        MethodError
+            If that is asked for too often.
+        """
+        self.spend(max(x.size, CALL))
+        return StateEquation.rate(self, drive, x, past, time, middle, within)
+
+    def factoring(self, factor: Callable[[Floats], Any]) -> Callable[[Floats], Any]:
+        """Return a function that factors a matrix at the expense of the budget."""
+
+        def counted(matrix: Floats) -> Any:
+            self.spend(len(matrix) ** 3 / FACTORED)
+            return factor(matrix)
+
+        return counted
+
+    def spend(self, work: float) -> None:
+        """Take work from what is left.
+
+        Raises
+        ------
+        MethodError
+            If nothing is.
+        """
+        self._spent[0] += work
+        if self._spent[0] > MOST_WORK:
+            raise MethodError(
+                f"The reference solver gives up after the work of {MOST_WORK:.0e} rates of a cell: "
+                "the fastest rate is too large for so long a run; scale the weights, or take "
+                "another engine."
+            )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -96,6 +157,7 @@ def solve(template: Template, shape: tuple[int, int], solver: Solver, given: Giv
             scheme, step=scheme.step / FINER, count=scheme.count * FINER, last=scheme.last / FINER
         )
         return Answer(*march(equation, solver, finer), math.inf)
+    equation = Budgeted(template, shape, given)
     if template.delayed is not None:
         delay = template.delayed.delay
         return _agreed(lambda precision: _by_stretches(equation, solver, delay, precision))
@@ -204,11 +266,15 @@ def _smooth_stretch(
     moves = float(np.abs(right(time, x.ravel())).max()) * float(equation.template.tau.min())
     size = min(1.0, max(SMALL, moves, float(np.abs(x).max())))
     solver = steps(right, time, x.ravel(), time + length, rtol=precision, atol=precision * size)
+    if isinstance(solver, Radau) and isinstance(equation, Budgeted):
+        solver.lu = equation.factoring(solver.lu)
     times = [time]
     pieces: list[DenseOutput[np.float64]] = []
     while solver.status == "running":
         try:
             message = solver.step()
+        except MethodError:
+            raise
         except ValueError as error:  # Radau's matrices overflow where rates are beyond 1e77
             message = str(error)
         if message is not None:

@@ -1,5 +1,6 @@
 """How much the weights of a template may be off before a cell of its check is wrong."""
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -35,12 +36,17 @@ class Flips:
     change : str
         "mismatch 5 %" or "7 bits".
     flipped : float
-        Share of the drawn templates with a wrong cell.
+        Share of the drawn templates with a wrong cell; NaN where no run came to an end.
     wrong : float
         Share of wrong cells over all of them.
     draws : int
+        Templates whose runs came to an end.
     low, high : float
         Of `flipped`, with 95 % confidence; a coarse template is one, and known.
+    failed : int
+        Templates that no method ran, which says nothing of their cells.
+    reason : str
+        Why the first of them was not run.
     """
 
     change: str
@@ -49,6 +55,8 @@ class Flips:
     draws: int = 1
     low: float = 0.0
     high: float = 1.0
+    failed: int = 0
+    reason: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,9 +99,9 @@ def flips(
     found = list[Flips]()
     for width in mismatches:
         shares = job.shares([mismatched(template, rng, width) for _ in range(draws)])
-        found.append(_flips(f"mismatch {100.0 * width:g} %", shares))
+        found.append(_flips(f"mismatch {100.0 * width:g} %", shares, job))
     for each in bits:
-        found.append(_flips(f"{each} bits", [job.wrong(_coarse(template, each))]))
+        found.append(_flips(f"{each} bits", [job.wrong(_coarse(template, each))], job))
     return tuple(found)
 
 
@@ -110,21 +118,34 @@ def tolerances(template: Template, engine: Engine) -> Iterator[Tolerance]:
 
 
 class Judge:
-    """The check of a template, on changed ones, 8×8 cells of seed 0."""
+    """The check of a template, on changed ones, 8×8 cells of seed 0.
+
+    Attributes
+    ----------
+    reasons : list of str
+        Why runs failed, since it was last emptied.
+    """
 
     def __init__(self, template: Template, engine: Engine) -> None:
         self.template, self.engine = template, engine
         self.form: ClosedForm = form_of(template)
         self.case: Case
         self.case, self.expected = posed(template, 0, SHAPE)
+        self.reasons: list[str] = []
 
     def wrong(self, changed: Template) -> float:
-        """Return the share of cells that are wrong: off by half a colour, or the tolerance."""
+        """Return the share of cells that are wrong: off by half a colour, or the tolerance.
+
+        All are where the states diverge. It is NaN where no method runs the template.
+        """
         allowed = WRONG if self.form.digital else self.form.tolerance
         try:
             result = run_case(changed, self.engine, self.case, self.form.rtol)
-        except (ArrayError, MethodError):
-            return 1.0  # it diverges, or no steps follow it; other failures say nothing of it
+        except ArrayError:
+            return 1.0  # it diverges
+        except MethodError as error:
+            self.reasons.append(str(error))
+            return math.nan
         found = np.asarray(getattr(result, self.form.compares), dtype=np.float64)
         return float(np.mean(~(np.abs(found - self.expected) <= allowed)))
 
@@ -148,7 +169,7 @@ def _reach(job: Judge, part: str, array: Floats, index: tuple[int, ...], sign: f
     for step in STEPS:
         moved = array.copy()
         moved[index] *= 1.0 + sign * step
-        if job.wrong(with_numbers(job.template, {part: moved})) > 0.0:
+        if job.wrong(with_numbers(job.template, {part: moved})) != 0.0:
             break
         reached = step
     return reached
@@ -170,7 +191,13 @@ def _coarse(template: Template, bits: int) -> Template:
     return with_numbers(template, {part: rounded(array) for part, array in numbers.items()})
 
 
-def _flips(change: str, shares: list[float]) -> Flips:
-    flipped = sum(share > 0.0 for share in shares)
-    low, high = wilson(flipped, len(shares))
-    return Flips(change, flipped / len(shares), float(np.mean(shares)), len(shares), low, high)
+def _flips(change: str, shares: list[float], job: Judge) -> Flips:
+    ran = [share for share in shares if not math.isnan(share)]
+    failed, reason = len(shares) - len(ran), next(iter(job.reasons), "")
+    job.reasons.clear()
+    if not ran:
+        return Flips(change, math.nan, math.nan, 0, failed=failed, reason=reason)
+    flipped = sum(share > 0.0 for share in ran)
+    low, high = wilson(flipped, len(ran))
+    share, wrong = flipped / len(ran), float(np.mean(ran))
+    return Flips(change, share, wrong, len(ran), low, high, failed, reason)

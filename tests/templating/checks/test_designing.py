@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from cnnum import Engine, Template, get_template
-from cnnum.errors import DeviceError, FrameError, TemplateError
+from cnnum.errors import DeviceError, FrameError, MethodError, TemplateError
+from cnnum.templating.batch import TemplateBatch
 from cnnum.templating.checks import run_check
 from cnnum.templating.checks.audit import audit
 from cnnum.templating.checks.measuring import measure, settle_times, shifted
@@ -191,3 +192,29 @@ def test_only_what_diverges_counts_as_wrong():
     assert Judge(edge, Fails(FrameError("not finite"))).wrong(edge) == 1.0
     with pytest.raises(DeviceError):
         Judge(edge, Fails(DeviceError("gone"))).wrong(edge)
+
+
+def test_templates_that_no_method_runs_are_counted_apart():
+    """They were flips of every cell."""
+    engine = Engine("numba")
+
+    class OneInThree:
+        name, precision, calls = "numba", "float64", 0
+
+        def run(self, template, **options):
+            self.calls += 1
+            if isinstance(template, TemplateBatch) or self.calls % 3 == 0:
+                raise MethodError("its steps would be too short")
+            return engine.run(template, **options)
+
+    class Never(OneInThree):
+        def run(self, template, **options):
+            raise MethodError("its steps would be too short")
+
+    edge = get_template("EDGE")
+    (some,) = flips(edge, OneInThree(), mismatches=(0.01,), bits=(), draws=9)
+    assert (some.flipped, some.draws, some.failed) == (0.0, 6, 3)
+    assert some.reason == "its steps would be too short"
+    (none,) = flips(edge, Never(), mismatches=(0.01,), bits=(), draws=4)
+    assert np.isnan(none.flipped)
+    assert (none.draws, none.failed) == (0, 4)

@@ -11,6 +11,7 @@ from cnnum.engines.opencl.large_arrays.strip_kernel import StripText, apart, str
 from cnnum.engines.opencl.large_arrays.strip_rows import FINDINGS, ONES, Rows, constant, strip_rows
 from cnnum.engines.opencl.transients.builder import TransientBuilder
 from cnnum.engines.opencl.transients.step_control import K0, Attempt, rounding
+from cnnum.integrators.estimate import AROUND, LEAST_SLOPE, slopes_count
 
 FIGURES = ("worst", "added", "speed", "change")
 """The findings of a step: the largest of each in all cells."""
@@ -96,7 +97,7 @@ def figures(
     found = (
         error / (atol + rtol * ir.Choice(A < B, B, A)),
         left_out + rounding(text) * B,
-        ir.call("magnitude", rate),
+        _passed_on(rows, rate),
         tau * ir.call("magnitude", rate) / (atol + rtol * B),
     )
     lines = [
@@ -107,3 +108,14 @@ def figures(
         value = figure if empty is None else ir.Choice(empty, ONES - ONES, figure)
         lines.append(ir.Accumulate(ir.Name(name), "greatest", value))
     return lines
+
+
+def _passed_on(rows: Rows, rate: ir.Name) -> ir.Expression:
+    """Return |dx/dt| by how much a cell passes an error on; outputs of strips are odd functions."""
+    size = ir.call("magnitude", rate)
+    if not slopes_count(rows.text.template):
+        return size
+    around, half = ir.Number(AROUND), ir.Number(0.5 / AROUND)
+    rise = ir.call("shown", B + around, ONES) - ir.call("shown", B - around, ONES)
+    slope, least = half * ir.call("magnitude", rise), ir.Number(LEAST_SLOPE)
+    return ir.Choice(slope < least, ONES * least, slope) * size

@@ -21,7 +21,16 @@ from cnnum.engines.opencl.transients.names import (
     zeros,
 )
 from cnnum.engines.opencl.transients.state_equation import RESTS, Instant, into, rates_once, watched
-from cnnum.integrators.estimate import FLOOR, LOST, ROUNDINGS, SMALLEST_RATE, error_growth
+from cnnum.integrators.estimate import (
+    AROUND,
+    FLOOR,
+    LEAST_SLOPE,
+    LOST,
+    ROUNDINGS,
+    SMALLEST_RATE,
+    error_growth,
+    slopes_count,
+)
 from cnnum.integrators.schemes import MAX_STEPS, NEARLY, AdaptiveSteps, ChebyshevSteps
 from cnnum.templating.reads import gains_jump
 
@@ -39,6 +48,9 @@ ACCEPTED = ACCEPT.differs(ir.ZERO)
 
 ERROR, BEHIND, AHEAD, REACHED = ir.names("error behind ahead reached")
 SPEED_BEFORE, FASTER, GROWN = ir.names("speed_before faster grown")
+
+PASSED = ir.Name("passed")
+"""By how much a cell passes an error on: f'."""
 
 GOAL, ENDS = ir.names("goal ends")
 """The next time at which a step ends whatever its error, and whether this one does."""
@@ -98,7 +110,8 @@ def controlled(
     if stops:  # no sliver of a step is left before the point of a gain in time
         usual = ir.call("fmin", H, longest)
         length = ir.pick(goal - TIME <= ir.Number(NEARLY) * usual, goal - TIME, usual)
-    fastest = ir.Accumulate(SPEED_BEFORE, "greater", ir.size(K0[ir.CELL]))
+    passed, rate = passed_on(text, X[ir.CELL], K0[ir.CELL])
+    fastest = [*passed, ir.Accumulate(SPEED_BEFORE, "greater", rate)]
     step = (
         ir.Declare("real", zeros(WORST, ADDED, SPEED, CHANGE)),
         *([ir.fixed(GOAL, _next_stop(stops, duration))] if stops else []),
@@ -121,7 +134,7 @@ def controlled(
         ir.declare(RUNNING, ir.pick(TIME < duration, ir.ONE, ir.ZERO)),
         ir.Block(tuple(first_rates)),
         *attempt.begin,
-        ir.sweep(ir.CELL, text.states, [fastest]),
+        ir.sweep(ir.CELL, text.states, fastest),
         ir.Counted(ir.ROUND, 0, MAX_STEPS, RUNNING, step),
         ir.Assign(UNFINISHED, ir.call("fmax", UNFINISHED, RUNNING)),
         *attempt.end,
@@ -140,10 +153,10 @@ def _next_stop(stops: Sequence[float], duration: ir.Expression) -> ir.Expression
     return goal
 
 
-def _begun_anew(text: TransientBuilder, fastest: ir.Statement) -> list[ir.Statement]:
+def _begun_anew(text: TransientBuilder, fastest: list[ir.Statement]) -> list[ir.Statement]:
     """Return statements that find the rates at a step's start, which are those after a jump."""
     rates = text.aside(lambda: rates_once(text, into(K0), Instant(TIME, AMID_STEP)))
-    none, found = ir.Assign(SPEED_BEFORE, ir.ZERO), ir.sweep(ir.CELL, text.states, [fastest])
+    none, found = ir.Assign(SPEED_BEFORE, ir.ZERO), ir.sweep(ir.CELL, text.states, fastest)
     return [ir.Block(tuple(rates)), none, found]
 
 
@@ -205,6 +218,21 @@ def advance(text: TransientBuilder, last: ir.Name) -> list[ir.Statement]:
     return [ir.sweep(ir.CELL, text.states, body)]
 
 
+def passed_on(
+    text: TransientBuilder, state: ir.Expression, rate: ir.Expression
+) -> tuple[list[ir.Statement], ir.Expression]:
+    """Return |dx/dt| by how much the cell passes an error on, and the statements it needs.
+
+    See `cnnum.integrators.estimate`.
+    """
+    if not slopes_count(text.template):
+        return [], ir.size(rate)
+    around, half = ir.Number(AROUND), ir.Number(0.5 / AROUND)
+    rise = text.output(state + around) - text.output(state - around)
+    slope = ir.call("fmax", half * ir.size(rise), ir.Number(LEAST_SLOPE))
+    return [ir.fixed(PASSED, slope)], PASSED * ir.size(rate)
+
+
 def rounding(text: TransientBuilder) -> ir.Number:
     """Return the size of a step's roundings, for a state of 1."""
     return ir.Number(ROUNDINGS * float(np.finfo(text.tables.dtype).eps))
@@ -230,11 +258,13 @@ def judged(
         The rates at the step's end.
     """
     before, after, last = X[at], XS[at], rate[at]
+    passed, speed = passed_on(text, after, last)
     larger = ir.call("fmax", ir.size(before), ir.size(after))
     return [
         ir.fixed(E, ir.size(error)),
         ir.Accumulate(WORST, "greater", E / text.scale(larger)),
         ir.Accumulate(ADDED, "greater", left_out + rounding(text) * ir.size(after)),
-        ir.Accumulate(SPEED, "greater", ir.size(last)),
+        *passed,
+        ir.Accumulate(SPEED, "greater", speed),
         watched(text, after, last),
     ]
