@@ -50,13 +50,19 @@ Again = Callable[[RunSpec, NDArray[np.intp]], Result]
 
 def may_grow(template: Template, solver: Solver) -> bool:
     """Return whether a run is one whose followed error may miss something."""
-    followed = isinstance(solver.scheme, AdaptiveSteps | ChebyshevSteps)
-    grows = error_growth(template) > 0.0 or hides_errors(template)
-    return followed and not solver.settle and grows
+    scheme = solver.scheme
+    if solver.settle or not isinstance(scheme, AdaptiveSteps | ChebyshevSteps):
+        return False
+    return error_growth(template) > 0.0 or hides_errors(template, solver)
 
 
-def hides_errors(template: Template) -> bool:
-    """Return whether every run takes another one to say how far off it is."""
+def hides_errors(template: Template, solver: Solver) -> bool:
+    """Return whether every run takes another one to say how far off it is.
+
+    Steps of a fixed length are no longer than their stages show.
+    """
+    if _even(solver):
+        return False
     straight = template.output.linear or template.output.name in ("standard", "full-range")
     moving = any(not coupling.static for coupling in template.nonlinear)
     return not straight or bool(template.gains) or moving
@@ -80,7 +86,12 @@ def followed(request: Request, down: Callable[[Request], Result]) -> Result:
     def again(finer: RunSpec, frames: NDArray[np.intp]) -> Result:
         return down(request.by(finer, request.frames(frames)))
 
-    return compared(result, request.ran, request.given, request.spec, again)
+    return compared(result, request.ran, request.solver, request.given, request.spec, again)
+
+
+def _even(solver: Solver) -> bool:
+    """Return whether steps are of one length, whatever their error."""
+    return isinstance(solver.scheme, AdaptiveSteps) and not any(solver.scheme.tableau.error)
 
 
 def scale(template: Template, sizes: Mapping[str, Floats]) -> Floats:
@@ -119,7 +130,7 @@ def scale(template: Template, sizes: Mapping[str, Floats]) -> Floats:
 
 
 def compared(
-    result: Result, template: Template, given: Maps, spec: RunSpec, again: Again
+    result: Result, template: Template, solver: Solver, given: Maps, spec: RunSpec, again: Again
 ) -> Result:
     """Return a result whose errors hold where its own steps do not show them, too.
 
@@ -128,6 +139,8 @@ def compared(
     result : Result
         Of a batch, perhaps at several times.
     template : Template
+    solver : Solver
+        That took its steps.
     given : mapping of str to (..., maps, rows, cols) float
         The maps of its frames.
     spec : RunSpec
@@ -139,7 +152,7 @@ def compared(
     sizes = {role: np.abs(maps).max(axis=(-2, -1)) for role, maps in given.items()}
     begun = np.broadcast_to(scale(template, sizes), lead)
     ended = np.abs(result.state).max(axis=inner, initial=0.0)
-    grew = ((ended > FAR * begun) | hides_errors(template)) & np.isfinite(result.error)
+    grew = ((ended > FAR * begun) | hides_errors(template, solver)) & np.isfinite(result.error)
     times = len(result.times) if result.times else 1
     frames = np.flatnonzero(grew.reshape(times, -1).any(axis=0))
     if not len(frames):
@@ -148,7 +161,7 @@ def compared(
     state = np.asarray(result.state, dtype=np.float64).reshape(times, -1, *_inner(result))
     error = np.array(result.error, dtype=np.float64).reshape(times, -1)
     try:
-        finer = again(_finer(spec, smallest, result.method), frames)
+        finer = again(_finer(spec, smallest, solver), frames)
     except MethodError:  # it would take too many steps
         error[:, frames] = math.inf
     else:
@@ -162,16 +175,15 @@ def _inner(result: Result) -> tuple[int, ...]:
     return result.state.shape[np.ndim(result.time) :]
 
 
-def _finer(spec: RunSpec, begun: float, taken: str) -> RunSpec:
+def _finer(spec: RunSpec, begun: float, solver: Solver) -> RunSpec:
     """Return a finer run: its tolerances are powers of 10, so that few plans are made of them.
 
     Where stability sets the steps, a finer run of the same method takes the same ones, and agrees.
     """
     atol = FINER * min(spec.atol, max(spec.rtol, spec.atol) * begun)
     exponent = math.floor(math.log10(max(atol, SMALLEST)))
-    method = spec.method if spec.dt is None else "auto"
-    if taken == BOGACKI_SHAMPINE.name:
-        method = DORMAND_PRINCE.name
+    coarse = solver.method == BOGACKI_SHAMPINE.name or _even(solver)
+    method = DORMAND_PRINCE.name if coarse else spec.method
     return replace(
         spec, method=method, dt=None, estimate=False, rtol=FINER * spec.rtol, atol=10.0**exponent
     )

@@ -214,7 +214,7 @@ def prepared_run(
     reads_all = plan.schedule.channels_read == plan.schedule.channels
     if solver.forced or not reads_all or (exact and may_stay_linear(template, given)):
         return None
-    if may_grow(template, solver) and hides_errors(template):  # it is compared with another run
-        return None
+    if may_grow(template, solver) and hides_errors(template, solver):
+        return None  # it is compared with another run
     one = plan.executable.one(plan.executable.new_memory(1))
     return None if one is None else PreparedRun(template, plan, one, tuple(given))

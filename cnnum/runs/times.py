@@ -92,7 +92,7 @@ def _looks(request: Request, times: tuple[float, ...], end: Result) -> Result | 
             raise MethodError("Implicit steps are not looked at on their way.")
         return found
 
-    return compared(looks, ran, request.given, spec, again)
+    return compared(looks, ran, solver, request.given, spec, again)
 
 
 def _halved_looks(request: Request, times: tuple[float, ...], end: Result) -> Result | None:
