@@ -53,6 +53,15 @@ def test_every_figure_equation_table_and_section_is_on_the_page() -> None:
     assert missing == []
 
 
+def test_the_page_counts_the_rows_and_their_faults():
+    items = select([])
+    checks = [item for item in items if item.kind == "check"]
+    faults = sum(len(item.faults) for item in checks)
+    said = re.search(r"There are (\d+) checks, which (\d+) faults make fail, and (\d+)", PAGE)
+    assert said
+    assert [int(n) for n in said.groups()] == [len(checks), faults, len(items) - len(checks)]
+
+
 def test_commands_on_the_page_name_rows_and_no_row_is_left_off_it() -> None:
     asked = [
         name
