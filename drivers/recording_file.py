@@ -90,7 +90,7 @@ def _is_own_archive(file: Path) -> bool:
         return False
 
 
-def load_recording(path: str | Path, *, budget: float = 1.0) -> Recording:
+def load_recording(path: str | Path, *, budget: float = 1.0, topic: str = "") -> Recording:
     """Read a recording into memory.
 
     Parameters
@@ -100,6 +100,8 @@ def load_recording(path: str | Path, *, budget: float = 1.0) -> Recording:
         with its layout. It may be the folder of a uSkin trial, too.
     budget : float
         How many times as much time, unpacked bytes and frames as usual an MCAP file may take.
+    topic : str
+        Of an MCAP file or a bag of others, in place of that of its layout.
 
     Returns
     -------
@@ -113,7 +115,7 @@ def load_recording(path: str | Path, *, budget: float = 1.0) -> Recording:
     SceneError
         If its layout is missing or wrong.
     """
-    table = array_of(as_path(path, RecordingError))
+    table = array_of(as_path(path, RecordingError), topic)
     if table["driver"] == "mcap":
         table["budget"] = budget
     with open_driver(str(table.pop("driver")), table) as driver:

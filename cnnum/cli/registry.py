@@ -36,6 +36,7 @@ _SERVING: Mapping[str, tuple[str, str]] = {
         f"{ROOM}.recover",
         "Make a whole recording of one that was cut off or damaged.",
     ),
+    "check": (f"{ARRAYS}.check", "Check the orders, signs and taxels of a recording."),
     "layout": (f"{ARRAYS}.layout", "Propose the layout of a data file, and draw a frame."),
     "lerobot": (f"{ARRAYS}.lerobot", "Write a recording as a data set of LeRobot."),
     "view": (f"{ARRAYS}.view", "Show an array or a recording in a browser."),

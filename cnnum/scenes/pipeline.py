@@ -51,6 +51,7 @@ from cnnum.scenes.events import (
 from cnnum.scenes.frame_range import ANY, FrameRange, range_for
 from cnnum.scenes.histogram import Histogram
 from cnnum.scenes.like_frames import like_frames
+from cnnum.scenes.order_watch import OrderWatch
 from cnnum.scenes.push_watch import PushWatch
 from cnnum.scenes.saturation import CHANNEL, Mask, Saturation, marked
 from cnnum.scenes.scene_file import EVERYTHING, SceneSpec, read_scene, scene_names
@@ -199,6 +200,8 @@ class Scene(OfThisProcess):
         Outputs that the program gives, wanted or not.
     push : PushWatch
         Notices pushes that read as pulls.
+    orders : OrderWatch
+        Notices axes in a wrong order or with a wrong sign.
     bad : BadFrames
         Those passed over so far.
     """
@@ -213,6 +216,7 @@ class Scene(OfThisProcess):
     dead: DeadCells | None
     offered: tuple[str, ...]
     push: PushWatch
+    orders: OrderWatch
     bad: BadFrames = field(default_factory=BadFrames)
     _micros: Histogram = field(default_factory=Histogram)
     _late: Histogram = field(default_factory=Histogram)  # µs from arrival to events
@@ -263,7 +267,9 @@ class Scene(OfThisProcess):
             raise
         within = _range(spec, driver, conversion, used.precision)
         push = PushWatch(program, plan.schedule.channels_read)
-        return cls(spec, used, driver, conversion, plan, rules, within, dead, tuple(outputs), push)
+        orders = OrderWatch(driver.channels, getattr(driver, "pads", None) or 1)
+        offered = tuple(outputs)
+        return cls(spec, used, driver, conversion, plan, rules, within, dead, offered, push, orders)
 
     def results(self, begin: float = 0.0) -> Iterator[FrameResult]:
         """Yield every frame with its results, until the source ends or the caller stops.
@@ -292,6 +298,7 @@ class Scene(OfThisProcess):
                     self._seconds_before = frame.time - first
                     if moment.values is not None:
                         self.push.look(moment.values)
+                        self.orders.look(frame)
                     continue
                 self._begun += 1
                 self._count(moment, way)
@@ -314,6 +321,7 @@ class Scene(OfThisProcess):
                     "and replay it."
                 )
             self.push.begin()
+            self.orders.begin()
             self.bad, self._micros, self._late = BadFrames(), Histogram(), Histogram()
             self._begun = self._repeated = self._before = self._saturated = 0
             self._last_before = None
@@ -375,6 +383,7 @@ class Scene(OfThisProcess):
     def _count(self, moment: FrameResult, way: FramePath) -> None:
         if moment.values is not None:
             self.push.look(moment.values)
+            self.orders.look(moment.frame)
             self._saturated += moment.saturated is not None
             self._micros.add(1e6 * moment.seconds)
             if moment.frame.monotonic_ns is not None:

@@ -81,20 +81,21 @@ class Proposal:
     def text(self) -> str:
         """Return the layout as TOML."""
         lines = [f"# {line}" for line in self.undecided]
-        lines += [f"{key} = {_toml(value)}" for key, value in self.table.items()]
+        lines += [f"{key} = {toml_text(value)}" for key, value in self.table.items()]
         if "rate" not in self.table and not {"time", "topic", "protocol"} & set(self.table):
             lines.append("# rate = (frames a second: the file does not say it)")
         return "\n".join(lines) + "\n"
 
 
-def _toml(value: object) -> str:
+def toml_text(value: object) -> str:
+    """Return a value as TOML."""
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, str):
         return json.dumps(value, ensure_ascii=False)
     if isinstance(value, tuple | list):
         items = cast("Iterable[object]", value)
-        return "[" + ", ".join(_toml(item) for item in items) + "]"
+        return "[" + ", ".join(toml_text(item) for item in items) + "]"
     return repr(value)
 
 

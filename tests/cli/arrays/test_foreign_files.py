@@ -53,6 +53,12 @@ def test_a_layout_is_proposed_and_reads_the_file(call, records, foreign):
     # the centre of the press, in rows and columns
     assert row == pytest.approx(0.6 * rows - 0.5, abs=1.0)
     assert col % (cols // pads) == pytest.approx(0.4 * cols / pads - 0.5, abs=1.0)
+    shown = call("check", path, "--json")
+    assert shown.exit_code == 0, shown.stdout
+    sentences = {one["what"]: one["sentence"] for one in records(shown.stdout)}
+    assert "as the times say" in sentences["rate"]
+    pattern = len(recording.channels) == 3 and rows > 2
+    assert ("orders and signs are right" in sentences["order"]) == pattern
     again = call("layout", path, "--write", *known)
     assert again.exit_code == 2
     assert "already exists" in again.stderr

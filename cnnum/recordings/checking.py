@@ -1,0 +1,281 @@
+"""What a recording shows of its array: orders, signs, unit, rate, rest, dead and noisy taxels."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cnnum.arrays import Floats
+from cnnum.frame import FORCE_AXES, Quality
+from cnnum.recordings.orders import Order, best_order, pad_pressed
+from cnnum.recordings.recording import Recording
+from cnnum.recordings.times import rate_of
+
+RESTING = 1.0
+"""s at the begin, and at the end, that are looked at for the rest."""
+
+LEAST, MOST = 5, 200
+"""Frames of it."""
+
+TOUCH = 20.0
+"""Times the noise from which a frame is under a load."""
+
+LOUD = 5.0
+"""Times the noise of its channel from which a taxel is noisy."""
+
+PRESSES = 16
+"""Frames under a load whose orders are looked at."""
+
+APART = 0.05
+"""Share by which a rate may differ from that of the times."""
+
+WRAPPED = 0.75
+"""Share of the range of a number of few bits from which a step is none of a load."""
+
+LISTED = 12
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One thing that a recording shows.
+
+    Attributes
+    ----------
+    what : str
+        "order", "unit", "rate", "rest", "dead", "stuck", "noisy", "wrap", "lost" or "bad".
+    sentence : str
+    wrong : bool
+        Whether it is a fault, and not a fact.
+    cure : dict of str to object
+        Keys of a layout, or of a scene with their tables ("frames.dead"), that cure it.
+    """
+
+    what: str
+    sentence: str
+    wrong: bool = True
+    cure: Mapping[str, object] = field(default_factory=dict[str, object])
+
+
+def checked(recording: Recording, pads: int = 1) -> list[Finding]:
+    """Return what a recording shows, faults first.
+
+    Parameters
+    ----------
+    recording : Recording
+    pads : int
+        Pads side by side in its columns: each has presses of its own.
+    """
+    good = recording.quality & int(Quality.CORRUPT | Quality.REPEATED) == 0
+    good &= np.isfinite(recording.values).all(axis=(1, 2, 3))
+    found = [*_counted(recording, good), *_rates(recording)]
+    values, times = recording.values[good], recording.times[good]
+    if len(values) < 2 * LEAST:
+        few = f"{len(values)} good frames are too few to look at."
+        return [*found, Finding("frames", few, wrong=False)]
+    rest, noise, begins = _rest(values, times)
+    found += _rests(values, times, rest, noise, begins)
+    found += _taxels(recording, values)
+    found += _wraps(values)
+    found += _units(recording, values, rest)
+    found += _orders(recording, values, rest, noise, pads)
+    return sorted(found, key=lambda one: not one.wrong)
+
+
+def steps_noise(values: Floats) -> Floats:
+    """Return the noise of each number by its steps from frame to frame, (rows, cols, channels).
+
+    A touch is a few large steps among many small ones, so that it makes no taxel noisy.
+    """
+    # of normal noise the median step is 0.954 standard deviations; the mean is less coarse where
+    # most steps are 0
+    steps = np.abs(np.diff(values, axis=0))
+    middle = np.median(steps, axis=0) / 0.954
+    mean = steps.mean(axis=0) * np.sqrt(np.pi) / 2.0
+    return np.asarray(np.where(middle > 0.0, np.minimum(middle, mean), mean))
+
+
+def _counted(recording: Recording, good: NDArray[np.bool_]) -> list[Finding]:
+    found: list[Finding] = []
+    flags = recording.quality
+    bad = int((~np.isfinite(recording.values).all(axis=(1, 2, 3))).sum())
+    bad += int((flags & int(Quality.CORRUPT) != 0).sum())
+    if bad:
+        found.append(Finding("bad", f"{bad} frames hold missing values, or are flagged as bad."))
+    repeated = int((flags & int(Quality.REPEATED) != 0).sum())
+    if repeated:
+        said = f"{repeated} of {len(good)} frames repeat the one before."
+        found.append(Finding("repeated", said, wrong=False))
+    ahead = np.diff(recording.sequence) - 1
+    gaps = int((ahead > 0).sum())
+    if gaps:
+        longest = float(np.diff(recording.times)[ahead > 0].max())
+        said = f"{gaps} gaps with {int(ahead[ahead > 0].sum())} scans missing, the longest"
+        found.append(Finding("lost", f"{said} {longest:.3g} s.", wrong=False))
+    return found
+
+
+def _rates(recording: Recording) -> list[Finding]:
+    new = recording.quality & int(Quality.REPEATED) == 0
+    rate = rate_of(recording.times[new])
+    if not rate:
+        return [Finding("rate", "The times of the frames give no rate.")]
+    if abs(rate - recording.rate) > APART * rate:
+        said = f"The rate is {recording.rate:g} Hz, and {rate:.4g} Hz by the times."
+        return [Finding("rate", said, cure={"rate": float(f"{rate:.6g}")})]
+    return [Finding("rate", f"The rate is {recording.rate:g} Hz, as the times say.", wrong=False)]
+
+
+def _rest(values: Floats, times: Floats) -> tuple[Floats, Floats, bool]:
+    """Return the rest, the noise of each number, and whether the recording begins at rest."""
+    count = int((times < times[0] + RESTING).sum())
+    count = min(max(count, LEAST), MOST, len(values) // 2)
+    first, last = values[:count], values[-count:]
+    noise = steps_noise(values)
+    floor = np.maximum(noise, 1e-9 * max(1.0, float(np.abs(values).max())))
+    moving = [float((np.ptp(part, axis=0) / floor).max()) for part in (first, last)]
+    apart = np.abs(np.median(first, axis=0) - np.median(last, axis=0)) / floor
+    begins = True
+    if apart.max() > TOUCH:
+        # the rest is the end where the load is smaller: the median of all lies nearer to it
+        middle = np.median(values, axis=0)
+        away = [float((np.abs(np.median(p, axis=0) - middle) / floor).sum()) for p in (first, last)]
+        begins = moving[0] <= 2.0 * moving[1] or away[0] <= away[1]
+    part = first if begins else last
+    return np.median(part, axis=0), floor, begins
+
+
+def _rests(
+    values: Floats, times: Floats, rest: Floats, noise: Floats, begins: bool
+) -> list[Finding]:
+    found: list[Finding] = []
+    if not begins:
+        said = "The recording seems to begin under a load: rest is taken from its end."
+        found.append(Finding("rest", said, wrong=True, cure={}))
+    count = max(LEAST, min(MOST, int((times < times[0] + 0.1).sum())))
+    early: Floats = np.abs(values[:count] - rest) / noise
+    if begins and early.max() > TOUCH:
+        row, col = np.unravel_index(int(early.max(axis=(0, 3)).argmax()), rest.shape[:2])
+        said = (
+            f"In the first {times[min(count, len(times)) - 1] - times[0]:.2g} s the taxel ({row}, "
+            f"{col}) moves by {early.max():.0f} times its noise: programs take these frames for "
+            "their rest."
+        )
+        found.append(Finding("rest", said))
+    return found
+
+
+def _taxels(recording: Recording, values: Floats) -> list[Finding]:
+    still = (values == values[0]).all(axis=0)
+    noise = steps_noise(values)
+    middle = np.median(noise, axis=(0, 1))
+    loud = (noise > LOUD * middle) & (middle > 0.0)
+    found: list[Finding] = []
+    for what, marks, said in (
+        ("dead", still & (values[0] == 0.0), "read 0 all the time"),
+        ("stuck", still & (values[0] != 0.0), "read the same number all the time"),
+        ("noisy", loud, f"are more than {LOUD:g} times as noisy as the others"),
+    ):
+        whole = marks.all(axis=(0, 1))
+        if marks.any() and not whole.all():
+            places = np.argwhere((marks & ~whole).any(axis=-1)).tolist()
+            shown = ", ".join(f"({row}, {col})" for row, col in places[:LISTED])
+            more = f" and {len(places) - LISTED} more" if len(places) > LISTED else ""
+            if places:
+                cure = {"frames.dead": places}
+                found.append(Finding(what, f"The taxels {shown}{more} {said}.", cure=cure))
+            for n in np.flatnonzero(whole).tolist():
+                name = recording.channels[n]
+                found.append(Finding(what, f"All taxels {said} in the channel '{name}'."))
+        elif whole.all() and marks.size:
+            found.append(Finding(what, f"All taxels {said}: the array is not connected."))
+    return found
+
+
+def _wraps(values: Floats) -> list[Finding]:
+    if not (values % 1.0 == 0.0).all():
+        return []
+    for bits in (8, 10, 12, 16):
+        top = float(1 << bits)
+        if values.min() >= 0.0 and top / 2 < values.max() < top:
+            jumps = np.abs(np.diff(values, axis=0)) > WRAPPED * top
+            # a load that passes the end of the range comes back from the other one
+            if np.count_nonzero(jumps.any(axis=0)) and (values.max(axis=0) > 0.9 * top).any():
+                row, col = np.argwhere(jumps.any(axis=(0, 3)))[0].tolist()
+                said = (
+                    f"Numbers jump from one end of 0 to {top - 1:.0f} to the other, first in the "
+                    f"taxel ({row}, {col}): numbers of {bits} bits that ran over. The loads are "
+                    "lost: record them with more bits."
+                )
+                return [Finding("wrap", said)]
+    return []
+
+
+def _units(recording: Recording, values: Floats, rest: Floats) -> list[Finding]:
+    unit, away = recording.unit, float(np.abs(values - rest).max())
+    if unit == "strain" and away > 1.0:
+        said = f"The unit is strain, and values move by {away:.3g}: no cover is strained so far."
+        return [Finding("unit", said, cure={"unit": "count"})]
+    if unit == "count" and (values % 1.0 != 0.0).any() and away < 100.0:
+        said = "The unit is count, and the values are no whole numbers: name it where you know it."
+        return [Finding("unit", said, wrong=False)]
+    return []
+
+
+def _orders(
+    recording: Recording, values: Floats, rest: Floats, noise: Floats, pads: int
+) -> list[Finding]:
+    if recording.channels != FORCE_AXES:
+        said = "Orders are looked at in arrays of three axes alone."
+        return [Finding("order", said, wrong=False)]
+    away = values - rest
+    # whatever the channels are called, a load moves one of them
+    size = np.abs(away / noise).max(axis=(1, 2, 3))
+    pressed = np.flatnonzero(size > max(TOUCH, 0.3 * float(size.max())))
+    if len(pressed) < LEAST:
+        return [
+            Finding("order", "No press is seen, so that nothing shows the orders.", wrong=False)
+        ]
+    some = pressed[:: max(1, len(pressed) // PRESSES)]
+    order, value, present = best_order(pad_pressed(away[some], pads))
+    if order is None:
+        said = (
+            "No press straight down is seen, so that nothing shows the orders and signs: press the "
+            "middle of the array without a pull, and look again."
+        )
+        return [Finding("order", said, wrong=False)]
+    if order == Order():
+        said = f"The orders and signs are right: the shear points away from a press ({value:.2f})."
+        return [Finding("order", said, wrong=False)]
+    return [Finding("order", *sentence_of(order, value, present))]
+
+
+def sentence_of(order: Order, value: float, present: float) -> tuple[str, bool, dict[str, object]]:
+    """Return a sentence on an order that is wrong, that it is, and its cure."""
+    cure: dict[str, object] = {}
+    parts: list[str] = []
+    if order.grid == "columns":
+        parts.append("the taxels follow each other down the columns")
+        cure["order"] = "frames cols rows channels"
+    elif order.grid == "channels":
+        parts.append("all numbers of a channel follow each other")
+        cure["order"] = "frames channels rows cols"
+    names = order.names()
+    if order.channels != (0, 1, 2):
+        named = f"the channels are {', '.join(n.lstrip('-') for n in names)}"
+        swapped = order.channels == (1, 0, 2) and not order.grid
+        parts.append(f"{named}, or rows and columns are swapped" if swapped else named)
+    turned = [name.lstrip("-") for name in names if name.startswith("-")]
+    if turned:
+        other = {"x": "columns", "y": "rows"}
+        parts.append(
+            f"the sign of {' and '.join(turned)} is turned, or the "
+            f"{' and the '.join(other[name] for name in turned)} count from the other end"
+        )
+    if names != ["x", "y", "z"]:
+        cure["channels"] = names
+    said = (
+        f"The shear does not point away from a press as it should ({present:.2f} of 1): it would "
+        f"({value:.2f}) if {', and '.join(parts)}."
+    )
+    return said, True, cure

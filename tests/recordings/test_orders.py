@@ -1,0 +1,147 @@
+"""Orders and signs by a press: every wrong one is found, and none where they are right."""
+
+import logging
+
+import numpy as np
+import pytest
+from foreign_files import press
+
+import cnnum
+from cnnum.cli.arrays.layout import drawn
+from cnnum.cli.commands.probe import ProbeFigures
+from cnnum.drivers import open_driver
+from cnnum.frame import FORCE_AXES, Frame
+from cnnum.recordings.checking import checked
+from cnnum.scenes.order_watch import OrderWatch
+
+WRONG = {
+    "z, x, y": (lambda v: v[..., [2, 0, 1]], {"channels": ["z", "x", "y"]}),
+    "z, y, x": (lambda v: v[..., ::-1], {"channels": ["z", "y", "x"]}),
+    "y, x, z": (lambda v: v[..., [1, 0, 2]], {"channels": ["y", "x", "z"]}),
+    "x turned": (lambda v: v * [-1, 1, 1], {"channels": ["-x", "y", "z"]}),
+    "columns mirrored": (lambda v: v[:, :, ::-1], {"channels": ["-x", "y", "z"]}),
+    "upside down": (lambda v: v[:, ::-1], {"channels": ["x", "-y", "z"]}),
+    "both turned": (lambda v: v * [-1, -1, 1], {"channels": ["-x", "-y", "z"]}),
+    "rows and columns swapped": (
+        lambda v: v.transpose(0, 2, 1, 3).reshape(v.shape),
+        {"order": "frames cols rows channels"},
+    ),
+    "axis-first as axis-last": (
+        lambda v: v.transpose(0, 3, 1, 2).reshape(v.shape),
+        {"order": "frames channels rows cols"},
+    ),
+}
+SHAPES = [(8, 8), (6, 4), (5, 9)]
+
+
+def orders(values, unit="count"):
+    recording = cnnum.Recording(values, rate=100.0, unit=unit)
+    (found,) = (one for one in checked(recording) if one.what == "order")
+    return found
+
+
+def watched(values, rate=100.0, unit="count"):
+    watch = OrderWatch(FORCE_AXES)
+    for n, frame in enumerate(values):
+        watch.look(Frame(frame, FORCE_AXES, unit, n, n / rate))
+    return watch.said
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("seed", [0, 1])
+def test_right_orders_are_called_right(shape, seed):
+    values = press(*shape, seed=seed, offset=16_000)
+    found = orders(values)
+    assert not found.wrong
+    assert "are right" in found.sentence
+    assert not watched(values)
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("name", WRONG)
+def test_wrong_orders_are_named_with_their_cure(name, shape, caplog):
+    turn, cure = WRONG[name]
+    square = shape[0] == shape[1]
+    if name == "rows and columns swapped" and square:  # the same as swapped shears
+        cure = {"channels": ["y", "x", "z"]}
+    values = np.ascontiguousarray(turn(press(*shape, offset=16_000)))
+    found = orders(values)
+    assert found.wrong
+    assert found.cure == cure
+    with caplog.at_level(logging.WARNING, "cnnum"):
+        assert watched(values)
+    assert len(caplog.messages) == 1
+
+
+def test_strain_shows_the_same(tmp_path):
+    script = [
+        {"kind": "hold", "duration": 0.3},
+        {"kind": "press", "duration": 0.3, "load": 0.5},
+        {"kind": "hold", "duration": 0.3},
+    ]
+    with open_driver("simulated", {"script": script}) as array:
+        values = np.stack([array.calibration.to_strain(f.values) for f in array.frames()])[::3]
+    assert not orders(values, "strain").wrong
+    assert not watched(values, array.rate / 3, "strain")
+    assert orders(values * [-1, 1, 1], "strain").cure == {"channels": ["-x", "y", "z"]}
+
+
+def test_a_twist_a_pull_and_noise_are_no_wrong_order():
+    """The shear of a twist is across the places, that of a pull the same everywhere."""
+    values = press(8, 8, offset=16_000)
+    rest = 16_000.0
+    away = values - rest
+    twist = np.stack([-away[..., 1], away[..., 0], away[..., 2]], axis=-1)
+    pull = np.stack([away[..., 2], -0.5 * away[..., 2], away[..., 2]], axis=-1)
+    flat = np.random.default_rng(0).normal(0.0, 2.0, values.shape)
+    load = np.concatenate([flat[..., :2], away[..., 2:]], axis=-1)
+    for moved in (twist, pull, flat, load):
+        assert not orders(rest + moved).wrong
+        assert not watched(rest + moved)
+
+
+def test_dead_stuck_and_noisy_taxels_and_touched_ones():
+    values = press(8, 8, offset=16_000, size=20_000)
+    values[:, 2, 3], values[:, 0, 0] = 0.0, 17.0
+    values[:, 7, 7] += np.random.default_rng(1).normal(0.0, 40.0, (len(values), 3))
+    found = {one.what: one for one in checked(cnnum.Recording(values, rate=100.0)) if one.wrong}
+    assert found["dead"].cure == {"frames.dead": [[2, 3]]}
+    assert found["stuck"].cure == {"frames.dead": [[0, 0]]}
+    assert found["noisy"].cure == {"frames.dead": [[7, 7]]}
+
+
+def test_a_probe_calls_no_touched_cell_noisy():
+    values = press(8, 8, offset=16_000, size=20_000)
+    values[:, 7, 7] += np.random.default_rng(1).normal(0.0, 40.0, (len(values), 3))
+    figures = ProbeFigures()
+    for n, frame in enumerate(values):
+        figures.add(Frame(frame, FORCE_AXES, "count", n, n / 100.0))
+    assert {cell[:2] for cell in figures.noisy} == {(7, 7)}
+    # the touched ones moved much further
+    assert figures.deviation[4, 3, 2] > 5.0 * figures.deviation[7, 7, 2]
+
+
+FACTS = {
+    "rate": ({"rate": 1000.0, "times": np.arange(300) / 100.0}, "100 Hz by the times"),
+    "unit": ({"rate": 100.0, "unit": "strain"}, "no cover is strained so far"),
+}
+
+
+@pytest.mark.parametrize("what", FACTS)
+def test_a_rate_and_a_unit_that_cannot_be(what):
+    parts, said = FACTS[what]
+    recording = cnnum.Recording(press(4, 4), **parts)
+    (found,) = (one for one in checked(recording) if one.what == what)
+    assert found.wrong
+    assert said in found.sentence
+
+
+def test_counts_that_run_over():
+    values = np.rint(press(8, 8, offset=40, size=260, noise=1.0)) % 256
+    assert "wrap" in {one.what for one in checked(cnnum.Recording(values, rate=100.0)) if one.wrong}
+    below = np.clip(np.rint(press(8, 8, offset=40, size=260, noise=1.0)), 0, 255)
+    assert "wrap" not in {one.what for one in checked(cnnum.Recording(below, rate=100.0))}
+
+
+def test_the_picture_has_two_letters_a_taxel():
+    assert drawn(np.array([[0.0, 1.0], [0.5, -1.0]])) == "+----+\n|  @@|\n|==@@|\n+----+"
