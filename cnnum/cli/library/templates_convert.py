@@ -62,11 +62,19 @@ def export(name: str, file: str, force: bool, as_json: bool) -> None:
 
     The suffix says the format: .tem (CNN Software Library), .m (MatCNN), .cnnsim or .toml.
     """
-    from cnnum.templating.files import load_entry, save_entry
+    from cnnum.templating.files import left_unsaid, load_entry, save_entry
+    from cnnum.templating.files.unsaid import WORDS
     from cnnum.templating.library import get_entry
 
     entry = load_entry(name) if is_place(name) else get_entry(name)
     save_entry(entry, file, force=force)
-    Output(as_json).record(
-        {"template": entry.template.name, "file": file}, f"{entry.template.name}: {file}"
+    lost, output = [key for key in left_unsaid(entry, file) if key not in WORDS], Output(as_json)
+    output.record(
+        {"template": entry.template.name, "file": file, "in_comments": lost},
+        f"{entry.template.name}: {file}",
     )
+    if lost:
+        output.show(
+            f"Other programs will not see its {', '.join(lost)}: the format has no words for that, "
+            "and it stands in comments, which cnnum reads back."
+        )

@@ -16,6 +16,7 @@ from cnnum.templating.files.matcnn_format import MATCNN
 from cnnum.templating.files.measured import Measured, measured_toml
 from cnnum.templating.files.tem_format import TEM
 from cnnum.templating.files.toml_format import TOML
+from cnnum.templating.files.unsaid import comments, unsaid, with_comments
 from cnnum.templating.template import Template
 
 _FORMATS: dict[str, FileFormat] = {each.suffix: each for each in (TOML, TEM, MATCNN, CNNSIM)}
@@ -23,6 +24,7 @@ _SEVERAL = {TEM.suffix: tem_format.read_all, MATCNN.suffix: matcnn_format.read_a
 
 __all__ = [
     "Entry",
+    "left_unsaid",
     "load_entries",
     "load_entry",
     "load_template",
@@ -55,8 +57,8 @@ def load_entry(path: str | PathLike[str]) -> Entry:
         As `load_template`.
     """
     source = as_path(path, TemplateFileError)
-    form = _format(source)
-    return form.read(_content(source), str(source))
+    form, content = _format(source), _content(source)
+    return _read(form, content, str(source))
 
 
 def load_entries(path: str | PathLike[str]) -> tuple[Entry, ...]:
@@ -71,7 +73,9 @@ def load_entries(path: str | PathLike[str]) -> tuple[Entry, ...]:
     form = _format(source)
     if form.suffix not in _SEVERAL:
         return (load_entry(source),)
-    return _SEVERAL[form.suffix](_content(source), str(source))
+    content = _content(source)
+    found = _SEVERAL[form.suffix](content, str(source))
+    return (with_comments(found[0], content, str(source)),) if len(found) == 1 else found
 
 
 def load_templates(path: str | PathLike[str]) -> tuple[Template, ...]:
@@ -142,7 +146,25 @@ def save_entry(entry: Entry, path: str | PathLike[str], *, force: bool = False) 
     """
     target = as_path(path, TemplateFileError)
     form = _format(target)
-    _write(target, form.write(entry), force=force)
+    text = form.write(entry)
+    _write(target, text + comments(left_unsaid(entry, path)), force=force)
+
+
+def left_unsaid(entry: Entry, path: str | PathLike[str]) -> dict[str, object]:
+    """Return what the format of a file has no words for: `save_entry` writes it as comments.
+
+    Returns
+    -------
+    dict of str to object
+        By keys of the TOML format, which itself says everything.
+    """
+    form = _format(as_path(path, TemplateFileError))
+    return {} if form is TOML else unsaid(entry, form, form.write(entry))
+
+
+def _read(form: FileFormat, content: str, file: str) -> Entry:
+    entry = form.read(content, file)
+    return entry if form is TOML else with_comments(entry, content, file)
 
 
 def write_measured(path: str | PathLike[str], measured: Measured) -> None:

@@ -1,0 +1,83 @@
+"""The library goes out to other formats and comes back with all that comments can carry."""
+
+import tomllib
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import cnnum
+from cnnum.cli import main
+from cnnum.errors import NotSupportedError, TemplateError
+from cnnum.templating.files import load_entry, save_entry
+from cnnum.templating.files.toml_format import TOML
+from cnnum.templating.library import get_entry, template_names
+
+NOT_CARRIED = {"measured", "proof", "nonlinear"}
+"""The first two are written by commands from a run, and not by people. A nonlinear coupling may come
+back as another product of weights and function that is equal: the tests of each format hold it."""
+
+
+def trimmed(value):
+    """A table whose matrices have no rim of zeros: files may widen them to the radius."""
+    if isinstance(value, dict):
+        return {key: trimmed(one) for key, one in value.items()}
+    if not isinstance(value, list):
+        return value
+    matrix = np.array(value, dtype=object)
+    if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1] or len(matrix) % 2 == 0:
+        return [trimmed(one) for one in value]
+    while len(matrix) > 1 and not (matrix[[0, -1]].any() or matrix[:, [0, -1]].any()):
+        matrix = matrix[1:-1, 1:-1]
+    return matrix.tolist()
+
+
+@pytest.mark.parametrize(("suffix", "least"), [(".tem", 230), (".m", 180), (".cnnsim", 140)])
+def test_the_whole_library_comes_back_the_same(tmp_path, suffix, least):
+    back = 0
+    for name in template_names():
+        entry, path = get_entry(name), tmp_path / f"t{suffix}"
+        try:
+            save_entry(entry, path, force=True)
+        except NotSupportedError:  # its numbers have no place in such a file
+            continue
+        again = load_entry(path)
+        own, there = (trimmed(tomllib.loads(TOML.write(one))) for one in (entry, again))
+        for key in own.keys() - NOT_CARRIED:
+            assert own[key] == there[key], (name, key)
+        back += 1
+    assert back >= least
+
+
+def test_other_programs_still_read_the_numbers(tmp_path):
+    """The comments begin with the sign that all three formats leave out."""
+    for suffix in (".tem", ".m", ".cnnsim"):
+        path = tmp_path / f"hole{suffix}"
+        save_entry(get_entry("HOLE"), path)
+        added = [line for line in path.read_text().splitlines() if "cnnum:" in line]
+        assert added
+        assert all(line.startswith("% cnnum: ") for line in added)
+    runs = cnnum.load_template(tmp_path / "hole.cnnsim")
+    assert (runs.boundary, runs.initial, runs.duration) == (
+        cnnum.get_template("HOLE").boundary,
+        1.0,
+        "settle",
+    )
+
+
+def test_the_command_says_what_others_will_not_see(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    said = CliRunner().invoke(main, ["templates", "export", "HOLE", "hole.m"])
+    assert said.exit_code == 0
+    assert (
+        "Other programs will not see its boundary, input_boundary, initial, duration"
+        in said.stdout.replace("\n", " ")
+    )
+
+
+def test_a_comment_that_is_no_value_is_refused(tmp_path):
+    path = tmp_path / "hole.m"
+    save_entry(get_entry("HOLE"), path)
+    path.write_text(path.read_text() + "% cnnum: duration = [\n")
+    with pytest.raises(TemplateError, match="duration"):
+        load_entry(path)
