@@ -14,8 +14,8 @@ from cnnum.templating.files.toml_format import TOML
 from cnnum.templating.library import get_entry, template_names
 
 NOT_CARRIED = {"measured", "proof", "nonlinear"}
-"""The first two are written by commands from a run, and not by people. A nonlinear coupling may come
-back as another product of weights and function that is equal: the tests of each format hold it."""
+"""The first two are written by commands from a run, and not by people. A nonlinear coupling may
+come back as another product of weights and function, which is equal: each format's tests hold it."""
 
 
 def trimmed(value):
