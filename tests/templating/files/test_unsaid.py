@@ -15,7 +15,7 @@ from cnnum.templating.library import get_entry, template_names
 
 NOT_CARRIED = {"measured", "proof", "nonlinear"}
 """The first two are written by commands from a run, and not by people. A nonlinear coupling may
-come back as another product of weights and function, which is equal: each format's tests hold it."""
+come back as another product of weights and function, an equal one: each format's tests hold it."""
 
 
 def trimmed(value):
