@@ -3,6 +3,7 @@
 from __future__ import annotations  # signatures that `help` shows as they are written
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any, cast
 
 from numpy.typing import ArrayLike
@@ -158,7 +159,13 @@ class Engine(OfThisProcess):
         if like is not None:
             backend = measuring(backend, like, (*graph.shape, len(channels)))
         about = (program.name, graph, channels, needs)
-        return plan_of(*about, self._open.backend, backend=backend, asked=asked)
+        plan = plan_of(*about, self._open.backend, backend=backend, asked=asked)
+        if not graph.timed or graph.rate is not None:
+            return replace(plan, rate=graph.rate)
+        known, given = program, {"channels": channels, "like": like, "chip": chip, **asked}
+        return replace(
+            plan, at_rate=lambda rate: self.compile(known.bind(rate=rate), shape, needs, **given)
+        )
 
     def run(
         self,

@@ -78,6 +78,58 @@ def shown_maps(
     }
 
 
+OFF = 1.25
+"""Factor from which two rates contradict each other: more than the clock of any array drifts."""
+
+SLOWEST, FASTEST_STEP = 1.0, 1e-5
+"""s from frame to frame beyond which times are in another unit than s: arrays have 10 to 1000
+frames a second, so that ms read as s are a thousand times as far apart."""
+
+
+def differ(rate: float, other: float) -> bool:
+    """Return whether two rates contradict each other."""
+    return not other / OFF <= rate <= other * OFF
+
+
+def contradicted(rate: float, times: NDArray[np.float64]) -> float | None:
+    """Return the rate that times give, where it contradicts another one; else None.
+
+    Both the median step and the mean one must contradict it on the same side. So neither a pause
+    does, which the mean leaves out, nor frames that come in bursts.
+
+    Parameters
+    ----------
+    rate : float, Hz
+    times : (frames,) float, s
+    """
+    steps = np.sort(np.diff(times))
+    steps = steps[np.isfinite(steps)]
+    if len(steps) < 2 or not steps[-1] > 0.0:
+        return None
+    kept = steps[: len(steps) - max(1, len(steps) // 100)]
+    middle, mean = float(np.median(steps)), float(kept.mean())
+    off = [rate * step < 1.0 / OFF for step in (middle, mean)]
+    slow = [rate * step > OFF for step in (middle, mean)]
+    return 1.0 / middle if middle > 0.0 and (all(off) or all(slow)) else None
+
+
+def unit_fault(times: NDArray[np.float64]) -> str:
+    """Return in words that times seem to be in another unit than s; empty where they do not.
+
+    Parameters
+    ----------
+    times : (frames,) float, s
+    """
+    steps = np.diff(times)
+    steps = steps[steps > 0.0]
+    middle = float(np.median(steps)) if len(steps) else 0.0
+    if middle >= SLOWEST:
+        return f"{middle:g} s from frame to frame: times in ms need time_unit = 'ms'"
+    if 0.0 < middle < FASTEST_STEP:
+        return f"{middle:g} s from frame to frame: is the unit of the times a larger one?"
+    return ""
+
+
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Frame(ByContent):
     """One scan of an array.

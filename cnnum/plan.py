@@ -2,7 +2,7 @@
 
 from __future__ import annotations  # signatures that `help` shows as they are written
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
@@ -23,7 +23,7 @@ from cnnum.arrays import (
 )
 from cnnum.engines.backend import Backend, Executable
 from cnnum.engines.fallback import FallbackExecutable
-from cnnum.errors import ArrayError, FrameError, MethodError
+from cnnum.errors import ArrayError, FrameError, MethodError, ProgramError
 from cnnum.graph.nodes import Transient
 from cnnum.graph.parts import Parts, parts_of
 from cnnum.graph.schedule import LeftOut, Schedule
@@ -140,6 +140,10 @@ class Plan(OfThisProcess):
     executable : Executable
     backend : Backend
         The builder, which can build the plan again to be traced.
+    rate : float or None, Hz
+        Frames a second of its streams; None where nothing has said it.
+    at_rate : callable or None
+        Compiles the program again for a rate, where it depends on one that nothing has said.
     """
 
     program: str
@@ -151,6 +155,8 @@ class Plan(OfThisProcess):
     solvers: Solvers
     executable: Executable
     backend: Backend
+    rate: float | None = None
+    at_rate: Callable[[float], Plan] | None = None
 
     def __repr__(self) -> str:
         rows, cols = self.schedule.shape
@@ -255,14 +261,35 @@ class Plan(OfThisProcess):
             self.refuse_infinite(outputs)
         return {n: values.reshape((*lead, *values.shape[1:])) for n, values in outputs.items()}
 
-    def stream(self, batch: Sequence[int] = ()) -> Stream:
+    def stream(self, batch: Sequence[int] = (), *, rate: float | None = None) -> Stream:
         """Return a stream of frames whose memories outlive each frame.
 
         Parameters
         ----------
         batch : sequence of int
             Leading axes: the arrays streamed side by side.
+        rate : float, optional
+            Frames a second, Hz, where the program is not bound to them. A program that does
+            nothing in time needs none.
+
+        Raises
+        ------
+        ProgramError
+            If the program depends on the rate and nothing says it, or it is bound to another one.
         """
+        if self.at_rate is not None:
+            if rate is None:
+                raise ProgramError(
+                    f"Program '{self.program}' has times in seconds, and nothing says how many "
+                    "frames a second its stream has: give plan.stream(rate=100.0), or compile "
+                    f"cnnum.get_program('{self.program}').bind(rate=100.0), with your array's rate."
+                )
+            return self.at_rate(rate).stream(batch)
+        if rate is not None and self.rate is not None and rate != self.rate:
+            raise ProgramError(
+                f"The plan of '{self.program}' is for {self.rate:g} frames a second, got a stream "
+                f"of {rate:g}: compile the program for that rate."
+            )
         return Stream(self, tuple(batch))
 
     def warm_up(self) -> None:
@@ -271,7 +298,7 @@ class Plan(OfThisProcess):
         empty = np.zeros((*self.schedule.shape, read))
         # the result of an empty frame is of no use, and its loops may not end
         with suppress(MethodError, ArrayError):
-            stream = self.stream()
+            stream = Stream(self, ())
             stream.push_read(empty)
             stream.push_read(empty)
 

@@ -69,6 +69,11 @@ class Stream(OfThisProcess):
         with self._turn:
             self._clear()
 
+    def tare(self) -> None:
+        """Begin anew with the next frame: rest and noise are learned from it on."""
+        with self._turn:
+            self._clear()
+
     def push(self, frame: ArrayLike) -> dict[str, Floats]:
         """Run the program on the next frame of every array and bring the memories up to date.
 

@@ -64,7 +64,8 @@ class Driver(Protocol):
     number of skins that lie side by side in the columns. ``bumps`` is the
     `cnnum.tactile.cover.BumpCover` over the taxels, whose geometry goes to the programs that undo
     it. ``full_scale`` is the largest magnitude that a value can have. A frame with a larger one is
-    a bad frame. ``live`` is true where frames that were taken are gone, so that a second pass over
+    a bad frame. ``limits`` are the least and the largest value of a sound taxel. ``live`` is true
+    where frames that were taken are gone, so that a second pass over
     a scene is refused; without it each call of `frames` begins at the first frame. ``total_frames``
     is the number of frames to come, for a bar of progress. ``verified`` is false where the packets
     of a protocol have no checksum, and ``clock`` compares the device's clock with the host's: its

@@ -7,6 +7,7 @@ holds ``channels``, ``unit``, ``rate`` (Hz), ``truths`` (names) and ``calibratio
 array had a calibration. ``kind`` marks it as one.
 """
 
+import logging
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -20,7 +21,7 @@ from cnnum.arrays import Floats, Shape
 from cnnum.drivers.driver import Counters, Counting
 from cnnum.drivers.npz_archive import read_arrays
 from cnnum.errors import CalibrationError, CodecError
-from cnnum.frame import Frame, Quality, Truth
+from cnnum.frame import Frame, Quality, Truth, contradicted
 from cnnum.recordings.chunks import untimed
 from cnnum.recordings.npz_writer import CALIBRATION, CAME, FRAMES, KIND, MARKS
 from cnnum.safety.names import shown
@@ -254,6 +255,14 @@ class NpzFile(Counting):
         self.channels = recording.channels
         self.unit = recording.unit
         self.rate = recording.rate
+        seen = contradicted(self.rate, recording.time) if self.rate else None
+        if seen is not None:
+            logging.getLogger("cnnum").warning(
+                "The recording says %g frames a second, and its times have %.4g: those count.",
+                self.rate,
+                seen,
+            )
+            self.rate = seen
         self.calibration = recording.calibration
         self.total_frames = len(recording.values)
 

@@ -253,6 +253,11 @@ class SerialReader:
 
     def _silence(self) -> PortError:
         lost = self._decoder.discarded
+        trouble = str(getattr(self._decoder, "trouble", ""))
+        if trouble:
+            return PortError(
+                f"No scan came from '{self._link.port}' for {self._link.timeout:g} s: {trouble}"
+            )
         seen = f"{lost} bytes came that are none" if lost else "Nothing came that is any"
         return PortError(
             f"No good packet came from '{self._link.port}' for {self._link.timeout:g} s: check "

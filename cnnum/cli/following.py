@@ -162,6 +162,8 @@ def summarise(scene: "Scene", output: Output, more: Mapping[str, str]) -> None:
         "refused": seen.refused,
         "repeated": seen.repeated,
         "saturated": seen.saturated,
+        "masked": seen.masked,
+        "dropouts": seen.dropouts,
         "gaps": gaps,
         "longest_gap_s": round(longest_gap, 6),
         "p50_us": round(seen.p50_us, 3),

@@ -61,6 +61,10 @@ class Graph:
         Of a loop's body: the parent's nodes that it reads, by the number of their parameter.
     traced : Graph or None
         Of the outermost graph: the innermost body that is being traced.
+    rate : float or None, Hz
+        Frames a second of the streams that it is traced for; None where nothing says.
+    timed : bool
+        Whether something in it depends on that rate.
     """
 
     shape: Shape
@@ -71,6 +75,8 @@ class Graph:
     outputs: dict[str, Node] = field(default_factory=dict[str, Node])
     memories: dict[int, Memory] = field(default_factory=dict[int, Memory])
     shared: int = 0
+    rate: float | None = None
+    timed: bool = False
     _numbers: Iterator[int] = field(default_factory=itertools.count)
     _interned: dict[tuple[Operation, tuple[int, ...]], Node] = field(
         default_factory=dict[tuple[Operation, tuple[int, ...]], Node]

@@ -18,8 +18,8 @@ from cnnum.safety.values import is_real
 from cnnum.scenes.conversion import unit_of
 from cnnum.scenes.pipeline import FrameResult, Scene
 
-FIRST = 30
-"""Frames whose median is shown as nothing, of an array whose rest is not known."""
+FIRST, ENOUGH = 0.3, 8
+"""s, and frames at least, whose median is shown as nothing, of an array without a program."""
 
 BEHIND = 0.1
 """s that a recording may lag behind its pace and catch up."""
@@ -76,10 +76,16 @@ class _Threaded(ABC):
 
 
 class _Live(_Threaded):
-    """A feed whose time is that of the world."""
+    """A feed whose time is that of the world: it cannot be moved in time."""
 
     def command(self, wanted: dict[str, Any]) -> None:
-        """Do nothing: a live array cannot be moved in time."""
+        """Learn rest anew, if that is wanted."""
+        if wanted.get("tare") is True:
+            self.tare()
+
+    @abstractmethod
+    def tare(self) -> None:
+        """Learn rest anew from the next frame on."""
 
 
 class SceneFeed(_Live):
@@ -99,6 +105,10 @@ class SceneFeed(_Live):
             if self._stopped:
                 return
 
+    def tare(self) -> None:
+        """Learn rest anew from the next frame on."""
+        self._scene.tare()
+
     def stop(self) -> None:
         """End the scene."""
         self._stopped = True
@@ -113,6 +123,7 @@ class ArrayFeed(_Live):
         super().__init__()
         self._driver = driver
         self._first: list[Floats] = []
+        self._since, self._tared = 0.0, False
         self._rest: Floats | float = 0.0
         self.hub = Hub(
             name,
@@ -129,12 +140,19 @@ class ArrayFeed(_Live):
         for number, frame in enumerate(self._driver.frames()):
             if frame.monotonic_ns is None:
                 time.sleep(max(0.0, begin + frame.time - time.monotonic()))
-            if len(self._first) < FIRST:
+            if self._tared:
+                self._first, self._tared = [], False
+            self._since = self._since if self._first else frame.time
+            if len(self._first) < ENOUGH or frame.time - self._since < FIRST:
                 self._first.append(frame.values)
                 self._rest = np.median(np.stack(self._first), axis=0)
             self.hub.offer(FrameResult(number, frame, None, {}, (), 0.0))
             if self._stopped:
                 return
+
+    def tare(self) -> None:
+        """Show the next frames as nothing."""
+        self._tared = True
 
     def stop(self) -> None:
         """Let go of the array."""
@@ -163,12 +181,13 @@ class RecordingFeed(_Threaded):
         self.hub = hub_of(scene, duration)
         self._changed = Condition()
         self._seek: float | None = 0.0
-        self._speed, self._paused, self._woken = 1.0, False, False
+        self._speed, self._paused, self._woken, self._tared = 1.0, False, False, False
         self._due = time.monotonic()
 
     def command(self, wanted: dict[str, Any]) -> None:
-        """Pause, go on, change the pace, or move to a time (s from the beginning)."""
+        """Pause, go on, change the pace, move to a time (s from the beginning), or tare."""
         with self._changed:
+            self._tared = self._tared or wanted.get("tare") is True
             if isinstance(wanted.get("paused"), bool):
                 self._paused = wanted["paused"]
             if _is_number(wanted.get("speed")):
@@ -186,23 +205,26 @@ class RecordingFeed(_Threaded):
         self._thread.join(5.0)
 
     def _work(self) -> None:
-        at, step = 0, self._scene.path().step
+        at, way = 0, self._scene.path()
         while not self._stopped:
             moved = self._taken()
             if moved is not None:
                 goal = self._at(moved)
                 if goal < at:
-                    at, step = 0, self._scene.path().step
+                    at, way = 0, self._scene.path()
                 self.hub.forget()
                 while at < goal and not self._interrupted():
-                    step(at, self._frames[at])
+                    way.step(at, self._frames[at])
                     at += 1
                 if at < goal:
                     continue
             if at >= len(self._frames) or (self._paused and moved is None):
                 self._wait(None)
                 continue
-            self.hub.offer(step(at, self._frames[at]))
+            if self._tared:
+                self._tared = False
+                way.tare()
+            self.hub.offer(way.step(at, self._frames[at]))
             at += 1
             if at < len(self._frames):
                 self._wait(float(self._times[at] - self._times[at - 1]))

@@ -8,6 +8,7 @@ Inside, `frame` and all that is computed from it are `Field`s: they record the o
 and hold no numbers, so a Python `if` on one of them is refused.
 """
 
+import inspect
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
@@ -20,7 +21,7 @@ from cnnum.frame import FORCE_AXES
 from cnnum.graph.graph import Graph
 from cnnum.programs.fields import Field, as_field
 from cnnum.programs.machine import FrameFields
-from cnnum.programs.parameters import checked_parameters
+from cnnum.programs.parameters import RATE, checked_parameters
 from cnnum.safety.names import checked_name
 
 Traced = Callable[..., Mapping[str, Field]]
@@ -54,9 +55,10 @@ class Program:
     def bind(self, **parameters: object) -> "Program":
         """Return the program with keyword parameters of its function set.
 
-        A length, rate, load or modulus may be a text with its unit: ``rate="100 Hz"``. A depth
-        counts pitches of the array; as a length it takes the pitch with it:
-        ``depth="1 mm", pitch="1.5 mm"``.
+        Every program takes ``rate``, the frames a second of its stream (`FrameFields.rate`); a
+        scene gives that of its array. A length, rate, load or modulus may be a text with its unit:
+        ``rate="100 Hz"``. A depth counts pitches of the array; as a length it takes the pitch with
+        it: ``depth="1 mm", pitch="1.5 mm"``.
 
         Raises
         ------
@@ -75,7 +77,7 @@ class Program:
         Raises
         ------
         ProgramError
-            If it is called on numbers.
+            If it is called on numbers, or bound to another rate than the program around it.
         """
         if not isinstance(cast(object, frame), FrameFields):
             raise ProgramError(
@@ -83,7 +85,20 @@ class Program:
                 f"by itself: make plan = engine.compile({self.name}, shape=(rows, cols)), and call "
                 "plan(frame)."
             )
-        return self.function(frame, **dict(self.parameters))
+        given = dict(self.parameters)
+        rate = given.get(RATE)
+        own = RATE in inspect.signature(self.function).parameters
+        if isinstance(rate, int | float):
+            frame.run_at(float(rate), self.name, uses=own)
+        if not own:
+            given.pop(RATE, None)
+        return self.function(frame, **given)
+
+    @property
+    def rate(self) -> float | None:
+        """Frames a second that the program is bound to, Hz; None where it is not."""
+        rate = dict(self.parameters).get(RATE)
+        return float(rate) if isinstance(rate, int | float) else None
 
     def __reduce__(self) -> tuple[object, ...]:
         """Pickle the place of the function: a worker imports it.
@@ -117,7 +132,7 @@ class Program:
             If the machine has no room for a map.
         """
         graph = Graph(as_shape(shape))
-        frame = FrameFields(graph, channels)
+        frame = FrameFields(graph, channels, self.rate)
         try:
             returned = self(frame)
         except MemoryError as error:  # of a map of constants

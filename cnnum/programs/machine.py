@@ -3,6 +3,7 @@
 from __future__ import annotations  # signatures that `help` shows as they are written
 
 from collections.abc import Callable, Hashable, Sequence
+from math import ceil
 from numbers import Integral
 from typing import TypeVar, cast
 
@@ -21,9 +22,13 @@ Made = TypeVar("Made")
 SATURATED = "saturated"
 """Channel in which a scene marks the taxels at an end of their range: 1, else 0."""
 
-REST = 16
-"""Frames at the start of a stream that are taken as rest: their mean is known to a quarter of the
-noise."""
+BEGINS, ENOUGH = 0.08, 8
+"""s at the start of a stream that are rest, and frames at least: the mean of eight is known to a
+third of the noise."""
+
+NOMINAL = 200.0
+"""Hz at which a program is traced while nothing says a rate: good for its cost and its bounds. No
+stream begins at it."""
 
 
 class LocalMemory:
@@ -103,8 +108,9 @@ def _kind(node: Node) -> str:
 class FrameFields:
     """The frame inside a program: its channels as attributes, its geometry and its memories."""
 
-    def __init__(self, graph: Graph, channels: Sequence[str]) -> None:
+    def __init__(self, graph: Graph, channels: Sequence[str], rate: float | None = None) -> None:
         self._graph = graph
+        graph.rate = rate
         if isinstance(channels, str) or not isinstance(cast(object, channels), Sequence):
             raise ProgramError(
                 f"Channels are a sequence of names, as in ('normal',), got {channels!r:.60}."
@@ -136,6 +142,53 @@ class FrameFields:
             return marks
         at_end = Field(self._graph, self._graph.add(Input(SATURATED))) > 0.5
         return marks & ~(at_end.any() if marks.scalar else at_end)
+
+    @property
+    def rate(self) -> float:
+        """Frames a second, Hz: of the scene's array, else as the program is bound to.
+
+        A program turns times into weights and durations by it: a leaky mean over a time T takes a
+        share of ``1 - exp(-1 / (frame.rate * T))`` of each frame. Where nothing says the rate, the
+        program can be compiled and looked at, and its first stream asks for it.
+        """
+        self._graph.timed = True
+        return NOMINAL if self._graph.rate is None else self._graph.rate
+
+    def run_at(self, rate: float, program: str, *, uses: bool = False) -> None:
+        """Take the rate that a program inside this one is bound to, where nothing else says one.
+
+        Parameters
+        ----------
+        rate : float, Hz
+        program : str
+            Its name, for the sentence of an error.
+        uses : bool
+            Whether it takes the rate as a parameter of its own.
+
+        Raises
+        ------
+        ProgramError
+            If a program around it, or one before it, runs at another rate.
+        """
+        if self._graph.rate is None and not self._graph.timed:
+            self._graph.rate = rate
+        elif self._graph.rate != rate:
+            raise ProgramError(
+                f"Program '{program}' is bound to {rate:g} Hz inside a program of {self.rate:g} "
+                "Hz: bind the outer program to the rate, and it holds in all of it."
+            )
+        self._graph.timed = self._graph.timed or uses
+
+    def frames_of(self, seconds: float, least: int = 1) -> int:
+        """Return the number of frames of a time: the next whole one, and some at least.
+
+        Parameters
+        ----------
+        seconds : float
+        least : int
+            Frames that a mean needs at any rate, so that its noise is known.
+        """
+        return max(least, ceil(round(seconds * self.rate, 6)))
 
     @property
     def shape(self) -> Shape:

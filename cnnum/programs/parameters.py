@@ -14,6 +14,9 @@ from cnnum.safety.names import shown
 LARGEST = 2**63 - 1
 """The largest whole number."""
 
+RATE = "rate"
+"""Parameter of every program: the frames a second of its stream, `FrameFields.rate`."""
+
 
 def checked_parameters(
     name: str, function: Callable[..., object], parameters: Mapping[str, object]
@@ -30,7 +33,8 @@ def checked_parameters(
         is of another type, or a physical one is out of range.
     """
     known = list(inspect.signature(function).parameters.values())[1:]  # the first is the frame
-    kinds = {parameter.name: parameter for parameter in known}
+    rate = inspect.Parameter(RATE, inspect.Parameter.KEYWORD_ONLY, annotation=float)
+    kinds = {RATE: rate} | {parameter.name: parameter for parameter in known}
     parameters = in_own_units(name, parameters, kinds)
     anything = any(parameter.kind is parameter.VAR_KEYWORD for parameter in kinds.values())
     for key, value in parameters.items():

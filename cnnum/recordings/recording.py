@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cnnum.arrays import Floats, numbers
 from cnnum.errors import ArrayError, RecordingError
-from cnnum.frame import FORCE_AXES, Frame, Quality, Truth, shown_maps
+from cnnum.frame import FORCE_AXES, Frame, Quality, Truth, contradicted, shown_maps
 from cnnum.recordings.chunks import CHUNK_BYTES, ChunkMaker, beginning, untimed
 from cnnum.recordings.csv_writer import marked_text
 from cnnum.recordings.export import export, suffix_of
@@ -65,7 +65,7 @@ class Recording(ByContent):
     Raises
     ------
     ArrayError
-        If the parts do not fit together, or the rate is none.
+        If the parts do not fit together, or the rate is none, or contradicts the times.
     """
 
     values: Floats
@@ -110,6 +110,12 @@ class Recording(ByContent):
         if marks is not None:
             flags[marks.any(axis=(1, 2))] |= int(Quality.SATURATED)
         at = _times(times, frames, rate)
+        seen = None if times is None else contradicted(float(rate), at)
+        if seen is not None:
+            raise ArrayError(
+                f"The rate of a recording is {rate:g} Hz, and its times have {seen:.4g} frames a "
+                "second: give the rate that they have, or other times."
+            )
         if sequence is not None:
             scans = _whole("sequence", sequence, frames)
         elif times is None:

@@ -9,9 +9,11 @@ from pathlib import Path
 from cnnum.drivers.driver import Driver
 from cnnum.drivers.outside import module_of
 from cnnum.errors import SceneError, UnknownNameError, name_error
+from cnnum.frame import differ
 from cnnum.programs import Program
 from cnnum.programs.library import get_program, load_program
-from cnnum.programs.quantities import PITCH, takes_pitch
+from cnnum.programs.parameters import RATE
+from cnnum.programs.quantities import PITCH, in_own_units, takes_pitch
 from cnnum.safety.names import LONGEST, shown
 from cnnum.scenes.events import EVENT_RULES
 from cnnum.scenes.scene_file import EVERYTHING, SceneSpec
@@ -74,25 +76,25 @@ def named(program: str, base: Path = Path()) -> Program:
 def bound(program: Program, spec: SceneSpec, driver: Driver) -> Program:
     """Return the program with the scene's parameters, and the facts of its array.
 
-    The array's rate goes to a program that takes one. Its pitch goes to one that counts in pitches
-    and is given a length.
+    The program runs at the array's rate. Its pitch goes to one that counts in pitches and is given
+    a length.
 
     Raises
     ------
     SceneError
-        If the program has no such parameter.
+        If the program has no such parameter, or a rate that contradicts the array's.
     ProgramError
         If one is of another type, or out of range.
     """
     known = inspect.signature(program.function).parameters
     extra = [PITCH] if PITCH not in known and takes_pitch(known) else []
-    choices = [*(key for key in known if key != "frame"), *extra]
+    choices = [RATE, *(key for key in known if key not in ("frame", RATE)), *extra]
     for name in spec.parameters:
         if name not in choices:
             raise SceneError(f"Scene '{spec.name}': {name_error('parameter', name, choices)}")
     given = dict(spec.parameters)
-    if "rate" in known and "rate" not in given and driver.rate > 0:
-        given["rate"] = driver.rate
+    if driver.rate > 0:
+        _refuse_other_rate(spec, driver.rate, given.setdefault(RATE, driver.rate))
     pitch = getattr(driver, "pitch", None)
     if extra and PITCH not in given and isinstance(pitch, float):
         given[PITCH] = pitch
@@ -102,6 +104,16 @@ def bound(program: Program, spec: SceneSpec, driver: Driver) -> Program:
     if "bump_pitch" in known and (program.name != ALL or _wants_bumps(spec)):
         given = {**_of_bumps(driver, known, given), **given}
     return program.bind(**given)
+
+
+def _refuse_other_rate(spec: SceneSpec, rate: float, given: object) -> None:
+    """Raise if a scene gives its program another rate than its array has."""
+    said = in_own_units(spec.name, {RATE: given}, {RATE: None})[RATE]
+    if isinstance(said, int | float) and said > 0.0 and differ(float(said), rate):
+        raise SceneError(
+            f"Scene '{spec.name}': 'program.parameters.rate' is {said:g} Hz, and the array has "
+            f"{rate:g} frames a second: leave it out, and the program takes the array's."
+        )
 
 
 def _wants_bumps(spec: SceneSpec) -> bool:

@@ -224,7 +224,7 @@ class EventRule:
 def _number(outputs: Outputs, name: str) -> float:
     """Return an output's value; of a map the largest one."""
     value = outputs[name]
-    return float(value if value.ndim == 0 else value.max())
+    return float(value if np.ndim(value) == 0 else value.max())
 
 
 EVENT_RULES: dict[str, tuple[EventRule, ...]] = {

@@ -1,6 +1,5 @@
 """Programs as C99 for a microcontroller: whose frames, at which rate, with which ranges."""
 
-import inspect
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from os import PathLike
@@ -84,13 +83,13 @@ def export(
     """
     found = named(program) if isinstance(program, str) else program
     seen = Examples.of(like, shape, channels, rate)
-    timed = at_rate(found, seen.rate)
+    timed = found if found.rate is not None else found.bind(rate=seen.rate)
     traced = timed.trace(seen.shape, seen.channels)
     wanted = schedule(traced, seen.channels, None if needs is None else tuple(needs))
     # frames of a program without memories need not follow each other
     streams = seen.measured[:: 1 if wanted.memories or not seen.simulated else APART]
     made = make(timed.name, wanted, precision_named(precision), streams, method)
-    facts = Facts(rate_of(timed), seen.unit, precision, method)
+    facts = Facts(traced.rate if traced.timed else None, seen.unit, precision, method)
     exported = made.export(seen.parts(SHORT), facts=facts)
     if exported.vector.still:
         longer = made.export(seen.parts(LONG), facts=facts)
@@ -113,26 +112,6 @@ def export_scene(scene: Scene, *, precision: str = "q15", method: str = "auto") 
         needs=tuple(scene.plan.schedule.outputs),
         like=scene,
     )
-
-
-def takes_rate(program: Program) -> bool:
-    """Return whether a program has a rate."""
-    return "rate" in inspect.signature(program.function).parameters
-
-
-def at_rate(program: Program, rate: float) -> Program:
-    """Return a program at a rate, unless it takes none or has one."""
-    given = dict(program.parameters)
-    return program.bind(rate=rate) if takes_rate(program) and "rate" not in given else program
-
-
-def rate_of(program: Program) -> float | None:
-    """Return the rate that a program is bound to, None where it takes none."""
-    if not takes_rate(program):
-        return None
-    known = inspect.signature(program.function).parameters["rate"].default
-    given = dict(program.parameters).get("rate", known)
-    return float(given) if isinstance(given, int | float) else None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

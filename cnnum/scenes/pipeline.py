@@ -1,12 +1,16 @@
 """The way of a frame: driver, conversion, plan, events; one obvious path."""
 
+import logging
 import math
 import time
 from collections.abc import Collection, Generator, Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from threading import Event as ThreadEvent
 from typing import NamedTuple, cast
+
+import numpy as np
 
 from cnnum.arrays import Floats, Shape, number_type
 from cnnum.drivers.driver import Driver
@@ -21,7 +25,7 @@ from cnnum.errors import (
     SceneError,
     name_error,
 )
-from cnnum.frame import Frame, Quality
+from cnnum.frame import Frame, Quality, contradicted
 from cnnum.graph.graph import Graph
 from cnnum.graph.nodes import Input
 from cnnum.graph.tracing import TraceStep, trace_steps
@@ -39,6 +43,7 @@ from cnnum.scenes.arrangement import (
 from cnnum.scenes.bad_frames import BadFrames
 from cnnum.scenes.conversion import ByCalibration, Conversion, Reader, conversion_for, unit_of
 from cnnum.scenes.dead_cells import DeadCells
+from cnnum.scenes.dropouts import Dropouts, Liveness
 from cnnum.scenes.events import (
     EVENT_RULES,
     Event,
@@ -60,6 +65,9 @@ from cnnum.scenes.strength_units import with_units
 from cnnum.scenes.summary import Summary
 from cnnum.stream import Stream
 from cnnum.values import OfThisProcess
+
+TIMED = 64
+"""Frames at the start whose times are held against the rate: as many as a median needs."""
 
 
 class FrameResult(NamedTuple):
@@ -83,6 +91,8 @@ class FrameResult(NamedTuple):
     saturated : (rows, cols) bool or None
         Taxels at an end of their range because of a load, all of them where it is not known which:
         what is found of the load on them is a lower bound. None where there is none.
+    masked : (rows, cols) bool or None
+        Taxels that have dropped out, and go on as their neighbours do. None where there is none.
     """
 
     number: int
@@ -93,6 +103,7 @@ class FrameResult(NamedTuple):
     seconds: float
     error: CnnumError | None = None
     saturated: Mask | None = None
+    masked: Mask | None = None
 
     @property
     def load_is_bound(self) -> bool:
@@ -118,6 +129,10 @@ class FramePath:
         Finds taxels at an end of their range; without it the driver's flags are not looked at.
     marks : bool
         Whether the program reads them, as its last channel.
+    dropouts : Dropouts or None
+        Masks taxels that are lost.
+    liveness : Liveness or None
+        Says when the array, or taxels of it, give no sign of life.
     """
 
     read: Reader
@@ -127,6 +142,8 @@ class FramePath:
     dead: DeadCells | None = None
     saturation: Saturation | None = None
     marks: bool = False
+    dropouts: Dropouts | None = None
+    liveness: Liveness | None = None
 
     def step(self, number: int, frame: Frame) -> FrameResult:
         """Return the results of a frame; a bad one or a repeat leaves everything as it was.
@@ -141,10 +158,14 @@ class FramePath:
         started = time.perf_counter()
         # a good frame has no flags, and is asked no more: flags are slow to take apart
         if frame.quality and (passed_over := self._flagged(number, frame)) is not None:
-            return passed_over
+            return passed_over._replace(events=self._lives(number, frame))
         _refuse_other_shape(frame, self.stream.plan.schedule.shape)
+        silent, masked = self._lives(number, frame), None
         try:
             looked_at = frame if self.dead is None else self.dead.without(frame)
+            if self.dropouts is not None:
+                looked_at = self.dropouts.look(looked_at)
+                masked = self.dropouts.masked
             size = self.range.size(looked_at)
             seen = None if self.saturation is None else self.saturation.look(looked_at, size)
             at_end = None if seen is None else seen.found
@@ -155,17 +176,29 @@ class FramePath:
                 values = marked(values, at_end)
             outputs = self.stream.push_read(values, size)
         except FrameError as error:
-            return self._bad(number, frame, error)
+            return self._bad(number, frame, error)._replace(events=silent)
         except MethodError as error:
             if not self.stream.frames:
                 raise
-            return self._bad(number, frame, error)
+            return self._bad(number, frame, error)._replace(events=silent)
         if self.saturation is not None:
             self.saturation.take(seen)
         bound = at_end is not None
         events = self.detector.update(frame.time, number, outputs, saturated=bound)
         spent = time.perf_counter() - started
-        return FrameResult(number, frame, values, outputs, events, spent, None, at_end)
+        events = (*silent, *events) if silent else events
+        return FrameResult(number, frame, values, outputs, events, spent, None, at_end, masked)
+
+    def tare(self) -> None:
+        """Begin anew with the next frame: rest and noise are learned from it on."""
+        self.stream.tare()
+        for part in (self.read, self.dropouts):
+            tare = getattr(part, "tare", None)
+            if callable(tare):
+                tare()
+
+    def _lives(self, number: int, frame: Frame) -> tuple[Event, ...]:
+        return () if self.liveness is None else self.liveness.look(number, frame)
 
     def _flagged(self, number: int, frame: Frame) -> FrameResult | None:
         """Return the result of a frame that its driver flags as bad or as a repeat."""
@@ -199,7 +232,7 @@ class Scene(OfThisProcess):
     offered : tuple of str
         Outputs that the program gives, wanted or not.
     push : PushWatch
-        Notices pushes that read as pulls.
+        Notices a rest that was none, and pushes that read as pulls.
     orders : OrderWatch
         Notices axes in a wrong order or with a wrong sign.
     bad : BadFrames
@@ -228,6 +261,9 @@ class Scene(OfThisProcess):
     _last_before: Frame | None = None
     _seconds_before: float = 0.0
     _saturated: int = 0
+    _masked: int = 0
+    _dropouts: int = 0
+    _tare: ThreadEvent = field(default_factory=ThreadEvent)
 
     @classmethod
     def of(cls, spec: SceneSpec, engine: Engine | None = None) -> "Scene":
@@ -261,6 +297,12 @@ class Scene(OfThisProcess):
                 at_ends = Saturation(driver.shape, limit, spec.dead, quiet=True)
             like = like_frames(spec, used.precision, driver, conversion, dead, at_ends)
             plan = used.compile(program, driver.shape, needs, channels=channels, like=like)
+            if plan.at_rate is not None:
+                raise SceneError(
+                    f"Scene '{spec.name}': the program '{spec.program}' has times in seconds, and "
+                    "the array does not say how many frames a second it sends: set "
+                    "'program.parameters.rate'; 'cnnum probe' measures it."
+                )
             plan.warm_up()
         except BaseException:
             driver.close()
@@ -289,20 +331,55 @@ class Scene(OfThisProcess):
             If the array is live and its frames were taken before, or a later pass has begun.
         """
         with closing(self._frames()) as frames:
-            way, first = self.path(), math.nan
+            way, first, due = self.path(), math.nan, sorted(self.spec.tares)
+            times = list[float]()
             for number, frame in enumerate(frames):
                 first = first if number else frame.time
+                while due and frame.time - first >= due[0] - SAME_TIME:
+                    due.pop(0)
+                    self._tare.set()
+                if self._tare.is_set():
+                    self._tare.clear()
+                    self.push.begin()
+                    way.tare()
+                if len(times) < TIMED:
+                    times.append(frame.time)
+                    self._check_times(times)
                 moment = way.step(number, frame)
                 if frame.time - first < begin - SAME_TIME:
                     self._before, self._last_before = self._before + 1, frame
                     self._seconds_before = frame.time - first
                     if moment.values is not None:
-                        self.push.look(moment.values)
+                        self.push.look(moment.values, moment.frame.time)
                         self.orders.look(frame)
                     continue
                 self._begun += 1
                 self._count(moment, way)
                 yield moment
+
+    def _check_times(self, times: Sequence[float]) -> None:
+        """Hold the program's rate against the times of the first frames.
+
+        Raises
+        ------
+        SceneError
+            If they contradict it, and come from a recording: a live array may begin unevenly, and
+            it is said.
+        """
+        rate = self.plan.rate
+        if len(times) < TIMED or rate is None:
+            return
+        seen = contradicted(rate, np.asarray(times))
+        if seen is None:
+            return
+        said = (
+            f"Scene '{self.spec.name}': the program counts on {rate:.6g} frames a second, and the "
+            f"times of the first {TIMED} frames have {seen:.4g}: set "
+            f"'program.parameters.rate' or the times of the array right."
+        )
+        if not getattr(self.driver, "live", False):
+            raise SceneError(said)
+        logging.getLogger("cnnum").warning("%s", said)
 
     def _frames(self) -> Generator[Frame, None, None]:
         """Begin a pass: yield the frames of the source from its first one, and close it.
@@ -324,6 +401,7 @@ class Scene(OfThisProcess):
             self.orders.begin()
             self.bad, self._micros, self._late = BadFrames(), Histogram(), Histogram()
             self._begun = self._repeated = self._before = self._saturated = 0
+            self._masked = self._dropouts = 0
             self._last_before = None
             self._longest_gap = self._seconds_before = 0.0
         self._passes += 1
@@ -378,13 +456,27 @@ class Scene(OfThisProcess):
             quiet=quiet,
         )
         detector = EventDetector(rules)
-        return FramePath(read, plan.stream(), detector, self.range, self.dead, saturation, marks)
+        end = _end_of_range(self.driver, self.conversion)
+        dead, limits = self.spec.dead, self._limits()
+        dropouts = Dropouts(self.driver.shape, limits, dead, end=end, quiet=quiet)
+        lives = Liveness(dead, end=end, quiet=quiet)
+        return FramePath(
+            read, plan.stream(), detector, self.range, self.dead, saturation, marks, dropouts, lives
+        )
+
+    def _limits(self) -> tuple[float, float] | None:
+        """Return the limits of raw values: the scene's own, else those that the driver knows."""
+        known = cast(tuple[float, float] | None, getattr(self.driver, "limits", None))
+        return self.spec.limits or known
 
     def _count(self, moment: FrameResult, way: FramePath) -> None:
         if moment.values is not None:
-            self.push.look(moment.values)
+            self.push.look(moment.values, moment.frame.time)
             self.orders.look(moment.frame)
             self._saturated += moment.saturated is not None
+            self._masked += moment.masked is not None
+            if way.dropouts is not None:
+                self._dropouts = way.dropouts.count
             self._micros.add(1e6 * moment.seconds)
             if moment.frame.monotonic_ns is not None:
                 self._late.add(1e-3 * (time.monotonic_ns() - moment.frame.monotonic_ns))
@@ -394,6 +486,13 @@ class Scene(OfThisProcess):
             self.bad.add(moment.number, frame.time, moment.error, self._micros.total)
         else:
             self._repeated += 1
+
+    def tare(self) -> None:
+        """Let rest and noise be learned anew from the next frame on, while nothing touches.
+
+        What holds ends: a contact is released. It may be called from any thread.
+        """
+        self._tare.set()
 
     def events(self) -> Iterator[Event]:
         """Yield the events of the scene as they come; each call is a pass as of `results`."""
@@ -467,6 +566,8 @@ class Scene(OfThisProcess):
             refused=self.bad.count,
             repeated=self._repeated,
             saturated=self._saturated,
+            masked=self._masked,
+            dropouts=self._dropouts,
             counters=self.driver.counters,
             longest_gap=self._longest_gap,
             p50_us=self._micros.quantile(0.50),

@@ -1,4 +1,4 @@
-"""Notices a parameter `push` that is the wrong way round: pushes that read as pulls."""
+"""Notices a rest that was none, and a parameter `push` that is the wrong way round."""
 
 import inspect
 import logging
@@ -8,13 +8,14 @@ import numpy as np
 
 from cnnum.arrays import Floats
 from cnnum.programs import Program
-from cnnum.programs.machine import REST
+from cnnum.programs.machine import BEGINS, ENOUGH
 
-EVERY = 4
-"""One frame in this number is looked at."""
+EVERY = 0.01
+"""s between two looks."""
 
-ENOUGH = 8
-"""Looks in a row that must agree."""
+LASTS = 1.1
+"""s, all together, for which pulls are seen until something is said of them. A taxel or a line that
+reads too low for a second is no touch."""
 
 CLEAR = 20.0
 """Peak of a pull over the noise at rest: a touch, and no drift."""
@@ -23,12 +24,18 @@ OUTWEIGHS = 2.0
 """Peak of the pulls over that of the pushes. Around a push under a cover, strain is a pull of 0.2
 times its peak. Around a pull along the skin, it is a pull of as much as the push."""
 
+MOVES = 6.0
+"""Change of a mean reading during the rest, over the noise of one reading, from which it moves."""
+
 HELD = ("slip", "twist", "mindlin_slip", "grasp_code")
 """Programs that may begin with a held object: its release reads as a pull rightly."""
 
 
 class PushWatch:
-    """Looks at some frames of a scene, and says once that `push` seems wrong.
+    """Looks at some frames of a scene, and says once each what does not fit.
+
+    Where readings fall far below rest, either a touch reads as a pull, or the rest was a touch that
+    is over. In the first case taxels are less even than they were at rest, in the second more.
 
     Parameters
     ----------
@@ -38,52 +45,100 @@ class PushWatch:
         The channels of the frames; nothing is done unless the normal load is among them.
     """
 
-    __slots__ = ("_agreed", "_channel", "_count", "_name", "_push", "_rest", "_square", "said")
-
     def __init__(self, program: Program, channels: Sequence[str]) -> None:
         known = inspect.signature(program.function).parameters
-        able = "push" in known and "normal" in channels and program.name not in HELD
+        able = "push" in known and "normal" in channels
         self._channel = channels.index("normal") if able else None
+        self._held = program.name in HELD
         self._name = program.name
+        given = dict(program.parameters)
         default = known["push"].default if able else 1.0
-        value = dict(program.parameters).get("push", default)
+        value = given.get("push", default)
         self._push = float(value) if isinstance(value, int | float) else 1.0
-        self._rest: Floats | float = 0.0
-        self._square: Floats | float = 0.0
+        rest = given.get("rest", known["rest"].default if "rest" in known else BEGINS)
+        self._time = float(rest) if isinstance(rest, int | float) else BEGINS
         self.said = False
+        self._said_of_rest = False
         self.begin()
 
     def begin(self) -> None:
         """Begin anew with the next frame; a message that was said is not said again."""
-        self._count = self._agreed = 0
-        self._rest = self._square = 0.0
+        self._first: list[Floats] = []
+        self._began = self._looked = 0.0
+        self._rest: Floats | None = None
+        self._noise = self._size = self._uneven = 0.0
+        self._wrong = self._back = self._pushed = 0.0
 
-    def look(self, values: Floats) -> None:
-        """Take in the (rows, cols, channels) values of a good frame."""
-        if self._channel is None or self.said:
+    def look(self, values: Floats, time: float) -> None:
+        """Take in the (rows, cols, channels) values of a good frame, and its time, s."""
+        if self._channel is None:
             return
-        self._count += 1
-        if self._count > REST and self._count % EVERY:
+        if self._rest is None:
+            self._learn(values[..., self._channel], time)
             return
-        normal = values[..., self._channel]
-        if self._count <= REST:
-            self._rest = self._rest + normal / REST
-            self._square = self._square + normal**2 / REST
+        since = time - self._looked
+        if self.said or self._held or not since >= EVERY:
             return
-        noise = float(np.sqrt(np.maximum(self._square - np.square(self._rest), 0.0)).mean())
-        loads = self._push * (normal - self._rest)
+        self._looked = time
+        loads = self._push * (values[..., self._channel] - self._rest)
         push, pull = float(loads.max()), -float(loads.min())
+        if push > CLEAR * self._noise:
+            self._pushed = max(self._pushed, push)
+        self._judge(values[..., self._channel], pull, max(push, self._pushed, 0.0), min(since, 0.1))
+
+    def _learn(self, normal: Floats, time: float) -> None:
+        """Take in a frame at rest."""
+        if not self._first:
+            self._began = time
+        self._first.append(np.array(normal))
+        count = len(self._first)
+        if count < ENOUGH or time - self._began < self._time:
+            return
+        seen = np.stack(self._first)
+        self._first, self._looked = [], time
+        self._rest = np.asarray(np.median(seen, axis=0))
+        steps = np.square(np.diff(seen, axis=0)).mean(axis=(1, 2))
         size = float(np.abs(self._rest).max())
-        wrong = pull > CLEAR * max(noise, 1e-6 * size) and pull > OUTWEIGHS * max(push, 0.0)
-        self._agreed = self._agreed + 1 if wrong else 0
-        if self._agreed >= ENOUGH:
-            self.said = True
-            logging.getLogger("cnnum").warning("%s", self.sentence())
+        self._noise = max(float(np.sqrt(0.5 * np.median(steps))), 1e-6 * size)
+        self._uneven = float(np.ptp(self._rest))
+        half = count // 2
+        moved = float(np.abs(np.median(seen[:half], 0) - np.median(seen[-half:], 0)).max())
+        if moved > MOVES * self._noise and not self._said_of_rest:
+            self._said_of_rest = True
+            logging.getLogger("cnnum").warning(
+                "The first %.2g s are taken as rest, and readings have moved by %.3g in them (%.3g "
+                "times the noise): begin without a motion, or tare once nothing touches.",
+                time - self._began,
+                moved,
+                moved / self._noise,
+            )
+
+    def _judge(self, normal: Floats, pull: float, push: float, since: float) -> None:
+        """Add up the time of pulls that no push outweighs, and say what they mean."""
+        if not (pull > CLEAR * self._noise and pull > OUTWEIGHS * push):
+            return
+        if float(np.ptp(normal)) > self._uneven:
+            self._wrong += since
+        else:
+            self._back += since
+        if max(self._wrong, self._back) < LASTS:
+            return
+        self.said = True
+        said = self.sentence() if self._wrong > self._back else self.released()
+        logging.getLogger("cnnum").warning("%s", said)
 
     def sentence(self) -> str:
-        """Return the message."""
+        """Return the message of a wrong sign."""
         return (
             f"The normal load of the array falls where it is touched, as a pull: the parameter "
             f"'push' of program '{self._name}' is {self._push:g} and seems the wrong way round; "
             f"set program.parameters.push={-self._push:g} if these are pushes."
+        )
+
+    def released(self) -> str:
+        """Return the message of a rest that was a touch."""
+        return (
+            "The readings stand far below those at the start, and are more even than them: the "
+            "rest at the start was a touch. It is learned anew when nothing has moved for 10 s, or "
+            "at once by a tare."
         )

@@ -1,6 +1,5 @@
 """Streams on which ranges are measured, and the programs of the library as they are exported."""
 
-import inspect
 from collections.abc import Sequence
 from functools import cache, lru_cache
 from typing import Any
@@ -72,9 +71,7 @@ def measuring_frames(shape: Shape, rate: float = RATE) -> Floats:
 
 def bound(name: str) -> Program:
     """Return a program, of the library or by its place, at the rate of the streams."""
-    program = named(name)
-    takes_rate = "rate" in inspect.signature(program.function).parameters
-    return program.bind(rate=RATE) if takes_rate else program
+    return named(name).bind(rate=RATE)
 
 
 def schedule_of(name: str, shape: Shape, needs: Sequence[str] | None = None) -> Schedule:

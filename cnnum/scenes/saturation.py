@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from cnnum.arrays import Floats, Shape
 from cnnum.frame import Frame, Quality
-from cnnum.programs.machine import REST
+from cnnum.programs.machine import BEGINS, ENOUGH
 from cnnum.programs.machine import SATURATED as CHANNEL
 
 __all__ = ["CHANNEL", "Mask", "Saturation", "Seen", "marked"]
@@ -38,7 +38,11 @@ class _Past:
     Attributes
     ----------
     frames : int
-        Of the rest, at most `REST`.
+        Of the rest.
+    began : float, s
+        Time of the first of them.
+    learned : bool
+        Whether the rest is over.
     total : (rows, cols, channels) float or None
         Sum of their values; None before the first frame.
     stuck : (rows, cols) bool
@@ -50,6 +54,8 @@ class _Past:
     """
 
     frames: int
+    began: float
+    learned: bool
     total: Floats | None
     stuck: Mask
     since: Floats
@@ -59,7 +65,7 @@ class _Past:
     def idle(self) -> bool:
         """Whether a frame without a taxel at its end changes nothing."""
         watched = self.stuck.any() or self.broken.any() or np.isfinite(self.since).any()
-        return self.frames >= REST and not watched
+        return self.learned and not watched
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -115,7 +121,7 @@ class Saturation:
         for row, col in dead:
             self._looked_at[row, col] = False
         none = np.zeros(shape, dtype=np.bool_)
-        self._past = _Past(0, None, none, np.full(shape, np.inf), none)
+        self._past = _Past(0, 0.0, False, None, none, np.full(shape, np.inf), none)
         self._quiet, self._said, self._named = quiet, quiet, none
 
     def look(self, frame: Frame, size: float) -> Seen | None:
@@ -136,17 +142,19 @@ class Saturation:
         broken = at_end & (before.broken | (alone & (frame.time - since >= ALONE)))
         stuck = at_end & before.stuck if before.frames else at_end
         frames, total = before.frames, before.total
-        if frames < REST:
+        began = before.began if frames else frame.time
+        if not before.learned:
             frames, total = frames + 1, frame.values if total is None else total + frame.values
+        learned = frames >= ENOUGH and frame.time - began >= BEGINS
         found = at_end & ~stuck & ~(broken & alone)
-        past = _Past(frames, total, stuck, since, broken)
+        past = _Past(frames, began, learned, total, stuck, since, broken)
         return Seen(found if found.any() else None, known, frame, past)
 
     def take(self, seen: Seen | None) -> None:
         """Keep in mind what a good frame shows, and say it where it is new."""
         if seen is None:
             return
-        settled = self._past.frames < REST <= seen.past.frames
+        settled = seen.past.learned and not self._past.learned
         self._past = seen.past
         if self._quiet:
             return

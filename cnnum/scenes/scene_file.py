@@ -43,6 +43,10 @@ class SceneSpec:
         Largest magnitude of a good frame's values, in the driver's unit, where the scene says so.
     dead : tuple of (row, column)
         Taxels whose values come from their neighbours.
+    limits : (low, high) or None
+        Raw values beyond which a taxel has dropped out, in the driver's unit.
+    tares : tuple of float, s
+        Times after the first frame from which on rest and noise are learned anew.
     calibration : str
         "driver" (the driver's own knowledge of its array), "none", or the path of a file.
     scale : ArrayCalibration or None
@@ -83,6 +87,8 @@ class SceneSpec:
     fallback: str | None = None
     base: Path = Path()
     events: tuple[EventRule, ...] = ()
+    limits: tuple[float, float] | None = None
+    tares: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         checked_name("a scene", self.name, SceneError)
@@ -221,7 +227,7 @@ def _set(table: dict[str, Any], key: str, value: object) -> None:
 def _spec(scene: str, table: dict[str, Any], base: Path) -> SceneSpec:
     _known(scene, "", table, _KEYS)
     tables = {name: _table(scene, table, name) for name in _TABLES}
-    _known(scene, "frames.", tables["frames"], ("range", "dead"))
+    _known(scene, "frames.", tables["frames"], ("range", "dead", "limits", "tare"))
     _known(scene, "calibration.", tables["calibration"], ("file", "use", *KEYS))
     _known(scene, "program.", tables["program"], ("name", "parameters"))
     keys = ("name", "device", "precision", "ranges", "fallback")
@@ -235,6 +241,8 @@ def _spec(scene: str, table: dict[str, Any], base: Path) -> SceneSpec:
         driver_options={key: value for key, value in array.items() if key != "driver"},
         frame_range=_range(scene, tables["frames"].get("range")),
         dead=_cells(scene, tables["frames"].get("dead", [])),
+        limits=_limits(scene, tables["frames"].get("limits")),
+        tares=_tares(scene, tables["frames"].get("tare", [])),
         calibration=_text(scene, calibration, "file", _text(scene, calibration, "use", "driver")),
         scale=_scale(scene, calibration),
         program=_text(scene, tables["program"], "name", "tactile"),
@@ -313,6 +321,32 @@ def _range(scene: str, value: object) -> float | None:
             f"the driver's unit, got {value!r}."
         )
     return float(cast(float, value))
+
+
+def _limits(scene: str, value: object) -> tuple[float, float] | None:
+    """Return the limits of raw values, None where a scene says nothing."""
+    if value is None:
+        return None
+    pair = cast(list[object], value if isinstance(value, list) else [])
+    numbers = [float(n) for n in pair if isinstance(n, int | float) and not isinstance(n, bool)]
+    if len(pair) != 2 or len(numbers) != 2 or not numbers[0] < numbers[1]:
+        raise SceneError(
+            f"Scene '{scene}': 'frames.limits' must be the least and the largest raw value of a "
+            f"sound taxel, as in [1, 65534], got {value!r}."
+        )
+    return numbers[0], numbers[1]
+
+
+def _tares(scene: str, value: object) -> tuple[float, ...]:
+    """Return the times at which rest is learned anew."""
+    given = cast(list[object], value if isinstance(value, list) else [value])
+    times = [float(n) for n in given if isinstance(n, int | float) and not isinstance(n, bool)]
+    if len(times) != len(given) or not all(0.0 <= time < math.inf for time in times):
+        raise SceneError(
+            f"Scene '{scene}': 'frames.tare' must be times after the first frame, s, at which "
+            f"nothing touches, as in [12.5, 60.0], got {value!r}."
+        )
+    return tuple(times)
 
 
 def _cells(scene: str, value: object) -> tuple[tuple[int, int], ...]:

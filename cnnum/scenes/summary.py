@@ -26,6 +26,10 @@ class Summary:
     saturated : int
         Frames with a taxel at an end of its range because of a load: loads in them are lower
         bounds.
+    masked : int
+        Frames with a taxel that had dropped out, and went on as its neighbours did.
+    dropouts : int
+        Times that a taxel has dropped out.
     longest_gap : float
         s, the longest time between two frames that the program ran on. A bad or a lost one lies
         between them; 0 where there was none.
@@ -49,6 +53,8 @@ class Summary:
     arrival_p99_us: float | None = None
     before: int = 0
     saturated: int = 0
+    masked: int = 0
+    dropouts: int = 0
 
     @property
     def bad_frames(self) -> int:

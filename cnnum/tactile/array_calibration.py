@@ -228,6 +228,12 @@ class CalibratedReader:
         self._left, self._seen = calibration.tare, 0
         self._sum = np.zeros(self._offset.shape)
 
+    def tare(self) -> None:
+        """Take the next frames for the offset, where the calibration tares at all."""
+        if self._seen:
+            self._left, self._seen = self._seen + self._left, 0
+            self._sum = np.zeros_like(self._sum)
+
     def __call__(self, frame: Frame) -> Floats:
         """Return (rows, cols, wanted) values.
 

@@ -18,7 +18,7 @@ from cnnum.graph.nodes import Input, Node, Read, Reduce, Transient
 from cnnum.graph.parts import has_feedback
 from cnnum.programs import Program
 from cnnum.programs.fields import Field
-from cnnum.programs.machine import FrameFields
+from cnnum.programs.machine import NOMINAL, FrameFields
 from cnnum.templates.tactile import slip as slip_file
 from cnnum.templates.tactile.shared.recent_loads import RecentLoads
 from cnnum.templates.tactile.twist import twist
@@ -62,7 +62,10 @@ class Traced:
     def of(cls, program: Program) -> "Traced":
         """Trace a program with its own constants, on 8×8 taxels."""
         graph = Graph((8, 8))
-        frame, takes = FrameFields(graph, FORCE_AXES), inspect.signature(RecentLoads).parameters
+        frame, takes = (
+            FrameFields(graph, FORCE_AXES, NOMINAL),
+            inspect.signature(RecentLoads).parameters,
+        )
         outputs = dict(program(frame))
         graph.outputs.update({name: field.node for name, field in outputs.items()})
         own = inspect.signature(program.function).parameters

@@ -67,7 +67,7 @@ def _flags(axis: Any, values: Any, title: str) -> None:
 
 def _streamed(name: str, frames: Floats, **parameters: object) -> dict[str, Floats]:
     plan = Engine().compile(get_program(name).bind(**parameters), frames.shape[1:3])
-    stream, outputs = plan.stream(), dict[str, Floats]()
+    stream, outputs = plan.stream(rate=plan.rate or 200.0), dict[str, Floats]()
     for frame in frames:
         outputs = stream.push(frame)
     return outputs
@@ -251,7 +251,9 @@ def texture_picture() -> Any:
     strokes = [rub(material, Stroke(frames=200), rng) for material in FOUR]
     still = 2.5e-3 * rng.normal(size=(20, 2, 2, 3))
     frames = np.concatenate([still, np.stack(strokes, axis=1).reshape(200, 2, 2, 3)])
-    plan = Engine().compile(get_program("texture").bind(push=1.0, window=64, ratio=0.5), (2, 2))
+    plan = Engine().compile(
+        get_program("texture").bind(rate=60.0, push=1.0, window=64, ratio=0.5), (2, 2)
+    )
     stream = plan.stream()
     got = [stream.push(frame) for frame in frames]
     true = whole_recording(frames[20:], window=64)

@@ -42,7 +42,7 @@ def played() -> tuple[Any, Any, dict[str, Any], dict[str, Any]]:
     with SimulatedOptions(script=SCRIPT, seed=3).open() as array:
         frames = list(array.frames())
         strain = array.calibration.to_strain(np.stack([frame.values for frame in frames]))
-    stream = Engine("numba").compile(both, strain.shape[1:3]).stream()
+    stream = Engine("numba").compile(both, strain.shape[1:3]).stream(rate=array.rate)
     outputs = [stream.push(frame) for frame in strain[..., :3].astype(np.float32)]
     names = ("slip", "twist_slip", "incipient")
     truths = [frame.truth for frame in frames if frame.truth is not None]

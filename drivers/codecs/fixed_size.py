@@ -7,7 +7,7 @@ import numpy as np
 from cnnum.arrays import Floats
 from cnnum.drivers.codecs.checksums import CHECKS
 from cnnum.drivers.codecs.descriptor import Descriptor, bytes_of
-from cnnum.drivers.codecs.scan import Scan
+from cnnum.drivers.codecs.scan import Scan, numbers_or_none, within
 from cnnum.drivers.codecs.stream import MORE, Found, Skip, overtaken, to_marker
 
 MICROS = {"us": 1, "ms": 1000}
@@ -110,15 +110,12 @@ class FixedSize:
         """Return the raw numbers, or None where they are out of range."""
         d = self._descriptor
         cells = np.frombuffer(packet, self._dtype, self._count, self._cells)
-        if self._dtype.kind == "f" and not np.isfinite(cells).all():
-            return None
         raw = cells.astype(np.float64)
-        if d.limits is not None and ((raw < d.limits[0]) | (raw > d.limits[1])).any():
-            return None
         rows, cols, axes = d.whole
         if d.planes:
-            return raw.reshape(axes, rows, cols).transpose(1, 2, 0)
-        return raw.reshape(rows, cols, axes)
+            raw = raw.reshape(axes, rows, cols).transpose(1, 2, 0)
+        raw = raw.reshape(rows, cols, axes)
+        return raw if numbers_or_none(raw) and within(raw, d.limits) else None
 
     def _scan(self, packet: bytes, values: Floats) -> Scan:
         d, order = self._descriptor, self._descriptor.byte_order

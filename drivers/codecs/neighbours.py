@@ -106,7 +106,7 @@ def _kind(scan: Scan) -> tuple[object, ...]:
 def _step(one: Scan, other: Scan) -> Floats:
     """Return how far time, count and each channel go from a scan to another."""
     before, after = (np.asarray(each.values, np.float64) for each in (one, other))
-    moved = np.abs(after - before).max(axis=(0, 1))
+    moved = np.nan_to_num(np.abs(after - before)).max(axis=(0, 1))  # NaN of a lost taxel
     time_us = _ahead(one.time_us, other.time_us, other.time_wrap)
     count = _ahead(one.sequence, other.sequence, other.sequence_wrap)
     return np.array([time_us, count, *moved.tolist()])

@@ -1,14 +1,36 @@
 """A scan: the numbers that an array sent, before the host gives them a place in its run."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cnnum.arrays import Floats
 from cnnum.errors import CodecError
 
 U16, U32, U64 = 1 << 16, 1 << 32, 1 << 64
+
+
+def numbers_or_none(values: Floats) -> bool:
+    """Return whether all of a taxel's channels are numbers, or none, and most taxels have them.
+
+    One chip of an array that is lost sends NaN in all its channels. Other packets of numbers that
+    are not finite are none of the array's.
+    """
+    finite = np.isfinite(values)
+    if finite.all():
+        return True
+    whole = finite.all(axis=2)
+    lost = np.isnan(values).all(axis=2)
+    return bool((whole | lost).all()) and 2 * int(lost.sum()) < lost.size
+
+
+def within(values: Floats, limits: tuple[float, float] | None) -> bool:
+    """Return whether no number is beyond some limits."""
+    low, high = limits or (-math.inf, math.inf)
+    return not ((values < low) | (values > high)).any()
 
 
 @dataclass(frozen=True, slots=True, eq=False)

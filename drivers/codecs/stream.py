@@ -107,6 +107,11 @@ class Decoder:
         """Bytes that wait for the rest of their packet."""
         return len(self._buffer)
 
+    @property
+    def trouble(self) -> str:
+        """Why the last whole packet gave no scan, where its format says so."""
+        return str(getattr(self._format, "trouble", ""))
+
     def feed(self, chunk: bytes) -> list[Scan]:
         """Return the scans that `chunk` completes, in their order."""
         self._buffer += chunk

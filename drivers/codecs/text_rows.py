@@ -1,18 +1,16 @@
 """Scans as lines of text: numbers with spaces or commas between them."""
 
-import math
-
 import numpy as np
 
 from cnnum.arrays import Floats
 from cnnum.drivers.codecs.descriptor import Descriptor
-from cnnum.drivers.codecs.scan import Scan
+from cnnum.drivers.codecs.scan import Scan, numbers_or_none, within
 from cnnum.drivers.codecs.stream import MORE, Found, Skip
 
 DIGITS = 32
 """Signs of the longest number."""
 
-ALLOWED = b"0123456789+-.eE ,;\t\r\n"
+ALLOWED = b"0123456789+-.eE ,;\t\r\nNnAa"
 BLANKS = bytes.maketrans(b",;", b"  ")
 
 
@@ -69,8 +67,7 @@ class TextRows:
         if any(len(row) != self._numbers for row in rows):
             return None
         values = np.array(rows).reshape(self._descriptor.whole)
-        low, high = self._descriptor.limits or (-math.inf, math.inf)
-        inside = np.isfinite(values).all() and ((values >= low) & (values <= high)).all()
+        inside = numbers_or_none(values) and within(values, self._descriptor.limits)
         return values if inside else None
 
     def encode(self, scan: Scan) -> bytes:

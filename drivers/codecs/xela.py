@@ -51,11 +51,18 @@ class Server:
     Parameters
     ----------
     shape : (rows, cols), optional
-        Of all pads together, row by row in the order of their numbers.
+        Of all pads together, row by row in the order of their numbers; or of the only one of its
+        size.
+
+    Attributes
+    ----------
+    trouble : str
+        Why the last whole message gave no scan; empty where it did.
     """
 
     def __init__(self, shape: Shape | None = None) -> None:
         self._shape = shape
+        self.trouble = ""
 
     def look(self, data: bytearray, *, locked: bool, ended: bool) -> Found | Skip | None:
         """Return the scan, gap or wait at the front of `data`."""
@@ -79,8 +86,13 @@ class Server:
         if message["message"] == "Welcome":
             return Found(size)
         try:
-            return Found(size, scan_of(message, self._shape))
-        except (CodecError, ValueError, TypeError, KeyError, OverflowError, AttributeError):
+            scan = scan_of(message, self._shape)
+            self.trouble = ""
+            return Found(size, scan)
+        except CodecError as error:
+            self.trouble = str(error)
+            return Skip(size, bad=True)
+        except (ValueError, TypeError, KeyError, OverflowError, AttributeError):
             return Skip(size, bad=True)
 
 
@@ -110,7 +122,8 @@ def scan_of(message: dict[str, object], shape: Shape | None = None) -> Scan:
     counter = message["message"]
     if not isinstance(counter, int) or counter < 0:
         raise CodecError("The counter of a message is a number from 0 up.")
-    values = tiled(pads, shape)
+    own = [pad for pad in pads if pad.shape[:2] == shape]
+    values = tiled(own if len(own) == 1 < len(pads) else pads, shape)
     at_end = np.asarray(((values >= TOP) | (values <= 0)).any(axis=-1))
     saturated = not calibrated and bool(at_end.any())
     return Scan(
@@ -146,11 +159,19 @@ def tiled(pads: list[Floats], shape: Shape | None) -> NDArray[np.float64]:
     CodecError
         If they are not alike, or do not fill the shape.
     """
+    sizes = list(dict.fromkeys(pad.shape[:2] for pad in pads))
+    if len(sizes) > 1:
+        seen = " and ".join(f"{rows}×{cols}" for rows, cols in sizes)
+        raise CodecError(
+            f"The server has pads of {seen} taxels, which make no one array: set 'shape' to the "
+            f"size of the pad to read, as in shape = {list(sizes[0])}, where it is the only one of "
+            "that size, or give each size a server of its own."
+        )
     rows, cols = pads[0].shape[:2]
     whole = shape or (rows, cols * len(pads))
     down, across = whole[0] // rows, whole[1] // cols
     fills = (down * rows, across * cols) == whole and down * across == len(pads)
-    if not fills or any(pad.shape != pads[0].shape for pad in pads):
+    if not fills:
         raise CodecError(
             f"{len(pads)} pads of {rows}×{cols} taxels do not fill an array of "
             f"{whole[0]}×{whole[1]}."

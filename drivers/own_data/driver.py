@@ -1,5 +1,6 @@
 """A data file as an array: a CSV, NumPy or HDF5 file of your own, or a CSV file of cnnum."""
 
+import logging
 import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -32,7 +33,7 @@ from cnnum.errors import (
     missing_file,
     name_error,
 )
-from cnnum.frame import Frame, Quality
+from cnnum.frame import Frame, Quality, unit_fault
 from cnnum.recordings.export import calibration_of
 from cnnum.recordings.messages import LOG_TIME, is_bag
 from cnnum.recordings.recording import Recording
@@ -180,6 +181,12 @@ def _times(
             f"'{path}': the times '{name}' are all equal, and tell nothing: set 'rate', and "
             "leave out 'time'."
         )
+    fault = unit_fault(times)
+    if fault:
+        logging.getLogger("cnnum").warning(
+            "'%s', %s: the times '%s' cannot be right, %s.",
+            path, _where(held, 1), layout.time, fault,
+        )  # fmt: skip
     back = np.flatnonzero(np.diff(times) < 0.0) + 1
     if len(back) > MOST_SHARE_BACK * frames:
         raise CodecError(

@@ -48,7 +48,6 @@ def active_contour(
     frame: FrameFields,
     *,
     push: float = PUSH,
-    rate: float = 200.0,
     speed: float = 100.0,
     share: float = SHARE,
     depth: float = DEPTH,
@@ -63,8 +62,6 @@ def active_contour(
     push : float
         −1 for strain and stress, which count tension as positive; +1 for signals and counts that
         rise under a push.
-    rate : float, Hz
-        Frames a second.
     speed : float, cells/s
         Of the front, along rows and columns.
     share, depth, reads : float, float, "strain", "stress" or "force"
@@ -98,7 +95,7 @@ def active_contour(
         get_template("contour_wave"),
         state=where(seed, AT_REST, front),
         bias=where(touched.touched, 0.0, -2.0 * BIAS),
-        spec=RunSpec(duration=speed * CELL_TIME / rate),
+        spec=RunSpec(duration=speed * CELL_TIME / frame.rate),
     )
     state = run.states[0]
     inside = (state > 0.0) & loads.contact

@@ -35,7 +35,6 @@ def motion_direction(
     frame: FrameFields,
     *,
     push: float = PUSH,
-    rate: float = 200.0,
     rest: float = 0.4,
     delay: float = 0.1,
     look: float = 0.2,
@@ -52,8 +51,8 @@ def motion_direction(
         Only `normal` is read, in any unit.
     push : float
         −1 for strain and stress, which count tension as positive; +1 if readings rise under a push.
-    rate, rest : float, Hz, s
-        Frames a second; time at the start without contact, which gives rest and noise.
+    rest : float, s
+        Time at the start without contact, which gives rest and noise.
     delay, look : float, s
         Time constants of the low-pass, and of the means behind the direction. A detector answers
         most to a pattern that changes once in 2π delays.
@@ -84,7 +83,7 @@ def motion_direction(
         delay=(delay, 1e-6, 1e6), look=(look, 1e-6, 1e6), level=(level, 1.0, 1e6),
         sure=(sure, 1e-6, 1.0), hold_time=(hold_time, 0.0, 1e6),
     )  # fmt: skip
-    clock, share = Clock(frame, rate, rest), 1.0 - exp(-1.0 / (rate * look))
+    clock, share = Clock(frame, rest), 1.0 - exp(-1.0 / (frame.rate * look))
     signal = clock.above_rest("normal", push)
     if contrast:
         signal = signal - apply(get_template("tactile_diffusion"), input=signal, duration=NEAR)
@@ -104,7 +103,7 @@ def motion_direction(
         "motion_x": x,
         "motion_y": y,
         "motion_strength": strength,
-        "drifts": report(frame, strength, sure, hold_time * rate),
+        "drifts": report(frame, strength, sure, hold_time * frame.rate),
     }
 
 

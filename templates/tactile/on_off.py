@@ -35,7 +35,6 @@ def on_off(
     frame: FrameFields,
     *,
     push: float = PUSH,
-    rate: float = 200.0,
     rest: float = 0.4,
     receptor: float = 0.01,
     surround: float = 0.03,
@@ -49,7 +48,7 @@ def on_off(
     ----------
     frame : FrameFields
         Only `normal` is read, in any unit.
-    push, rate, rest : float, none, Hz, s
+    push, rest : float, none, s
         As of `motion_direction`.
     receptor, surround, adapting : float, s
         Time constants of the layers.
@@ -74,7 +73,7 @@ def on_off(
         receptor=(receptor, 1e-6, 1e6), surround=(surround, 1e-6, 1e6),
         adapting=(adapting, 1e-6, 1e6), level=(level, 1.0, 1e6), hold_time=(hold_time, 0.0, 1e6),
     )  # fmt: skip
-    clock = Clock(frame, rate, rest)
+    clock = Clock(frame, rest)
     layers = get_template("on_off_layers")
     layers = replace(layers, tau=np.array([1.0, receptor, surround, adapting]))
     _, near, far, late = clock.layers_behind(layers, clock.above_rest("normal", push))
@@ -92,5 +91,5 @@ def on_off(
         strength = where(wins, peaks[sign] / noise, 0.0)
         row, column = frame.centroid(square(found[f"{sign}_transient"]))
         found |= {f"{sign}_strength": strength, f"{sign}_row": row, f"{sign}_column": column}
-        found[flag] = report(frame, strength, level, hold_time * rate)
+        found[flag] = report(frame, strength, level, hold_time * frame.rate)
     return found

@@ -47,7 +47,6 @@ def receptors(
     frame: FrameFields,
     *,
     push: float = PUSH,
-    rate: float = 200.0,
     rest: float = 0.4,
     between: Between = "line",
     sa1_field: float = 4.0 / 3.0,
@@ -73,8 +72,8 @@ def receptors(
         Strain, stress, signals or raw counts. SA-I, RA-I and PC read `normal`, SA-II the shear.
     push : float
         −1 for strain and stress, which count tension as positive; +1 if readings rise under a push.
-    rate, rest : float, Hz, s
-        Frames a second; time at the start without motion, which gives rest and noise.
+    rest : float, s
+        Time at the start without motion, which gives rest and noise.
     between : "line" or "hold"
         The signal between two frames. Held, as behind a converter, RA-I and PC depend on the rate.
     sa1_field, ra1_field, pc_field, sa2_field : float
@@ -118,7 +117,7 @@ def receptors(
         threshold=(threshold, 0.0, 1e30), membrane=(membrane, 1e-6, 1e3),
         refractory=(refractory, 1e-4, 1e3),
     )  # fmt: skip
-    clock = _Channels(frame, rate, rest, held=between == "hold")
+    clock = _Channels(frame, rest, held=between == "hold")
     push_map = clock.above_rest("normal", push)
     shear = [clock.above_rest(name, push) for name in ("shear_x", "shear_y")]
     slow = with_corners("slow_receptor", (sa_to,))

@@ -49,7 +49,6 @@ def slip(
     shear_gain: float = 1.0,
     axes: bool = True,
     pads: int = 1,
-    rate: float = 200.0,
     rest: float = 0.4,
     look: float = 0.08,
     load: float = 0.35,
@@ -72,8 +71,8 @@ def slip(
     axes : bool
         Whether signs and directions of the axes are known: a slip then moves along its shear, and
         the shear lies where the load does.
-    rate, rest : float, Hz, s
-        Frames a second; time at the start without motion, which gives rest and noise.
+    rest : float, s
+        Time at the start without motion, which gives rest and noise.
     look, load : float, s
         Time constants of the delayed maps, and of the trend of the load.
     floor : float
@@ -91,7 +90,7 @@ def slip(
     """
     refuse_outside(load=(load, 1e-6, 1e6), hold_time=(hold_time, 0.0, 1e6))
     recent = frame.once(
-        RecentLoads, push=push, shear_gain=shear_gain, pads=pads, rate=rate, rest=rest, look=look,
+        RecentLoads, push=push, shear_gain=shear_gain, pads=pads, rest=rest, look=look,
         floor=floor,
     )  # fmt: skip
     shows = frame.once(read_outs, recent=recent, load=load)
@@ -104,7 +103,7 @@ def slip(
         counts = ALONG * maximum(1.0 + shows["along"], 0.0)
         strength = strength * (counts * counts * minimum(maximum(shows["lies"], 0.0) / LIES, 1.0))
     shown = recent.shown(slip_x=x, slip_y=y, slip_strength=strength)
-    level, frames = level_of(false_reports, LEVELS), hold_time * rate
+    level, frames = level_of(false_reports, LEVELS), hold_time * frame.rate
     return {"gross_slip": report(frame, shown["slip_strength"], level, frames), **shown}
 
 

@@ -29,7 +29,6 @@ def tactile(
     bump_pitch: float = BUMP_PITCH,
     bump_depth: float = BUMP_DEPTH,
     bump_unit: float = 1.0,
-    rate: float = 200.0,
     rest: float = 0.4,
     slip_false_reports: float = 2.0,
     twist_false_reports: float = 0.3,
@@ -44,8 +43,8 @@ def tactile(
         As in `contact`; taxels that each carry their own load have no edges.
     bump_pitch, bump_depth, bump_unit
         As `bump_pitch`, `bump_depth` and `unit` of `localize`.
-    rate, rest : float, Hz, s
-        Frames a second, and the time at the start without contact, for `slip` and `twist`.
+    rest : float, s
+        The time at the start without contact, for `slip` and `twist`.
     slip_false_reports, twist_false_reports : float, 1/10 min
         Accepted rates, as `false_reports` of `slip` and `twist`.
 
@@ -57,7 +56,7 @@ def tactile(
     refuse_outside(depth=(depth, 1e-6, 1e6))
     cover = {"push": push, "depth": depth, "reads": reads}
     bumps = {"bump_pitch": bump_pitch, "bump_depth": bump_depth, "unit": bump_unit}
-    times = {"push": push, "rate": rate, "rest": rest}
+    times = {"push": push, "rest": rest}
     return {
         **contact.bind(**cover, unit=unit)(frame),
         **slip.bind(**times, false_reports=slip_false_reports)(frame),

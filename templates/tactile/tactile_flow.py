@@ -69,7 +69,6 @@ def tactile_flow(
     frame: FrameFields,
     *,
     push: float = PUSH,
-    rate: float = 200.0,
     rest: float = 0.4,
     to: float = 15.0,
     window: float = 2.0,
@@ -88,8 +87,8 @@ def tactile_flow(
         The flow reads `normal`, in any unit; the area reads the shear, too, as `contact` does.
     push : float
         −1 for strain and stress, which count tension as positive; +1 if readings rise under a push.
-    rate, rest : float, Hz, s
-        Frames a second; time at the start without contact, which gives rest and noise.
+    rest : float, s
+        Time at the start without contact, which gives rest and noise.
     to : float, Hz
         Corner of the low-pass before all else.
     window : float
@@ -120,8 +119,8 @@ def tactile_flow(
         to=(to, 1e-3, 1e6), window=(window, 0.0, 1e3), look=(look, 1e-6, 1e6),
         still=(still, 1e-6, 1e6), hold_time=(hold_time, 0.0, 1e6),
     )  # fmt: skip
-    clock = Clock(frame, rate, rest)
-    share = 1.0 - exp(-1.0 / (rate * look))
+    clock = Clock(frame, rest)
+    share = 1.0 - exp(-1.0 / (frame.rate * look))
     held = {
         name: frame.memory(name).mean(each, share)
         for name, each in _products(clock, push, to).items()
@@ -151,7 +150,9 @@ def tactile_flow(
         "flow_speed": speed,
         "flow_known": known,
         "flow_explains": explained,
-        "flows": report(frame, where(explained > EXPLAINED, speed, 0.0), still, hold_time * rate),
+        "flows": report(
+            frame, where(explained > EXPLAINED, speed, 0.0), still, hold_time * frame.rate
+        ),
         "flow_map_x": local[0],
         "flow_map_y": local[1],
         "spread_area": area,

@@ -15,8 +15,8 @@ from cnnum.programs.transients import transient
 from cnnum.templates.tactile.localize import DEPTH, PITCH, SHARE, unmix
 from cnnum.templates.tactile.shared.loads import PUSH, loads_of
 
-WINDOW = 128
-"""T of the dissertation: 128 frames of 15 ms."""
+SAMPLES, APART = 128, 0.015
+"""T of the dissertation: 128 samples, 15 ms apart. Slower arrays give one a frame."""
 
 Rubbed = Literal["load", "strain", "stress"]
 """What the taxels read: a load as it is, or the strain or stress below a bump."""
@@ -27,8 +27,8 @@ shear to normal load is then known to a tenth."""
 
 
 MOVES = 1.5
-"""Change of the load's pattern from a frame to the next, over its noise, from which a surface moves
-over the taxels: noise alone of sixteen taxels reaches 1.5 in a frame of 500, of 64 in none."""
+"""Change of the load's pattern from a sample to the next, over its noise, from which a surface
+moves over the taxels: noise of sixteen taxels alone reaches 1.5 in a sample of 500, of 64 never."""
 
 STEADY = 0.05
 """Difference of the ratio from half to half of the window, over its mean, from which a surface is
@@ -42,7 +42,7 @@ def texture(
     frame: FrameFields,
     *,
     push: float = PUSH,
-    window: int = WINDOW,
+    window: int = SAMPLES,
     taxels: Rubbed = "load",
     bump_pitch: float = PITCH,
     bump_depth: float = DEPTH,
@@ -61,7 +61,8 @@ def texture(
     push : float
         −1 for strain and stress, +1 for signals that rise under a push.
     window : int
-        T: the last T + 1 frames count. Each takes two memories a taxel.
+        T: the last T + 1 samples count, one every 15 ms, or every frame of slower arrays. Each
+        takes two memories a taxel.
     taxels : "load", "strain" or "stress"
         "load" for signals that read shear and normal forces alike. Strain and stress below bumps do
         not, and feel the neighbours' bumps as well: they are turned into each bump's own load, as
@@ -107,7 +108,8 @@ def texture(
         least, noise = maximum(SHARE * normal.max(), gain * least), gain * gain * noise
     rubbed = frame.within_range(loads.contact & (normal > least))
     now = where(rubbed, length([x, y]) / normal, 0.0)
-    values, marks = _last(frame, now, rubbed, window)
+    tick = _tick(frame)
+    values, marks = _last(frame, now, rubbed, window, tick)
     count = _sum(marks)
     mean = _sum(values) / maximum(count, 1.0)
     gaps = [mark * square(value - mean) for value, mark in zip(values, marks, strict=True)]
@@ -124,7 +126,7 @@ def texture(
         "roughness": roughness.sum() / number,
         "texture_known": known.any(),
         "texture_rubs": known.any()
-        & _moves(frame, normal, rubbed, noise, window)
+        & _moves(frame, normal, rubbed, noise, window, tick)
         & _steady(values, marks),
     }
 
@@ -139,32 +141,57 @@ def _steady(values: list[Field], marks: list[Field]) -> Field:
     return abs(new - old) < 0.5 * STEADY * (new + old)
 
 
-def _moves(frame: FrameFields, normal: Field, rubbed: Field, noise: Field, window: int) -> Field:
+def _tick(frame: FrameFields) -> Field | None:
+    """Return a flag: the frame is a sample; None where each is."""
+    every = max(1, round(APART * frame.rate))
+    if every == 1:
+        return None
+    since = frame.memory("frames since the last sample", scalar=True)
+    tick = frame.first | (since.value > every - 1.5)
+    since.store(where(tick, 0.0, since.value + 1.0))
+    return tick
+
+
+def _sampled(frame: FrameFields, value: Field, tick: Field | None) -> Field:
+    """Return a value at the last sample before this frame; 0 before the stream began."""
+    memory = frame.memory("sample before", scalar=value.scalar)
+    memory.store(value if tick is None else where(tick, value, memory.value))
+    return memory.value
+
+
+def _moves(
+    frame: FrameFields,
+    normal: Field,
+    rubbed: Field,
+    noise: Field,
+    window: int,
+    tick: Field | None,
+) -> Field:
     """Return a flag: the pattern of the load has changed by more than its noise all the time.
 
     A load that grows or falls keeps its pattern, and is scaled to this frame's.
     """
     share = where(rubbed, normal, 0.0)
     whole = share.sum()
-    before, then = frame.previous(share), frame.previous(whole)
+    before, then = _sampled(frame, share, tick), _sampled(frame, whole, tick)
     change = share - before * (whole / maximum(then, NOTHING))
     both = rubbed & (before > 0.0)  # a taxel that has just been touched is no movement
     power = where(both, square(change), 0.0).sum()
     most = (2.0 * MOVES**2) * noise * where(both, 1.0, 0.0).sum()
-    lasts = frame.memory("frames that it moves", scalar=True)
-    return lasts.count((power > most) & (then > 0.0)) > float(window)
+    lasts, moves = frame.memory("samples that it moves", scalar=True), (power > most) & (then > 0.0)
+    count = where(moves, lasts.value + 1.0, 0.0)
+    lasts.store(count if tick is None else where(tick, count, lasts.value))
+    return lasts.value > float(window) - 0.5 if tick is not None else count > float(window)
 
 
 def _last(
-    frame: FrameFields, value: Field, mark: Field, window: int
+    frame: FrameFields, value: Field, mark: Field, window: int, tick: Field | None
 ) -> tuple[list[Field], list[Field]]:
-    """Return a value and its mark on this frame and the frames before, newest first."""
+    """Return a value and its mark on this frame and the samples before, newest first."""
     values, marks = [value], [where(mark, 1.0, 0.0)]
     for _ in range(window):
         for kept in (values, marks):
-            memory = frame.memory("frame before")  # 0 before the stream began: not in contact
-            memory.store(kept[-1])
-            kept.append(memory.value)
+            kept.append(_sampled(frame, kept[-1], tick))
     return values, marks
 
 

@@ -28,7 +28,6 @@ def twist(
     push: float = -1.0,
     shear_gain: float = 1.0,
     pads: int = 1,
-    rate: float = 200.0,
     rest: float = 0.4,
     look: float = 0.08,
     floor: float = 240.0,
@@ -40,7 +39,7 @@ def twist(
 
     Parameters
     ----------
-    frame, push, shear_gain, pads, rate, rest, floor, false_reports, hold_time
+    frame, push, shear_gain, pads, rest, floor, false_reports, hold_time
         As in `slip`.
     look : float, s
         Time constant of the delayed maps.
@@ -54,7 +53,7 @@ def twist(
         normal load), `twist_row`, `twist_column` (centre of the load, cells).
     """
     recent = frame.once(
-        RecentLoads, push=push, shear_gain=shear_gain, pads=pads, rate=rate, rest=rest, look=look,
+        RecentLoads, push=push, shear_gain=shear_gain, pads=pads, rest=rest, look=look,
         floor=floor,
     )  # fmt: skip
     shows = frame.once(read_outs, recent=recent, still=still)
@@ -62,7 +61,7 @@ def twist(
     # decision
     strength, turned = abs(shows["turned"]), shows["turned"]
     counts = ~recent.resting & (strength > recent.ratio + APART * shows["apart"])
-    level, frames = level_of(false_reports, LEVELS), hold_time * rate
+    level, frames = level_of(false_reports, LEVELS), hold_time * frame.rate
     flag = report(frame, where(counts, strength, 0.0), level, frames)
     return {
         "twist": flag,

@@ -61,7 +61,9 @@ def streams(shape, frames=60, batch=3, seed=0):
 def scheduled(name, shape=(8, 8), needs=None):
     program = cnnum.get_program(name)
     takes = inspect.signature(program.function).parameters
-    program = program.bind(**{key: value for key, value in SHORT.items() if key in takes})
+    program = program.bind(
+        **{key: value for key, value in SHORT.items() if key in ("rate", *takes)}
+    )
     graph = program.trace(shape, FORCE_AXES)
     if needs is None and name == "receptors":  # spikes take a logarithm, which is none of these
         needs = [output for output in graph.outputs if not output.endswith(SPIKING)]

@@ -73,7 +73,7 @@ def test_a_number_beyond_the_range_saturates():
 
 
 def test_a_stream_without_ranges_is_refused():
-    plan = engine("reference", "q15").compile(cnnum.get_program("twist"), (8, 8))
+    plan = engine("reference", "q15").compile(cnnum.get_program("twist").bind(rate=200.0), (8, 8))
     stream = plan.stream((3,))
     stream.push(FRAMES[0])
     with pytest.raises(ProgramError, match="like=frames"):

@@ -187,7 +187,7 @@ def test_every_program_outlives_an_outlier_without_a_scene(faults, engine, strai
     cells = [(0, 0, 0), (3, 4, 2), (7, 2, 1)]
     every = list(product(names, cells, [v for v in BAD if math.isfinite(v)]))
     for name, cases in groupby(faults.each(every, short=6), key=lambda case: case[0]):
-        plan = made.compile(get_program(name), SHAPE, channels=FORCE_AXES)
+        plan = made.compile(get_program(name).bind(rate=200.0), SHAPE, channels=FORCE_AXES)
         for _, place, value in cases:
             stream, clean = plan.stream(), plan.stream()
             for frame in strain[30:50]:

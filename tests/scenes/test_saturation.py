@@ -12,7 +12,7 @@ from cnnum.drivers.recording_file import array_of
 from cnnum.engine import Engine
 from cnnum.frame import FORCE_AXES, Frame, Quality
 from cnnum.programs.library import get_program
-from cnnum.programs.machine import REST
+from cnnum.programs.machine import ENOUGH
 from cnnum.scenes import like_frames
 from cnnum.scenes.events import EVENT_RULES, EventDetector
 from cnnum.scenes.pipeline import load_scene
@@ -123,7 +123,7 @@ def mask(watch, shown, size=0.0):
 
 def test_a_taxel_that_is_stuck_from_the_start_is_named_and_bounds_nothing(caplog):
     watch = Saturation((4, 4))
-    for number in range(REST + 4):
+    for number in range(ENOUGH + 4):
         assert mask(watch, frame(number, (1, 2))) is None
     assert "declare them dead with 'frames.dead = [[1, 2]]'" in caplog.text
     found = mask(watch, frame(30, (1, 2), (3, 3)))
@@ -167,7 +167,7 @@ def test_texture_does_not_know_the_friction_of_a_saturated_taxel():
     """It takes no frame of a taxel at its end into the window of that taxel."""
     rng = np.random.default_rng(3)
     plan = Engine("numba").compile(
-        get_program("texture").bind(push=1.0, window=8),
+        get_program("texture").bind(rate=60.0, push=1.0, window=8),
         (4, 4),
         channels=(*FORCE_AXES, "saturated"),
     )
@@ -204,7 +204,7 @@ def test_laws_of_contact_are_not_asked_of_a_clipped_pressure(name, flag):
             "array.radius": 40e-3,
         },
     )
-    bound = get_program(name).bind(depth=0.667)
+    bound = get_program(name).bind(rate=scene.driver.rate, depth=0.667)
     # the same values, without the marks: clipped only a little, they pass for a sphere's
     unmarked = scene.engine.compile(bound, (8, 8), [flag]).stream()
     for moment in scene.results():
@@ -268,7 +268,7 @@ def test_a_held_load_stays_a_bound_however_long():
 def test_a_frame_that_is_refused_changes_nothing(caplog):
     """It neither counts as rest nor says anything: only what is taken in does."""
     watch = Saturation((6, 6), limit=1.0)
-    for number in range(REST):
+    for number in range(ENOUGH + 1):
         mask(watch, far(number=number))
     for number in range(20, 200):
         assert watch.look(far([(1, 1)], number=number, nan=True), 1.0).found[1, 1]

@@ -70,6 +70,9 @@ def short_scene() -> Callable[[tuple[int, int]], Floats]:
     return scene
 
 
+RATE = 200.0
+"""Hz, of programs that are bound to none."""
+
 Plans = Callable[[Engine, Program, tuple[int, ...], tuple[str, ...] | None], Plan]
 
 
@@ -87,7 +90,7 @@ def runs_on(plans: Plans) -> Run:
     ) -> dict[str, Floats]:
         wanted = None if needs is None else tuple(needs)
         plan = plans(engine, program, frames.shape[-3:-1], wanted)
-        session = plan.stream(frames.shape[1:-3])
+        session = plan.stream(frames.shape[1:-3], rate=plan.rate or RATE)
         outputs = [session.push(frame) for frame in frames]
         return {name: np.array([o[name] for o in outputs]) for name in outputs[0]}
 

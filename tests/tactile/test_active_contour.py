@@ -15,7 +15,11 @@ def played(load, *, engine="numba", needs=("contour_inside", "contour_rests"), *
     frames = 1e-4 * rng.normal(size=(20 + len(load), *load.shape[1:], 3))
     frames[20:, ..., 2] += load
     program = cnnum.get_program("active_contour").bind(reads="force", push=1.0, **parameters)
-    stream = cnnum.Engine(engine).compile(program, load.shape[1:], list(needs)).stream()
+    stream = (
+        cnnum.Engine(engine)
+        .compile(program, load.shape[1:], list(needs))
+        .stream(rate=parameters.get("rate", 200.0))
+    )
     outputs = [stream.push(frame) for frame in frames][20:]
     return {name: np.array([out[name] for out in outputs]) for name in needs}
 

@@ -146,7 +146,7 @@ def watched(push, sign, program="contact"):
     for number in range(80):
         values = noise.normal(0.0, 1.0, (8, 8, 3))
         values[3:5, 3:5, 2] += sign * 100.0 * (number > 20)
-        watch.look(values)
+        watch.look(values, number / 30.0)
     return watch.said
 
 
@@ -177,7 +177,7 @@ def call_demo():
     from cnnum.cli import main
 
     def call(push):
-        options = ["--engine", "numba", "--frames", "200"]
+        options = ["--engine", "numba", "--frames", "400"]
         setting = ["--set", f"program.parameters.push={push}"]
         return CliRunner().invoke(main, ["run", "contact", *options, *setting]).stderr
 

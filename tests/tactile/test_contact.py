@@ -9,24 +9,32 @@ import pytest
 
 from cnnum.templates.tactile.contact import contact
 
-COUNTED = contact.bind(reads="force")
+RATE = 200.0
+FIRST = 16  # frames of 0.08 s
+COUNTED = contact.bind(reads="force", rate=RATE)
 
 
 def touched_frames(strain):
     """Contact by its definition, with the loads above rest."""
     normal = -strain[..., 2]
     flags, loads, rest, noise, seen = [False], [0 * normal[0]], normal[0], 0.0, 0
-    before = False
+    before, low = False, 0
     for number in range(1, len(normal)):
         now = normal[number]
-        peak = max((now - rest).max(), 0.0)
-        high = number >= 16 and peak > 6 * np.sqrt(noise)
-        flag = (high and before) or (flags[-1] and peak > 4 * np.sqrt(noise))
-        if not (high or flags[-1]):
-            rest = rest + max(1 / (number + 1), 1 / 256) * (now - rest)
+        peak, pull = max((now - rest).max(), 0.0), max((rest - now).max(), 0.0)
+        high = number >= FIRST and peak > 6 * np.sqrt(noise)
+        low = 0 if peak > 4 * np.sqrt(noise) else low + 1
+        flag = (high and before) or (flags[-1] and low < 0.01 * RATE)
+        far = number >= FIRST and pull > 6 * np.sqrt(noise)
+        if number < FIRST:  # without each taxel's two extremes
+            known = np.sort(normal[: number + 1], axis=0)
+            rest = known[1:-1].mean(axis=0) if number > 1 else normal[0]
+        elif not (high or far or flags[-1]):
+            rest = rest + max(1 / (number + 1), 1 / (4 * RATE)) * (now - rest)
+        if not (high or far or flags[-1]):
             seen += 1
             change = ((now - normal[number - 1]) ** 2).mean() / 2
-            noise += max(1 / seen, 1 / 256) * (change - noise)
+            noise += max(1 / seen, 1 / (4 * RATE)) * (change - noise)
         before = high
         flags.append(bool(flag))
         loads.append(now - rest)

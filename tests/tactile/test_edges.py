@@ -95,12 +95,12 @@ def test_dead_taxels_make_no_edge(numba):
     sphere = Disc(3.0, (0.1, 0.2), "hertz")
     frames = pressed([frame_under(sphere, (8, 8), 0.5, "strain")])
     frames[:, :, 3, 4] = 0.0
-    stream = numba.compile(edges, (8, 8), ["edge_count"]).stream((1,))
+    stream = numba.compile(edges, (8, 8), ["edge_count"]).stream((1,), rate=200.0)
     assert max(stream.push(frame)["edge_count"][0] for frame in frames) == 0
     punch = Disc(2.4, (0.1, 0.2), "punch")
     frames = pressed([frame_under(punch, (8, 8), 0.5, "strain")])
     frames[:, :, 3, 4] = 0.0
-    stream = numba.compile(edges, (8, 8)).stream((1,))
+    stream = numba.compile(edges, (8, 8)).stream((1,), rate=200.0)
     for frame in frames:
         got = stream.push(frame)
     places = found_places(got["edge_to_right"][0], got["edge_to_below"][0])
@@ -233,7 +233,7 @@ def test_surround_inhibition_is_the_covers(fast, run, depth):
 def test_rows_and_single_taxels_run_and_have_no_edge(numba, name, shape):
     """All of their taxels lie at the rim; a touch on them is one all the same."""
     needs = ["edge_count", *(["contact"] if name == "tactile" else [])]
-    stream = numba.compile(get_program(name), shape, needs).stream()
+    stream = numba.compile(get_program(name), shape, needs).stream(rate=200.0)
     rng = np.random.default_rng(4)
     for number in range(24):
         frame = 1e-3 * rng.normal(size=(*shape, 3))

@@ -235,14 +235,16 @@ SCENES = {
         {"rate": 50.0, "push": 1.0},
     ),
     "texture": Scene(
-        rubbed, (Same("friction", 0.01), Same("texture_known", 0.0)), {"push": 1.0, "window": 16}
+        rubbed,
+        (Same("friction", 0.01), Same("texture_known", 0.0)),
+        {"push": 1.0, "window": 16, "rate": 60.0},
     ),
     "twist": Scene(slid, TWIST, {"rate": 50.0}),
 }
 
 
 def last(plan, frames, batch):
-    stream, outputs = plan.stream(batch), {}
+    stream, outputs = plan.stream(batch, rate=plan.rate or 200.0), {}
     for frame in frames:
         outputs = stream.push(frame)
     return outputs

@@ -12,6 +12,7 @@ from cnnum.lab.bench.errors import stream_error, truths
 from cnnum.lab.bench.samples import full_template, maps, touch
 from cnnum.lab.bench.timing import Call, interleaved
 from cnnum.programs.library import get_program
+from cnnum.templating.checks.program_run import RATE
 from cnnum.templating.template import Template
 
 DECAY = 40.0
@@ -169,7 +170,7 @@ def measure_case(
 
 def measure_program(engine: Engine, budget: float) -> Denormals:
     """Return the row of a program on the stream of a touch."""
-    plan = engine.compile(get_program(PROGRAM), FRAME_SHAPE)
+    plan = engine.compile(get_program(PROGRAM).bind(rate=RATE), FRAME_SHAPE)
     sizes = (0.1 * smallest(engine.precision), 1.0)
 
     def run(size: float) -> None:

@@ -13,7 +13,7 @@ from cnnum.lab.bench.samples import TOUCHED, touch
 from cnnum.plan import Plan
 from cnnum.programs.library import get_program
 from cnnum.templating.checks.program_registry import program_forms
-from cnnum.templating.checks.program_run import run_program_check
+from cnnum.templating.checks.program_run import RATE, run_program_check
 
 SLOW_REFERENCE = ("halfspace_equilibrium", "halfspace_layers", "surface_load")
 """Programs whose frame takes the reference engine over ten seconds; all have a closed form."""
@@ -67,7 +67,7 @@ def truths(
     needs : sequence of str, optional
         Outputs; all unless given.
     """
-    stream = Engine("reference").compile(get_program(name), shape, needs).stream()
+    stream = Engine("reference").compile(get_program(name).bind(rate=RATE), shape, needs).stream()
     found: list[Answer] = []
     until = time.perf_counter() + seconds
     for frame in streamed_frames(shape, size):

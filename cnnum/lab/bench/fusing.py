@@ -11,6 +11,7 @@ from cnnum.lab.bench.samples import generator
 from cnnum.lab.bench.timing import Call, interleaved
 from cnnum.plan import Plan
 from cnnum.programs.library import get_program, program_names
+from cnnum.templating.checks.program_run import RATE
 
 REPEATS = 50
 """Single frames a timed run, which would be over too soon with one."""
@@ -55,7 +56,7 @@ def measure_fusing(engine: Engine, *, quick: bool = False) -> Iterator[Fusing | 
     budget = 0.3 if quick else 2.0
     for shape in SHAPES[:1] if quick else SHAPES:
         for name in program_names("tactile"):
-            plan = engine.compile(get_program(name), shape)
+            plan = engine.compile(get_program(name).bind(rate=RATE), shape)
             if plan.built is plan.schedule:
                 yield f"{name} on {shape[0]}×{shape[1]} cells: nothing in it is fused"
                 continue

@@ -22,6 +22,7 @@ from cnnum.scenes.conversion import AsRead
 from cnnum.scenes.events import EVENT_RULES, EventDetector, EventRule, rules_that_fit
 from cnnum.scenes.frame_range import unit_range
 from cnnum.scenes.pipeline import FramePath
+from cnnum.templating.checks.program_run import RATE
 
 _TEXT = """
 __kernel __attribute__((reqd_work_group_size(1, 1, 1)))
@@ -95,7 +96,7 @@ class Subject:
 
     def plan(self, engine: Engine) -> Plan:
         """Return the plan, as a scene that wants these events has it."""
-        program = get_program(self.program)
+        program = get_program(self.program).bind(rate=RATE)
         rules = rules_that_fit(self.events, program.trace(SHAPE).outputs) if self.events else ()
         needs = [name for rule in rules for name in rule.needs]
         return engine.compile(program, SHAPE, list(dict.fromkeys(needs)) or None)

@@ -36,6 +36,7 @@ from cnnum.programs import Program
 from cnnum.programs.library import get_program
 from cnnum.tactile.indenters import Disc, frame_under
 from cnnum.tactile.touches import drawn, readings
+from cnnum.templating.checks.program_run import RATE
 from cnnum.templating.checks.tactile.lattice_cover import cover_stress
 
 AXES = ("xz", "yz", "zz")
@@ -255,7 +256,7 @@ def _contact(engine: Engine, side: int, count: int) -> TrueError:
     """Return the row of the normal load of spheres: median error over the load."""
     touches = drawn(np.random.default_rng(1), (0.5, 1.5), side, count)
     frames = held([readings(touch, side, 0.75, "strain") for touch in touches])
-    program = get_program("contact").bind(depth=0.75, reads="strain")
+    program = get_program("contact").bind(rate=RATE, depth=0.75, reads="strain")
     plan = engine.compile(program, (side, side))
     stream, outputs = plan.stream((len(touches),)), dict[str, Floats]()
     for frame in frames:
@@ -285,7 +286,7 @@ def _edges(engine: Engine, name: str, side: int, count: int) -> TrueError:
     found = [tally(partial(OUTLINES[name], engine), bodies, [skin]) for bodies in punches]
     off = np.concatenate([each.off for each in found])
     known = {"depth": skin.depth, "reads": skin.reads} if name == "edges" else {}
-    plan = engine.compile(get_program(name).bind(**known), (side, side))
+    plan = engine.compile(get_program(name).bind(rate=RATE, **known), (side, side))
     frame = np.zeros((side, side, 3))
     frame[..., 2] = -skin.stream(punches[0].frames(side, skin.depth, skin.reads))[-1, 0]
     alone = plan.stream()
@@ -309,7 +310,7 @@ def _body_fit(engine: Engine, side: int, count: int) -> TrueError:
     loads = np.stack([frame_under(disc, (side, side), 0.5, "strain") for disc in discs])
     frames = held([np.stack([0.0 * load, 0.0 * load, -load], axis=-1) for load in loads])
     plan = engine.compile(
-        get_program("body_fit").bind(depth=0.5, reads="strain"),
+        get_program("body_fit").bind(rate=RATE, depth=0.5, reads="strain"),
         (side, side),
         ["sphere_fits", "contact_radius"],
         channels=FORCE_AXES,
@@ -354,7 +355,7 @@ def _bumps(engine: Engine, side: int) -> Iterator[TrueError]:
         "texture": ("friction", FRICTION, {"window": 32, "taxels": "strain"}),
     }
     for name, (output, true, known) in cases.items():
-        plan = engine.compile(get_program(name).bind(**known), (side, side), [output])
+        plan = engine.compile(get_program(name).bind(rate=RATE, **known), (side, side), [output])
         stream, got = plan.stream(), nan
         columns = [FORCE_AXES.index(channel) for channel in plan.schedule.channels]
         given = np.ascontiguousarray(strain[..., columns])
@@ -423,8 +424,8 @@ def _events(
 ) -> Iterator[TrueError | str]:
     """Yield a row a program that reports events, of the same trials, or why there is none."""
     for name, flag in FLAGS.items():
-        known: dict[str, object] = {"depth": 0.667} if name == "contact" else {"rate": rate}
-        program = get_program(name).bind(**known)
+        known: dict[str, object] = {"depth": 0.667} if name == "contact" else {}
+        program = get_program(name).bind(rate=rate, **known)
         row = _row(name, "simulated touches", "frames a second", rate, engine)
         try:
             yield _reported(engine, program, flag, row, trials, method, step)

@@ -17,6 +17,7 @@ from cnnum.frame import FORCE_AXES
 from cnnum.lab.scoring.judge import latched
 from cnnum.programs import Program
 from cnnum.programs.library import get_program
+from cnnum.programs.parameters import RATE
 from cnnum.programs.reports import HOLD, level_of
 from cnnum.templates.tactile.slip import LEVELS
 
@@ -151,7 +152,7 @@ def _frames(trials: Sequence[Trial], longest: int) -> Iterator[Any]:
 def _bound(program: Program, known: Mapping[str, float | bool]) -> Program:
     """Return the program with those of the known parameters that it takes."""
     takes = inspect.signature(program.function).parameters
-    return program.bind(**{name: known[name] for name in known if name in takes})
+    return program.bind(**{name: known[name] for name in known if name in (RATE, *takes)})
 
 
 def _kind(trial: Trial) -> tuple[object, ...]:

@@ -333,6 +333,7 @@ at("pause").addEventListener("click", () => {
   }
   place();
 });
+at("tare").addEventListener("click", () => send({ tare: true }));
 at("speed").addEventListener("change", (e) => send({ speed: Number(e.target.value) }));
 at("theme").addEventListener("click", () => theme(document.documentElement.dataset.theme === "dark" ? "light" : "dark"));
 function theme(name) {
@@ -342,6 +343,7 @@ function theme(name) {
 addEventListener("resize", fit);
 addEventListener("keydown", (e) => {
   if (e.target.tagName === "BODY" && e.key === " ") { e.preventDefault(); at("pause").click(); }
+  if (e.target.tagName === "BODY" && e.key === "t" && !e.ctrlKey && !e.metaKey) at("tare").click();
 });
 
 function draw() {

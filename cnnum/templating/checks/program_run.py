@@ -11,6 +11,9 @@ from cnnum.arrays import Floats, as_shape
 from cnnum.templating.checks.program_records import Outputs, ProgramCase, ProgramForm
 from cnnum.templating.checks.records import CheckResult
 
+RATE = 200.0
+"""Frames a second of a case that says none, Hz."""
+
 
 class Stream(Protocol):
     """A stream as a check uses it."""
@@ -87,7 +90,7 @@ def run_program_check(
     """
     size = as_shape(shape)
     case = form.cases(np.random.default_rng(seed), size)
-    plan = engine.compile(program.bind(**case.parameters), size, form.needs)
+    plan = engine.compile(program.bind(**{"rate": RATE, **case.parameters}), size, form.needs)
     begin = time.perf_counter()
     frames = streamed(plan, case)
     taken = [time.perf_counter() - begin]

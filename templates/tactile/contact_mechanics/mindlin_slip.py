@@ -48,7 +48,6 @@ def mindlin_slip(
     push: float = PUSH,
     depth: float = DEPTH,
     reads: Reads = READS,
-    rate: float = 200.0,
     rest: float = 0.4,
     false_reports: float = 2.0,
 ) -> Mapping[str, Field]:
@@ -64,7 +63,7 @@ def mindlin_slip(
         Coefficient of friction μ.
     push, depth, reads
         As in `contact`.
-    rate, rest, false_reports
+    rest, false_reports
         As in `slip`, which gives the gross phase.
 
     Returns
@@ -83,13 +82,13 @@ def mindlin_slip(
     refuse_outside(friction=(friction, 1e-6, 1e6))
     loads = frame.once(loads_of, push=push)
     pressed = pressed_of(loads, SHARE, depth, reads, 1.0)
-    slides = slip.bind(push=push, rate=rate, rest=rest, false_reports=false_reports)(frame)
+    slides = slip.bind(push=push, rest=rest, false_reports=false_reports)(frame)
     gross = slides["gross_slip"]
     pull = length([pressed.x, pressed.y])
     used = where(loads.contact, pull / (friction * maximum(pressed.normal, 1e-30)), 0.0)
     fitted = frame.memory("frames that fit", scalar=True)
     whole = frame.within_range(loads.contact)  # a clipped load has too much pull
-    steady = fitted.count(whole & _hertz(loads, pressed)) > STEADY * rate
+    steady = fitted.count(whole & _hertz(loads, pressed)) > STEADY * frame.rate
     holds = steady & ~_contradicted(frame, used, gross, steady)
     sticks = where(holds, maximum(1.0 - used, 0.0) ** (1 / 3), 1.0)
     return {

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from math import ceil, pi
+from math import pi
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from cnnum.programs.fields import Field, maximum, sqrt, where
 from cnnum.programs.machine import FrameFields
 from cnnum.programs.parameters import refuse_outside
 from cnnum.programs.transients import apply, transient
+from cnnum.templates.tactile.shared.rest import level_at_rest
 from cnnum.templating.library import get_template
 from cnnum.templating.template import Template
 
@@ -50,8 +51,8 @@ class Clock:
     Parameters
     ----------
     frame : FrameFields
-    rate, rest : float, Hz, s
-        Frames a second; time at the start that gives rest and noise, at least `QUIET` frames.
+    rest : float, s
+        Time at the start that gives rest and noise, at least `QUIET` frames.
     held : bool
         Whether signals keep the value of the later frame between two of them; else they run
         straight.
@@ -62,17 +63,17 @@ class Clock:
         Flag.
     """
 
-    def __init__(self, frame: FrameFields, rate: float, rest: float, *, held: bool = False) -> None:
+    def __init__(self, frame: FrameFields, rest: float, *, held: bool = False) -> None:
         refuse_outside(rest=(rest, 0.0, 1e6))
-        self.frame, self.rate, self._held = frame, rate, held
-        self._quiet = max(QUIET, ceil(round(rest * rate, 6)))
+        self.frame, self.rate, self._held = frame, frame.rate, held
+        self._quiet = frame.frames_of(rest, QUIET)
         self.resting = frame.age < float(self._quiet)
 
     def above_rest(self, channel: str, push: float) -> Field:
         """Return a channel above its mean at rest, positive as a load."""
-        reading, memory = self.frame.channel(channel), self.frame.memory(f"{channel} at rest")
-        share = where(self.resting, 1.0 / (self.frame.age + 1.0), 0.0)
-        return push * (reading - memory.mean(reading, share))
+        reading, count = self.frame.channel(channel), self.frame.age + 1.0
+        name = f"{channel} at rest"
+        return push * (reading - level_at_rest(self.frame, reading, self.resting, count, name))
 
     def behind(self, template: Template, signal: Field) -> Field:
         """Return the last layer of a template that goes on from frame to frame."""

@@ -1,24 +1,31 @@
 """The first step of the tactile programs: loads above rest, noise at rest, the contact.
 
-The first frames of a stream define rest. While nothing touches, rest and noise are followed slowly,
-so that an offset or its drift never becomes a load. While something touches, both are kept.
+The first tenth of a second of a stream defines rest (`rest`), which is followed slowly afterwards,
+so that an offset or its drift never becomes a load.
 """
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from cnnum.frame import FORCE_AXES
 from cnnum.programs.fields import Field, maximum, sqrt, square, where
-from cnnum.programs.machine import REST, FrameFields
+from cnnum.programs.machine import FrameFields
 from cnnum.programs.several import total
 from cnnum.programs.transients import apply
+from cnnum.templates.tactile.shared.rest import FORGET, Rest, calm
 from cnnum.templating.library import get_template
 
-FORGET = 256.0
-"""Frames over which rest and noise are followed: slower than any touch, faster than warming up."""
+BREAKS = 0.08
+"""s of contact from which a taxel may break: a touch that begins is sudden everywhere."""
 
 TOUCH, LIFT = 6.0, 4.0
 """Peak loads, in standard deviations of the noise, at which contact begins and ends. The largest
 of 256 noisy taxels exceeds 6 once in 4 million frames; it must in two frames in a row."""
+
+LIFTS = 0.01
+"""s for which a peak stays below that until the contact is over: a press that begins slowly passes
+through the noise in many frames of a fast array."""
 
 NOISY = 5.0
 """Noise power, in its mean over the array, above which a taxel is broken. One of 16 with ten times
@@ -87,31 +94,33 @@ def loads_of(frame: FrameFields, push: float) -> Loads:
         Factor from a channel's sign to that of a load: −1 for strain and stress, which count
         tension as positive, +1 for signals and counts that rise under a push.
     """
-    count = frame.age + 1.0
     touched = frame.memory("touched", scalar=True, logic=True)
-    rest = {name: frame.memory(f"{name} at rest") for name in FORCE_AXES}
+    rest = Rest(frame)
     shear, normal = _Noise(frame, ("shear_x", "shear_y")), _Noise(frame, ("normal",))
-    above = push * (frame.normal - rest["normal"].value)
-    broken = _broken(frame, touched.value, normal, abs(above))
-    sound = normal.healthy & ~_astray(normal, rest["normal"].value) & ~broken
-    aside = abs(rest["shear_x"].value) + abs(rest["shear_y"].value)
-    peak = where(sound, above, 0.0).max()
-    high = (count > float(REST)) & (square(peak) > TOUCH**2 * normal.held)
+    above = push * (frame.normal - rest.known["normal"].value)
+    broken = _broken(frame, touched.value, normal, abs(above), ~rest.begins & (above < 0.0))
+    sound = normal.healthy & ~_astray(normal, rest.known["normal"].value) & ~broken
+    aside = abs(rest.known["shear_x"].value) + abs(rest.known["shear_y"].value)
+    peak, low = where(sound, above, 0.0).max(), where(sound, above, 0.0).min()
+    least = TOUCH**2 * normal.held
+    high = ~rest.begins & (peak > 0.0) & (square(peak) > least)
     begins = high & frame.previous(high)
-    contact = touched.latch(begins, square(peak) > LIFT**2 * normal.held)
-    # a first touch must not become part of rest, nor its jump of the noise
-    free = ~(high | touched.value)
-    rate = where(free, maximum(1.0 / count, 1.0 / FORGET), 0.0)
-
-    given = {name: frame.channel(name) for name in FORCE_AXES}
-    x, y, z = (push * (given[name] - rest[name].mean(given[name], rate)) for name in FORCE_AXES)
+    lifted = frame.memory("frames lifted", scalar=True).count(
+        ~((peak > 0.0) & (square(peak) > LIFT**2 * normal.held))
+    )
+    contact = touched.latch(begins, lifted < float(frame.frames_of(LIFTS)))
+    # a touch that begins must not become part of rest, nor its jump of the noise
+    far = ~rest.begins & ((low < 0.0) & (square(low) > least))
+    free = ~(high | far | touched.value)
+    still = rest.still(sound, far & ~(high | touched.value), least)
+    x, y, z = (push * rest.above(name, free, still) for name in FORCE_AXES)
     return Loads(
         frame=frame,
         shear_x=x,
         shear_y=y,
         normal=z,
-        shear_noise=shear.follow(free),
-        normal_noise=normal.follow(free),
+        shear_noise=shear.follow(free, rest.begins),
+        normal_noise=normal.follow(free, rest.begins),
         contact=contact,
         sound=sound,
         healthy=sound & shear.healthy & ~_astray(shear, aside),
@@ -133,19 +142,26 @@ def _astray(noise: "_Noise", rest: Field) -> Field:
     return far > ASTRAY * maximum(square(sqrt(far).mean()), sqrt(noise.held))
 
 
-def _broken(frame: FrameFields, touched: Field, normal: "_Noise", above: Field) -> Field:
-    """Return the taxels that broke under a contact.
+def _broken(
+    frame: FrameFields, touched: Field, normal: "_Noise", above: Field, below: Field
+) -> Field:
+    """Return the taxels that broke under a contact, or fell below rest by themselves.
 
     One is broken until it reads as at rest again while nothing touches.
     """
-    lasts = frame.memory("frames of contact", scalar=True)
+    lasts, early = frame.memory("frames of contact", scalar=True), frame.frames_of(BREAKS, 2)
     broken = frame.memory("broken", logic=True)
     lasts.count(touched)
     change = normal.change / maximum(normal.held, TINY)
     size = sqrt(change)
     around = (apply(get_template("smooth"), input=size) - 0.25 * size) / 0.75
     alone = change > BREAK * (square(around) + 1.0)
-    new = alone & normal.healthy & (lasts.value > float(REST)) & ~broken.value
+    # a load pulls its surroundings along, and falls below rest nowhere by itself
+    between = get_template("between_neighbours")
+    share = apply(between, input=frame.constant(np.ones(frame.shape)))
+    near = apply(between, input=size) / maximum(share, AWAY)
+    falls = below & (change > BREAK * (square(near) + 1.0))
+    new = (falls | (alone & (lasts.value > float(early)))) & normal.healthy & ~broken.value
     back = ~touched & (above < LIFT * sqrt(normal.held))
     return broken.latch(new, ~back)
 
@@ -164,6 +180,7 @@ class _Noise:
     """
 
     def __init__(self, frame: FrameFields, names: tuple[str, ...]) -> None:
+        self._frame, self._axes = frame, len(names)
         channels = [frame.channel(name) for name in names]
         changes = [square(channel - frame.previous(channel)) for channel in channels]
         self.change = total(changes) / (2.0 * len(channels))
@@ -177,13 +194,17 @@ class _Noise:
         self.alive = (known > 0.0) | ~(known.max() > 0.0)
         self.held = self._typical(known)
 
-    def follow(self, free: Field) -> Field:
+    def follow(self, free: Field, begins: Field) -> Field:
         """Return it after this frame; one that repeats the one before is not counted."""
-        news = free & (self.change.max() > 0.0)
-        count = self._seen.value + where(news, 1.0, 0.0)
-        rate = where(news, maximum(1.0 / count, 1.0 / FORGET), 0.0)
+        changes = free & (self.change.max() > 0.0)
+        readings = self._axes * self._frame.shape[0] * self._frame.shape[1]
+        fits, anew = calm(self._frame, self.change.mean(), changes & begins, readings)
+        news = fits | (changes & ~begins)
+        count = where(anew, 0.0, self._seen.value) + where(news, 1.0, 0.0)
+        follows = 1.0 / (FORGET * self._frame.rate)
+        share = where(news, maximum(1.0 / maximum(count, 1.0), follows), 0.0)
         self._seen.store(count)
-        return self._typical(self._variance.mean(self.change, rate))
+        return self._typical(self._variance.mean(self.change, share))
 
     def _typical(self, variance: Field) -> Field:
         sound = where(self.healthy, variance, 0.0)

@@ -1,6 +1,6 @@
 """Loads above rest, now and a moment ago, shared by `slip` and `twist`."""
 
-from math import ceil, exp
+from math import exp
 from typing import NamedTuple
 
 from cnnum.programs.blocks import Block, Sums, blocks
@@ -9,9 +9,11 @@ from cnnum.programs.machine import FrameFields
 from cnnum.programs.parameters import refuse_outside
 from cnnum.programs.several import length, mean
 from cnnum.programs.transients import apply
+from cnnum.templates.tactile.shared.rest import level_at_rest, mean_at_rest
 from cnnum.templating.library import get_template
 
 FAST = 0.02  # s, time constant of the smoothing
+FEW = 4  # frames of rest at least, from which the noise of an array is known
 ROUNDING, LEAST_LOAD = 1e-6, 1e-12  # least noise over the reading at rest; least load, in its unit
 
 
@@ -34,18 +36,19 @@ class RecentLoads:
 
     def __init__(
         self, frame: FrameFields, *, push: float, shear_gain: float, pads: int,
-        rate: float, rest: float, look: float, floor: float,
+        rest: float, look: float, floor: float,
     ) -> None:  # fmt: skip
-        refuse_outside(rate=(rate, 1e-3, 1e6), rest=(rest, 0.0, 1e6), look=(look, 1e-6, 1e6))
-        self.frame, self.rate = frame, rate
-        self._quiet = max(4, ceil(round(rest * rate, 6)))
+        refuse_outside(rest=(rest, 0.0, 1e6), look=(look, 1e-6, 1e6))
+        self.frame, self.rate = frame, frame.rate
+        self._quiet = frame.frames_of(rest, FEW)
         self.resting = frame.age < float(self._quiet)
         # templates: above rest, smoothed, delayed
         z, x, y = map(self._above_rest, (frame.normal, frame.shear_x, frame.shear_y))
         above = maximum(push * z, 0.0), push * shear_gain * x, push * shear_gain * y
         self.z, *self.shear = self._now = [self._leaky(each, FAST)[0] for each in above]
         self.old_z, *self.old_shear = (self._leaky(each, look)[1] for each in self._now)
-        self.per_s = rate * (1.0 - exp(-1.0 / (rate * look)))  # of a change by 1 since then
+        # of a change by 1 since then
+        self.per_s = self.rate * (1.0 - exp(-1.0 / (self.rate * look)))
         # read-outs
         self.noise = maximum(self._noise(frame.normal), ROUNDING * abs(frame.normal - z).max())
         self.pads = [self._pad(floor * self.noise, block) for block in blocks(frame, 1, pads)]
@@ -58,8 +61,7 @@ class RecentLoads:
         return {name: where(self.resting, 0.0, value) for name, value in outputs.items()}
 
     def _above_rest(self, channel: Field) -> Field:
-        share = where(self.resting, 1.0 / (self.frame.age + 1.0), 0.0)
-        return channel - self.frame.memory("rest").mean(channel, share)
+        return channel - level_at_rest(self.frame, channel, self.resting, self.frame.age + 1.0)
 
     def _leaky(self, value: Field, time: float) -> tuple[Field, Field]:
         """Return a map that follows another one with a time constant, and its value before."""
@@ -70,12 +72,9 @@ class RecentLoads:
 
     def _noise(self, channel: Field) -> Field:
         """Return the standard deviation of a reading, from its changes at rest."""
-        memory = self.frame.memory("noise", scalar=True)
         change = channel - self.frame.previous(channel)
-        share = where(self.resting, 0.5 / (self._quiet - 1), 0.0)
-        power = memory.value + share * (change * change).mean()
-        memory.store(power)
-        return sqrt(power)
+        power = 0.5 * (change * change).mean()
+        return sqrt(mean_at_rest(self.frame, power, self.resting & ~self.frame.first))
 
     def _pad(self, noise: Field, block: Block) -> Pad:
         cells, _, total, inner = block

@@ -282,7 +282,7 @@ def test_streams_that_are_compared_have_a_contact():
     from cnnum.programs.library import get_program
 
     plan = Engine("opencl").compile(
-        get_program("contact"), (8, 8), needs=["contact", "contact_area"]
+        get_program("contact").bind(rate=200.0), (8, 8), needs=["contact", "contact_area"]
     )
     stream = plan.stream()
     found = [stream.push(frame) for frame in touch()]

@@ -22,6 +22,7 @@ from cnnum.tactile.indenters import (
     Several,
     frame_under,
 )
+from cnnum.templating.checks.program_run import RATE
 
 COVERS: tuple[tuple[Reads, float], ...] = (
     ("strain", 0.3), ("strain", 0.5), ("strain", 1.0), ("stress", 0.75),
@@ -73,7 +74,7 @@ def fitted(bodies: list[Indenter], reads: Reads, depth: float) -> dict[str, Floa
     frames = rng.normal(size=(REST + PRESSED, len(bodies), *SHAPE, 3))
     frames *= NOISE * loads.max(axis=(1, 2))[:, None, None, None]
     frames[REST:, ..., 2] -= loads
-    program = get_program("body_fit").bind(depth=depth, reads=reads, modulus=MODULUS)
+    program = get_program("body_fit").bind(rate=RATE, depth=depth, reads=reads, modulus=MODULUS)
     plan = Engine().compile(program, SHAPE, OUTPUTS, channels=FORCE_AXES)
     columns = [FORCE_AXES.index(channel) for channel in plan.schedule.channels]
     stream = plan.stream((len(bodies),))

@@ -16,6 +16,7 @@ from cnnum.programs.library import get_program
 from cnnum.tactile.halfspace import band_pass, low_pass
 from cnnum.tactile.indenters import Reads
 from cnnum.tactile.touches import WIDEST, Touch, drawn, readings
+from cnnum.templating.checks.program_run import RATE
 
 NOISE = 2.5e-3
 """Of the largest reading: 2.5 mV (Table 3.II) of 1 V."""
@@ -42,7 +43,7 @@ def run_contact(
 ) -> dict[str, Floats]:
     """Return the outputs of `contact` after rest and three frames of each touch."""
     frames = held([readings(touch, cells, depth, reads) for touch in touches])
-    program = get_program("contact").bind(depth=depth, reads=reads)
+    program = get_program("contact").bind(rate=RATE, depth=depth, reads=reads)
     stream = engine.compile(program, (cells, cells)).stream((len(touches),))
     outputs = dict[str, Floats]()
     for frame in frames:

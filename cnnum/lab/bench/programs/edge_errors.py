@@ -19,6 +19,7 @@ from cnnum.lab.bench.programs.edge_scenes import CHOSEN_ON, SHARP, SMOOTH, Bodie
 from cnnum.programs.library import get_program
 from cnnum.tactile.flat_punches import Outline
 from cnnum.tactile.indenters import Reads
+from cnnum.templating.checks.program_run import RATE
 from cnnum.templating.library import get_template
 
 NOISE = 0.01
@@ -94,7 +95,8 @@ def found_places(right: Floats, below: Floats) -> Floats:
 
 def run_edges(engine: Engine, loads: Floats, skin: Skin) -> dict[str, Floats]:
     """Return the outputs of `edges` after rest and three frames of each body, side by side."""
-    program = get_program("edges").bind(depth=skin.depth * skin.given, reads=skin.reads)
+    given = {"rate": RATE, "depth": skin.depth * skin.given, "reads": skin.reads}
+    program = get_program("edges").bind(**given)
     stream = engine.compile(program, loads.shape[1:]).stream((len(loads),))
     outputs = dict[str, Floats]()
     for frame in skin.stream(loads):
@@ -147,7 +149,8 @@ def by_steepest(loads: Floats, skin: Skin) -> list[Floats]:
 
 def by_enhancement(engine: Engine, loads: Floats, skin: Skin) -> list[Floats]:
     """Return the places that `edge_enhancement` finds."""
-    stream = engine.compile(get_program("edge_enhancement"), loads.shape[1:]).stream((len(loads),))
+    program = get_program("edge_enhancement").bind(rate=RATE)
+    stream = engine.compile(program, loads.shape[1:]).stream((len(loads),))
     got = dict[str, Floats]()
     for frame in skin.stream(loads):
         got = stream.push(np.stack([0.0 * frame, 0.0 * frame, -frame], axis=-1))

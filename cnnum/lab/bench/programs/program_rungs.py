@@ -17,7 +17,7 @@ from cnnum.programs.library import get_program
 from cnnum.report.work_precision import SINGLE, Rung, WorkPrecision
 from cnnum.templating.checks.program_records import ProgramForm
 from cnnum.templating.checks.program_registry import program_forms
-from cnnum.templating.checks.program_run import judged, streamed
+from cnnum.templating.checks.program_run import RATE, judged, streamed
 
 SHAPE = (8, 8)
 
@@ -94,7 +94,7 @@ def _climb(
                 (_of_form(form, by) for form in program_forms(name)), key=lambda one: one.error
             )
         else:
-            found = _of_stream(by.compile(get_program(name), SHAPE), truth())
+            found = _of_stream(by.compile(get_program(name).bind(rate=RATE), SHAPE), truth())
     except CnnumError:  # a step beyond the stability bound, or the message of `cnnum plan`
         return None
     methods = {solver.method for solver in found.plan.solvers.values()}
@@ -160,7 +160,9 @@ def _of_stream(plan: Plan, true: list[Answer]) -> _Found:
 
 def _of_form(form: ProgramForm, by: By) -> _Found:
     case = form.cases(np.random.default_rng(0), SHAPE)
-    plan = by.compile(get_program(form.program).bind(**case.parameters), SHAPE, form.needs)
+    plan = by.compile(
+        get_program(form.program).bind(**{"rate": RATE, **case.parameters}), SHAPE, form.needs
+    )
     error = judged(form, case, streamed(plan, case))
     # one stream for all runs, as making one takes longer than a frame: these programs keep nothing
     stream = plan.stream(case.batch)

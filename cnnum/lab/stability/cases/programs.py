@@ -240,7 +240,9 @@ def _sparse_contact(name: str, load: float) -> Case:
     """The number of contacts where at most one taxel feels a load."""
 
     def solve(engine: Engine) -> Solved:
-        plan = engine.compile(get_program("contact"), SHAPE, ["contact", "contact_area"])
+        plan = engine.compile(
+            get_program("contact").bind(rate=200.0), SHAPE, ["contact", "contact_area"]
+        )
         stream, out = plan.stream(), {}
         frame = np.zeros((*SHAPE, 3))
         for number in range(20):

@@ -60,7 +60,7 @@ def _rubbed(rng: np.random.Generator, shape: Shape) -> ProgramCase:
     frames = np.concatenate([still, np.stack(parts, axis=-1)])
     true = texture(frames[20:], window=WINDOW)
     expected = {"friction": true.friction[-1], "roughness": true.roughness[-1]}
-    return ProgramCase(frames, expected, {"push": 1.0, "window": WINDOW})
+    return ProgramCase(frames, expected, {"push": 1.0, "window": WINDOW, "rate": 60.0})
 
 
 def _off_texture(case: ProgramCase, outputs: Outputs) -> float:

@@ -29,7 +29,7 @@ def launches(monkeypatch):
 @pytest.mark.parametrize("batch", [(), (40,)])
 def test_slip_program_is_one_launch_a_frame(launches, opencl, batch):
     plan = opencl.compile(cnnum.get_program("slip"), (8, 8))
-    stream = plan.stream(batch)
+    stream = plan.stream(batch, rate=200.0)
     for frame in np.random.default_rng(0).normal(0.0, 1e-3, (3, *batch, 8, 8, 3)):
         stream.push(frame)
     assert plan.explain().launches == 1

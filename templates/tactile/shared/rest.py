@@ -1,0 +1,170 @@
+"""Rest at the start of a stream and after it, and its noise; one outlier spoils neither.
+
+While readings stay near rest it is followed slowly. It is kept while something touches, and while
+readings are far below it: a sensor that zeroes itself under a load, or loses some taxels for a
+while, comes back to the rest that it had. Where readings are far below and nothing moves for long,
+as after a stream that began in a touch, they are the new rest.
+"""
+
+from cnnum.frame import FORCE_AXES
+from cnnum.programs.fields import Field, maximum, minimum, square, where
+from cnnum.programs.machine import BEGINS, ENOUGH, FrameFields
+
+FORGET = 4.0
+"""s over which rest and noise are followed: slower than a touch, faster than warming up. What grows
+by less than 1.5 times the noise a second is followed, too, and is no load."""
+
+STILL = 10.0
+"""s for which nothing moves until readings far below rest become the new one. What comes back from
+an automatic zero with a time constant up to that moves all the time."""
+
+CALM = 30.0
+"""Change of a frame, in power, over that of others at rest, from which it is an outlier's. The mean
+over the cells and axes of `MANY` noisy readings leaves the factor once in 10⁸ frames."""
+
+MANY = 8
+"""Readings of a frame from which outliers are told by its mean change; few readings scatter more
+themselves."""
+
+
+def level_at_rest(
+    frame: FrameFields, channel: Field, resting: Field, count: Field, name: str = "rest"
+) -> Field:
+    """Return the mean of a channel over the frames at rest, without each taxel's two extremes.
+
+    The middle of a reading and both extremes so far goes into the mean: whatever leaves it, of
+    three readings or more one outlier is never in it.
+
+    Parameters
+    ----------
+    frame : FrameFields
+    channel : Field
+        Map.
+    resting : Field
+        Flag: it holds from the first frame on.
+    count : Field
+        Frames at rest, this one among them.
+    name : str
+        Of the memories, in traces.
+    """
+    low, high, mean = (frame.memory(f"{part}{name}") for part in ("least of ", "most of ", ""))
+    begins = frame.first
+    least, most = (where(begins, channel, each.value) for each in (low, high))
+    middle = maximum(minimum(channel, most), least)
+    low.store(where(resting, minimum(channel, least), least))
+    high.store(where(resting, maximum(channel, most), most))
+    share = where(resting, 1.0 / maximum(count - 2.0, 1.0), 0.0)
+    return mean.mean(middle, share)
+
+
+def mean_at_rest(frame: FrameFields, power: Field, counted: Field) -> Field:
+    """Return the mean of a number over the frames at rest, but for those of an outlier.
+
+    A reading that is off for a frame makes two changes. So the two largest are left out where they
+    are many times the mean of the others.
+
+    Parameters
+    ----------
+    frame : FrameFields
+    power : Field
+        Number, 0 or above.
+    counted : Field
+        Flag: the frame counts.
+    """
+    largest, second, others, seen = (
+        frame.memory(f"{name} at rest", scalar=True)
+        for name in ("largest change", "second change", "other changes", "changes")
+    )
+    new = where(counted, power, 0.0)
+    middle = maximum(minimum(new, largest.value), second.value)
+    left_over = minimum(new, second.value)
+    count = seen.value + where(counted, 1.0, 0.0)
+    share = where(counted & (count > 2.5), 1.0 / maximum(count - 2.0, 1.0), 0.0)
+    mean = others.mean(left_over, share)
+    most = maximum(new, largest.value)
+    largest.store(most)
+    second.store(middle)
+    seen.store(count)
+    whole = (mean * maximum(count - 2.0, 0.0) + most + middle) / maximum(count, 1.0)
+    return where((count > 2.5) & (mean > 0.0) & (most > CALM * mean), mean, whole)
+
+
+def calm(frame: FrameFields, power: Field, counted: Field, readings: int) -> tuple[Field, Field]:
+    """Return whether the change of a frame is one of noise, and whether it is the first such one.
+
+    Parameters
+    ----------
+    frame : FrameFields
+    power : Field
+        Mean square change of the readings since the frame before, a number.
+    counted : Field
+        Flag: the frame is at rest and no repeat.
+    readings : int
+        How many there are.
+
+    Returns
+    -------
+    (Field, Field)
+        Flags. With the second one all that was known of the noise was an outlier's.
+    """
+    memory = frame.memory("least change", scalar=True)
+    none = ~(memory.value > 0.0)
+    if readings < MANY:
+        memory.store(where(counted, power, memory.value))
+        return counted, counted & none
+    some = power > 0.0  # where nothing has changed, the reading is coarse or came twice
+    anew = counted & some & (none | (power * CALM < memory.value))
+    fits = counted & (anew | (power <= CALM * memory.value))
+    lowers = fits & some & (none | (power < memory.value))
+    memory.store(where(lowers, power, memory.value))
+    return fits, anew
+
+
+class Rest:
+    """Readings at rest: followed from both sides, and learned anew where nothing moves for long.
+
+    Attributes
+    ----------
+    begins : Field
+        Flag: the frame is one of the first, which define rest.
+    known : dict of str to LocalMemory
+        By channel, as it was before this frame.
+    """
+
+    def __init__(self, frame: FrameFields) -> None:
+        self._frame, self._count = frame, frame.age + 1.0
+        self._follows = 1.0 / (FORGET * frame.rate)
+        self.begins = frame.age < float(frame.frames_of(BEGINS, ENOUGH))
+        self.known = {name: frame.memory(f"{name} at rest") for name in FORCE_AXES}
+        self._lasts = frame.memory("frames without a move", scalar=True)
+
+    def still(self, sound: Field, where_far: Field, least: Field) -> Field:
+        """Return a flag: readings far below rest have not moved for long, by their normal axis.
+
+        Parameters
+        ----------
+        sound : Field
+            Logic map of the taxels that count.
+        where_far : Field
+            Flag: readings are far below rest, and nothing touches.
+        least : Field
+            Square of the change from which something has moved.
+        """
+        reading, memory = self._frame.normal, self._frame.memory("normal when it last moved")
+        moves = where(sound, square(reading - memory.value), 0.0).max() > least
+        goes_on = where_far & ~moves
+        memory.store(where(goes_on, memory.value, reading))
+        count = self._lasts.count(goes_on)
+        return count > float(self._frame.frames_of(STILL))
+
+    def above(self, name: str, free: Field, anew: Field) -> Field:
+        """Return a channel above its rest, which is followed where it is free."""
+        reading, memory = self._frame.channel(name), self.known[name]
+        first = level_at_rest(self._frame, reading, self.begins, self._count, f"{name} at first")
+        share = where(free, maximum(1.0 / self._count, self._follows), 0.0)
+        late = self._frame.memory(f"{name} lately")
+        late.mean(reading, maximum(1.0 / (self._lasts.value + 1.0), self._follows))
+        followed = memory.value + share * (reading - memory.value)
+        found = where(self.begins, first, where(anew, late.value, followed))
+        memory.store(found)
+        return reading - found

@@ -1,0 +1,219 @@
+"""Taxels that drop out are masked and come back, and an array that is silent is said to be."""
+
+import json
+import logging
+
+import numpy as np
+import pytest
+
+import cnnum
+from cnnum.drivers.codecs.wire import Asked, wire
+from cnnum.errors import SceneError
+from cnnum.frame import FORCE_AXES, Frame
+from cnnum.scenes.dropouts import Dropouts, Liveness
+
+RATE = 100.0
+ROWS, COLS = np.mgrid[:8, :8].astype(float)
+SHAPE = np.exp(-((ROWS - 3.5) ** 2 + (COLS - 3.5) ** 2) / 5.12)
+LOST = slice(900, 960)
+
+
+def grip(seed=1, frames=1400):
+    """Counts of a quiet grip from 1.5 s on, pulled a little at 4 s."""
+    t = np.arange(frames) / RATE
+    values = np.random.default_rng(seed).normal(16_000.0, 3.0, (frames, 8, 8, 3))
+    values[..., 2] += np.clip((t - 1.0) / 0.5, 0.0, 1.0)[:, None, None] * SHAPE * 600.0
+    values[..., 0] += np.clip((t - 4.0) / 0.3, 0.0, 1.0)[:, None, None] * SHAPE * 150.0
+    return np.round(values)
+
+
+def played(folder, values, program="slip", more=""):
+    cnnum.Recording(values, rate=RATE).save(folder / "grip.npz", force=True)
+    events = {"slip": "slip", "twist": "twist", "contact": "contact"}[program]
+    (folder / "scene.toml").write_text(
+        f'needs = ["{events}"]\n[array]\ndriver = "npz"\npath = "grip.npz"\n'
+        f'{more}\n[program]\nname = "{program}"\n[program.parameters]\npush = 1.0\n'
+    )
+    scene = cnnum.load_scene(folder / "scene.toml")
+    return scene, [(event.kind, round(event.time, 2)) for event in scene.events()]
+
+
+def column(values):
+    values[LOST, :, 2] = 0.0
+    return 8
+
+
+def row_at_its_rail(values):
+    values[LOST, 4] = 65_535.0
+    return 8
+
+
+def loaded_taxel(values):
+    values[LOST, 3, 3] = 0.0
+    return 1
+
+
+def load_of_a_taxel(values):
+    values[LOST, 3, 3] = values[0, 3, 3]
+    return 1
+
+
+@pytest.mark.parametrize("loses", [column, row_at_its_rail, loaded_taxel, load_of_a_taxel])
+def test_a_lost_line_or_taxel_is_no_slip_and_comes_back(tmp_path, caplog, loses):
+    values = grip()
+    count = loses(values)
+    with caplog.at_level(logging.WARNING, "cnnum"):
+        scene, events = played(tmp_path, values)
+    seen = scene.summary()
+    assert events == []
+    assert seen.dropouts == count
+    # lost for 0.6 s, and 0.1 s until they have been steady
+    assert seen.masked == pytest.approx(60 + 10, abs=3)
+    assert caplog.text.count("have dropped out") == 1
+
+
+def test_zero_scans_are_bad_frames(tmp_path):
+    values = grip()
+    values[900:903] = 0.0
+    scene, events = played(tmp_path, values)
+    assert events == []
+    assert scene.summary().refused == 3
+
+
+@pytest.mark.parametrize("program", ["contact", "twist"])
+def test_contact_and_twist_hold_meanwhile(tmp_path, program):
+    values = grip()
+    column(values)
+    _, events = played(tmp_path, values, program)
+    assert [kind for kind, _ in events] == (["contact"] if program == "contact" else [])
+
+
+def test_limits_are_the_scenes(tmp_path):
+    """A loose column floats within the range of its converter, far below what a taxel gives."""
+    values = grip()
+    values[LOST, :, 2] = np.random.default_rng(2).normal(300.0, 50.0, (60, 8, 3)).round()
+    scene, events = played(tmp_path, values, more="[frames]\nlimits = [1000, 60000]\n")
+    assert (events, scene.summary().dropouts) == ([], 8)
+    with pytest.raises(SceneError, match=r"'frames.limits' must be the least and the largest"):
+        played(tmp_path, values, more="[frames]\nlimits = [60000, 1000]\n")
+
+
+def test_a_slide_after_a_dropout_is_found(tmp_path):
+    values = grip(frames=1250)
+    for number in range(1100, 1250):
+        at = 3.5 + min(3.0, 8.0 * (number / RATE - 11.0))
+        moved = np.exp(-((ROWS - 3.5) ** 2 + (COLS - at) ** 2) / 5.12) - SHAPE
+        values[number, ..., 2] += 600.0 * moved
+        values[number, ..., 0] += 150.0 * moved
+    clean = played(tmp_path, values)[1]
+    column(values)
+    assert played(tmp_path, values)[1] == clean
+    assert clean[0][0] == "slip"
+
+
+@pytest.mark.parametrize("fault", ["frozen", "alike", "taxel"])
+def test_silence_is_an_event_and_one_sentence(tmp_path, caplog, fault):
+    values = grip()
+    if fault == "frozen":
+        values[900:1200] = values[899]
+    elif fault == "alike":
+        values[900:1200] = 0xFAFA
+    else:
+        values[900:1200, 2, 2] = values[899, 2, 2]
+    with caplog.at_level(logging.WARNING, "cnnum"):
+        _, events = played(tmp_path, values)
+    assert [kind for kind, _ in events] == ["silent", "silent_end"]
+    assert [at for _, at in events] == pytest.approx([11.0, 12.0], abs=0.02)
+    assert caplog.text.count("nothing shows that the array lives") == 1
+
+
+def frame(values, number):
+    return Frame(values, FORCE_AXES[: values.shape[2]], "count", number, number / RATE)
+
+
+def test_an_array_coarser_than_its_noise_is_not_silent():
+    watch = Liveness()
+    rest = np.zeros((4, 4, 3))
+    rest[..., 0] = 1.0
+    for number in range(600):
+        values = rest.copy()
+        values[1, 1, 2] = number % 300 == 299  # a count now and then
+        assert watch.look(number, frame(values, number)) == ()
+
+
+def test_good_frames_are_handed_on_as_they_are():
+    """Presses and releases, as sudden as they come, of one taxel or of many."""
+    rng, watch = np.random.default_rng(3), Dropouts((6, 6), quiet=True)
+    for number in range(600):
+        values = rng.normal(16_000.0, 3.0, (6, 6, 3))
+        if 100 <= number < 200:
+            values[2:4, 2:5, 2] += 400.0
+        if 300 <= number < 400:
+            values[1, 1, 2] += 400.0
+        if number >= 450:
+            values[:, 3, 2] += 500.0
+        given = frame(values, number)
+        assert watch.look(given) is given
+    assert watch.count == 0
+
+
+@pytest.mark.parametrize("name", ["anyskin", "anyskin-text"])
+def test_a_lost_chip_leaves_the_frames_of_the_others(name):
+    known = wire(name, Asked(shape=(1, 5)))
+    rng, decoder, found = np.random.default_rng(4), known.decoder(), []
+    for _ in range(60):
+        values = np.concatenate(
+            [np.full((1, 5, 1), 25.0), rng.normal(0.0, 1.0, (1, 5, 3))], axis=2
+        ).astype(np.float32)
+        values[0, 1] = np.nan
+        scan = cnnum_scan(known, values)
+        found += decoder.feed(known.encode(scan))
+    assert len(found) >= 58
+    assert all(np.isnan(scan.values[0, 1]).all() for scan in found)
+    assert all(np.isfinite(scan.values[0, [0, 2, 3, 4]]).all() for scan in found)
+
+
+def cnnum_scan(known, values):
+    from cnnum.drivers.codecs.scan import Scan
+
+    return Scan(values, known.form.channels, known.form.unit)
+
+
+def test_a_taxel_without_numbers_costs_frames_until_it_is_masked():
+    rng, watch, bad = np.random.default_rng(6), Dropouts((1, 5), quiet=True), 0
+    for number in range(100):
+        values = rng.normal(0.0, 1.0, (1, 5, 3))
+        values[0, 2] = np.nan
+        seen = watch.look(frame(values, number)).values
+        bad += not np.isfinite(seen).all()
+        if number > 20:
+            assert watch.masked.tolist() == [[False, False, True, False, False]]
+    assert bad == pytest.approx(10, abs=2)
+
+
+def message(number, *taxels):
+    def pad(sensor, count):
+        numbers = ",".join(f"{32768 + n:04X}" for n in range(3 * count))
+        return {
+            "sensor": sensor, "time": 1.0 + 0.01 * number, "model": "x", "taxels": count,
+            "data": numbers, "calibrated": None,
+        }  # fmt: skip
+
+    pads = {str(n): pad(n, count) for n, count in enumerate(taxels, 1)}
+    return json.dumps({"message": number, **pads}).encode() + b"\n"
+
+
+def test_pads_of_two_sizes_are_named_or_one_is_chosen():
+    decoder = wire("xela").decoder()
+    for number in range(5):
+        assert decoder.feed(message(number, 16, 24)) == []
+    assert "pads of 4×4 and 4×6 taxels" in decoder.trouble
+    assert "shape = [4, 4]" in decoder.trouble
+    for shape in ((4, 4), (4, 6)):
+        chosen = wire("xela", Asked(shape=shape)).decoder()
+        found = [scan for n in range(3) for scan in chosen.feed(message(n, 16, 24))]
+        assert [scan.values.shape for scan in found] == [(*shape, 3)] * 3
+        assert chosen.trouble == ""
+    twice = wire("xela", Asked(shape=(4, 4))).decoder()
+    assert twice.feed(message(0, 16, 16, 24)) == []
+    assert "make no one array" in twice.trouble

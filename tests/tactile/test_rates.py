@@ -1,0 +1,285 @@
+"""Time is seconds: a signal gives the same events at every rate, and rest bears real sensors.
+
+No program, scene or view has a constant of frames that means a time: each of the few whole numbers
+of frames left is what a mean needs.
+"""
+
+import ast
+import logging
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import cnnum
+from cnnum.errors import ArrayError, ProgramError, SceneError
+from cnnum.frame import contradicted, unit_fault
+from cnnum.scenes.events import EVENT_RULES, EventDetector, rules_that_fit
+
+ROOT = Path(__file__).parents[2]
+RATES = (10.0, 50.0, 200.0, 1000.0)
+
+COUNTED = {
+    "templates/tactile/shared/clock.py:QUIET": "frames that make noise known to a fifth",
+    "templates/tactile/shared/loads.py:BREAK": "a ratio",
+    "templates/tactile/shared/rest.py:CALM": "a ratio",
+    "templates/tactile/shared/rest.py:MANY": "readings of a frame",
+    "templates/tactile/texture.py:SAMPLES": "T of (6.3), each of a time",
+    "templates/tactile/texture.py:APART": "s, next to it",
+    "templates/tactile/edge_enhancement.py:SEEN": "taxels",
+    "cnnum/scenes/pipeline.py:TIMED": "frames of a median step",
+    "cnnum/scenes/dropouts.py:JUMP": "a ratio",
+    "cnnum/scenes/range_streams.py:APART": "an amount of work",
+    "cnnum/scenes/like_frames.py:MOST": "an amount of work",
+    "cnnum/scenes/exporting.py:MOST": "an amount of work",
+    "cnnum/scenes/exporting.py:SHORT": "the length of a test vector",
+    "cnnum/scenes/exporting.py:LONG": "the length of a test vector",
+    "cnnum/live/rerun_sink.py:PICTURES": "a second",
+}
+"""What is counted is no time."""
+
+
+def numbers_in_frames(path):
+    """Yield the numbers at the top of a module whose first sentence speaks of frames or scans."""
+    body = ast.parse(path.read_text(encoding="utf-8")).body
+    for node, after in zip(body, [*body[1:], None], strict=True):
+        text = getattr(getattr(after, "value", None), "value", None)
+        if not isinstance(node, ast.Assign) or not isinstance(text, str):
+            continue
+        values = [n.value for n in ast.walk(node.value) if isinstance(n, ast.Constant)]
+        whole = [v for v in values if type(v) in (int, float) and v > 1 and v == int(v)]
+        if not whole:
+            continue
+        first = re.split(r"[.;](?:\s|$)", text)[0].lower()
+        if re.search(r"\b(frames?|scans?|samples?)\b", first) and not re.match(r"s\b|hz\b", first):
+            yield from (n.id for n in ast.walk(node.targets[0]) if isinstance(n, ast.Name))
+
+
+def test_no_constant_in_frames_means_a_time():
+    """One that counts frames says what for, above; one in seconds or Hz begins with its unit."""
+    found = set()
+    for folder in ("templates/tactile", "cnnum/scenes", "cnnum/programs", "cnnum/live"):
+        for path in sorted((ROOT / folder).rglob("*.py")):
+            found |= {f"{path.relative_to(ROOT)}:{name}" for name in numbers_in_frames(path)}
+    assert found == set(COUNTED)
+
+
+def signal(rate, press=3.0, seed=0):
+    """Rest, a press in 0.3 s, a pull, a slide of 2 cells in 0.5 s, and the release; in strain."""
+    t = np.arange(round(8.0 * rate)) / rate
+    rows, cols = np.mgrid[:8, :8].astype(float)
+    load = np.clip((t - 2) / 0.3, 0, 1) * np.clip((7.0 - t) / 0.3, 0, 1)
+    at = 3.0 + 2.0 * np.clip((t - 4.5) / 0.5, 0, 1)
+    shape = np.exp(-((rows - 3.5) ** 2 + (cols - at[:, None, None]) ** 2) / 5.12)
+    frames = np.zeros((len(t), 8, 8, 3))
+    frames[..., 2] = -0.02 * shape * load[:, None, None]
+    frames[..., 0] = 0.01 * shape * (load * np.clip((t - 3.5) / 0.8, 0, 1))[:, None, None]
+    return frames + 2e-5 * np.random.default_rng(seed).normal(size=frames.shape)
+
+
+def events(engine, name, rate, frames, **parameters):
+    program = cnnum.get_program(name).bind(rate=rate, **parameters)
+    rules = rules_that_fit(EVENT_RULES, program.trace(frames.shape[1:3]).outputs)
+    needs = dict.fromkeys(output for rule in rules for output in rule.needs)
+    stream = engine.compile(program, frames.shape[1:3], list(needs)).stream()
+    detector, found = EventDetector(rules), []
+    for number, frame in enumerate(frames):
+        found += detector.update(number / rate, number, stream.push(frame))
+    return [(event.title, event.time) for event in found]
+
+
+# by how much the times of an event may differ from those at 200 Hz, beside two frames: what the
+# noise of single frames decides
+PROGRAMS = {"contact": 0.05, "grasp_code": 0.1, "motion_direction": 0.1, "active_contour": 0.05}
+
+
+@pytest.mark.parametrize("name", PROGRAMS)
+def test_the_same_signal_gives_the_same_events_at_every_rate(fast, name):
+    known = {rate: events(fast, name, rate, signal(rate)) for rate in RATES}
+    wanted = known[200.0]
+    assert wanted
+    for rate, found in known.items():
+        assert [kind for kind, _ in found] == [kind for kind, _ in wanted], rate
+        for (_, at), (_, right) in zip(found, wanted, strict=True):
+            assert at == pytest.approx(right, abs=PROGRAMS[name] + 2.0 / rate), (name, rate)
+
+
+@pytest.mark.parametrize("name", ["slip", "twist", "contact", "tactile", "receptors"])
+def test_a_stream_asks_for_its_rate(fast, name):
+    plan = fast.compile(cnnum.get_program(name), (4, 4))
+    with pytest.raises(ProgramError, match="nothing says how many frames a second"):
+        plan.stream()
+    with plan.stream(rate=50.0) as stream:
+        assert stream.plan.rate == 50.0
+    bound = fast.compile(cnnum.get_program(name).bind(rate="60 Hz"), (4, 4))
+    assert bound.stream().plan.rate == 60.0
+    with pytest.raises(ProgramError, match="for 60 frames a second, got a stream of 50"):
+        bound.stream(rate=50.0)
+
+
+def test_a_program_of_ones_own_has_the_rate_too(fast):
+    @cnnum.program
+    def halves(frame):
+        memory = frame.memory("late")
+        return {"late": memory.mean(frame.normal, 1.0 - 2.0 ** (-10.0 / frame.rate)).max()}
+
+    def late(rate):
+        stream = fast.compile(halves, (2, 2), channels=("normal",)).stream(rate=rate)
+        out = [stream.push(np.ones((2, 2, 1)))["late"] for _ in range(round(0.2 * rate))]
+        return float(out[-1])
+
+    assert late(50.0) == pytest.approx(late(1000.0), abs=1e-5) == 0.75
+    with pytest.raises(ProgramError, match="nothing says how many frames"):
+        fast.compile(halves, (2, 2), channels=("normal",)).stream()
+
+    @cnnum.program
+    def outer(frame):
+        return cnnum.get_program("slip").bind(rate=60.0)(frame)
+
+    with pytest.raises(ProgramError, match="bound to 60 Hz inside a program of 50 Hz"):
+        outer.bind(rate=50.0).trace((4, 4))
+    assert outer.trace((4, 4)).rate == 60.0
+
+
+def counts(rate, seconds, shape=(4, 4), seed=5):
+    rng = np.random.default_rng(seed)
+    values = rng.normal(16_000.0, 3.0, (round(seconds * rate), *shape, 3))
+    return values, np.arange(len(values)) / rate
+
+
+def played(folder, values, hertz, needs="contact", more="", times=None, **parameters):
+    """Return the events of counts, as a user plays them."""
+    recording = cnnum.Recording(np.round(values), rate=hertz, times=times)
+    recording.save(folder / "sig.npz", force=True)
+    lines = "".join(f"{key} = {value!r}\n" for key, value in {"push": 1.0, **parameters}.items())
+    text = (
+        f'needs = ["{needs}"]\n[array]\ndriver = "npz"\npath = "sig.npz"\n'
+        f'{more}\n[program]\nname = "{needs}"\n[program.parameters]\n{lines}'
+    )
+    (folder / "sig.toml").write_text(text.replace("'", '"'))
+    scene = cnnum.load_scene(folder / "sig.toml")
+    return scene, [(event.kind, event.time) for event in scene.events()]
+
+
+@pytest.mark.parametrize("rate", [10.0, 60.0, 1000.0])
+def test_a_slow_press_is_felt_at_every_rate(tmp_path, rate):
+    """40 counts a second, noise 3: six times the noise after 0.45 s, and the way to 200 goes on."""
+    values, t = counts(rate, 7.0)
+    values[:, 1:3, 1:3, 2] += np.clip((t - 2.0) * 40.0, 0.0, 200.0)[:, None, None]
+    _, found = played(tmp_path, values, rate, reads="force")
+    assert [kind for kind, _ in found] == ["contact"]
+    assert 2.2 <= found[0][1] <= 2.5 + 2.0 / rate
+
+
+@pytest.mark.parametrize(("tau", "lasts"), [(1.0, 10.0), (3.0, 15.0), (10.0, 15.0)])
+def test_a_sensor_that_zeroes_itself_is_not_touched_twice(tmp_path, tau, lasts):
+    rate = 60.0
+    values, t = counts(rate, lasts + 35.0)
+    load, zero = 300.0 * ((t >= 5.0) & (t < 5.0 + lasts)), np.zeros(len(t))
+    for n in range(1, len(t)):
+        zero[n] = zero[n - 1] + (load[n] - zero[n - 1]) / (tau * rate)
+    values[:, 1:3, 1:3, 2] += (load - zero)[:, None, None]
+    _, found = played(tmp_path, values, rate, reads="force")
+    assert [kind for kind, _ in found] == ["contact", "release"]
+
+
+@pytest.mark.parametrize(("lasts", "low"), [(0.1, 300.0), (1.0, 300.0), (3.0, 300.0), (1.0, 60.0)])
+@pytest.mark.parametrize("rate", [60.0, 500.0])
+def test_readings_that_are_low_for_a_while_are_no_touch(tmp_path, caplog, rate, lasts, low):
+    values, t = counts(rate, 9.0)
+    values[:, 1:3, 1:3, 2] -= (low * ((t >= 2.0) & (t < 2.0 + lasts)))[:, None, None]
+    values[:, 0, 0:2, 2] += (200.0 * (t >= 7.0))[:, None]  # and a touch afterwards is one
+    with caplog.at_level(logging.WARNING, "cnnum"):
+        _, found = played(tmp_path, values, rate, reads="force")
+    assert [kind for kind, _ in found] == ["contact"]
+    assert found[0][1] == pytest.approx(7.0, abs=0.05)
+    assert lasts > 1.0 or "wrong way round" not in caplog.text
+
+
+def test_a_rest_that_was_a_touch_is_learned_anew_and_said(tmp_path, caplog):
+    values, t = counts(50.0, 26.0)
+    values[:, 1:3, 1:3, 2] += (300.0 * ((t < 3.0) | (t >= 20.0)))[:, None, None]
+    with caplog.at_level(logging.WARNING, "cnnum"):
+        _, found = played(tmp_path, values, 50.0, reads="force")
+    assert [(kind, round(at)) for kind, at in found] == [("contact", 20)]
+    assert "rest at the start was a touch" in caplog.text
+    assert "wrong way round" not in caplog.text
+    # a tare says it at once: the next touch is felt 12 s earlier
+    values[:, 1:3, 1:3, 2] += (300.0 * ((t >= 6.0) & (t < 8.0)))[:, None, None]
+    more = "[frames]\ntare = [4.0]\n"
+    _, found = played(tmp_path, values, 50.0, reads="force", more=more)
+    assert [(kind, round(at)) for kind, at in found] == [
+        ("contact", 6), ("release", 8), ("contact", 20),
+    ]  # fmt: skip
+
+
+def test_a_scene_tares_on_command(tmp_path):
+    values, t = counts(50.0, 6.0)
+    values[:, 1:3, 1:3, 2] += (300.0 * (t >= 2.0))[:, None, None]  # an offset that stays
+    scene, _ = played(tmp_path, values, 50.0, reads="force")
+    kinds = []
+    for moment in scene.results():
+        kinds += [(event.kind, round(event.time, 1)) for event in moment.events]
+        if moment.number == 150:
+            scene.tare()
+    assert kinds == [("contact", 2.0), ("release", 3.0)]
+
+
+@pytest.mark.parametrize("number", [0, 1, 3])
+@pytest.mark.parametrize("cells", [np.s_[1, 1], np.s_[:]], ids=["a taxel", "all"])
+def test_one_outlier_at_the_start_blinds_nothing(fast, number, cells):
+    """In a stream, too, which no scene looks after."""
+    values, t = counts(100.0, 6.0)
+    values[:, 1:3, 1:3, 2] += (60.0 * ((t >= 3.0) & (t < 5.0)))[:, None, None]
+    values[(number, *(cells if isinstance(cells, tuple) else (cells,)))] += 5_000.0
+    found = events(fast, "contact", 100.0, values, push=1.0, reads="force")
+    assert [kind for kind, _ in found] == ["contact", "release"]
+    assert [at for _, at in found] == pytest.approx([3.0, 5.0], abs=0.05)
+
+
+def test_a_rest_that_moves_is_said(tmp_path, caplog):
+    values, t = counts(200.0, 2.0)
+    values[..., 2] += np.clip(t, 0.0, 0.4)[:, None, None] * 200.0
+    with caplog.at_level(logging.WARNING, "cnnum"):
+        played(tmp_path, values, 200.0, needs="slip")
+    assert "readings have moved by" in caplog.text
+
+
+def test_a_rate_that_contradicts_the_times_is_refused(tmp_path):
+    values, t = counts(60.0, 3.0)
+    with pytest.raises(ArrayError, match=r"is 600 Hz, and its times have 60 frames a second"):
+        cnnum.Recording(values, rate=600.0, times=t)
+    with pytest.raises(SceneError, match=r"'program.parameters.rate' is 600 Hz, .* has 60"):
+        played(tmp_path, values, 60.0, needs="slip", rate=600.0)
+
+
+@pytest.mark.parametrize("rate", RATES)
+def test_only_times_that_contradict_do(rate):
+    rng = np.random.default_rng(1)
+    t = np.arange(200) / rate
+    assert contradicted(rate, t) is None
+    assert contradicted(rate, t + 0.3 / rate * rng.uniform(size=200)) is None
+    assert contradicted(rate, np.concatenate([t, t + 3600.0])) is None  # a pause
+    assert contradicted(rate, np.repeat(t[::10], 10) + 1e-6 * np.arange(200)) is None  # bursts
+    for factor in (10.0, 2.0, 0.5, 0.1):
+        assert contradicted(factor * rate, t) == pytest.approx(rate)
+    assert contradicted(10.0 * rate, np.concatenate([t, t + 3600.0])) == pytest.approx(rate)
+
+
+def test_times_in_another_unit_are_named():
+    t = np.arange(50) / 60.0
+    assert unit_fault(t) == unit_fault(np.zeros(9)) == ""
+    assert "time_unit = 'ms'" in unit_fault(1000.0 * t)
+    assert "a larger one" in unit_fault(1e-6 * t)
+
+
+def test_a_file_whose_times_cannot_be_right_says_the_line(tmp_path, caplog):
+    rows = "\n".join(f"{16.7 * n:.1f},{n}" for n in range(20))
+    (tmp_path / "a.csv").write_text(f"t,z\n{rows}\n")
+    (tmp_path / "a.toml").write_text(
+        'shape = [1, 1]\nchannels = ["z"]\ntime = "t"\nvalues = ["z"]\n'
+    )
+    with caplog.at_level(logging.WARNING, "cnnum"):
+        cnnum.load_recording(tmp_path / "a.csv")
+    assert "a.csv', line 3: the times 't' cannot be right" in caplog.text
