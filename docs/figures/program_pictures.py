@@ -5,7 +5,7 @@ load, and the results of a program.
 """
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -279,7 +279,7 @@ def texture_picture() -> Any:
     return figure
 
 
-PICTURES = {
+PICTURES: dict[str, Callable[[], Any]] = {
     "contact": contact_picture,
     "edges": edges_picture,
     "localize": localize_picture,

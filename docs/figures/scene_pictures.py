@@ -7,8 +7,12 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from cnnum.arrays import Floats
+from cnnum.drivers.simulated.array import SimulatedOptions
 from cnnum.scenes.pipeline import load_scene
 from cnnum.sharing.plots import colours
+
+PITCH = SimulatedOptions().pitch
+"""Of the simulated array, m."""
 
 TRUE, FOUND, OTHER = "0.8", "#0a6ebd", "#d1590b"
 """Colours of the truth, and of two outputs."""
@@ -27,14 +31,13 @@ class Played:
     def __init__(self, name: str, needs: Sequence[str] = ()) -> None:
         scene = load_scene(name, changes={"needs": list(needs)} if needs else {})
         self.moments = list(scene.results())
-        self.pitch = scene.driver.pitch
         self.times = np.array([moment.frame.time for moment in self.moments])
         self.events = [event for moment in self.moments for event in moment.events]
 
     def truth(self, name: str) -> Floats:
         """Return a number of the ground truth in every frame."""
-        truths = [moment.frame.truth or {} for moment in self.moments]
-        return np.array([float(each[name]) for each in truths])
+        truths = [moment.frame.truth for moment in self.moments]
+        return np.array([float(each[name]) for each in truths if each is not None])
 
     def output(self, name: str) -> Floats:
         """Return an output in every frame."""
@@ -65,14 +68,14 @@ def active_contour_picture() -> Any:
     played = Played("active_contour")
     inside = played.output("contour_inside")
     figure: Any = Figure(figsize=(9.0, 2.9), layout="constrained")
-    turn, half = 0.4, np.array([1.5e-3, 3e-3]) / played.pitch
+    turn, half = 0.4, np.array([1.5e-3, 3e-3]) / PITCH
     corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [-1, -1]]) * half
     spin = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
     x, y = played.truth("x"), played.truth("y")
     for axes, time in zip(figure.subplots(1, 4), (0.42, 0.75, 1.5, 2.25), strict=True):
         n = played.at(time)
         axes.imshow(inside[n], cmap="Blues", vmin=0.0, vmax=1.6)
-        centre = 3.5 + np.array([x[n], y[n]]) / played.pitch
+        centre = 3.5 + np.array([x[n], y[n]]) / PITCH
         outline = corners @ spin + centre
         axes.plot(outline[:, 0], outline[:, 1], color=OTHER, lw=1.5)
         axes.set(title=f"{time:g} s", xlim=(-0.5, 7.5), ylim=(7.5, -0.5), xlabel="column, cells")
@@ -124,7 +127,7 @@ def moving_patterns_picture() -> Any:
     drift = Played("motion_direction", ["drift", "motion_x", "motion_y"])
     figure: Any = Figure(figsize=(9.0, 4.6), layout="constrained")
     above, below = figure.subplots(2, 1, sharex=True)
-    moved = np.gradient(flow.truth("x"), flow.times) / flow.pitch
+    moved = np.gradient(flow.truth("x"), flow.times) / PITCH
     above.plot(flow.times, moved, color="0.6", lw=4.0, label="true speed of the face, x")
     above.plot(flow.times, flow.output("flow_x"), color=FOUND, lw=1.3, label="flow_x")
     above.plot(flow.times, flow.output("flow_y"), color=OTHER, lw=1.0, label="flow_y")

@@ -24,8 +24,9 @@ RISE = 0.5
 
 def sunk() -> Floats:
     """Return (9, 9) depths of the surface at the junctions, one of them pressed, m."""
-    place = PITCH * np.arange(LINES)
-    x, y = np.meshgrid(place - place[PRESSED[1]], place - place[PRESSED[0]])
+    place: Floats = PITCH * np.arange(LINES, dtype=np.float64)
+    row, col = PRESSED
+    x, y = np.meshgrid(place - PITCH * col, place - PITCH * row)
     moved = rectangle_displacement(
         x, y, 0.0, [0.0, 0.0, PRESSURE], size=(PITCH, PITCH), youngs_modulus=E
     )

@@ -69,8 +69,8 @@ def response(thickness: float, steps: int = STEPS) -> tuple[Floats, Floats, Floa
         depths.append(depths[-1] + NEEDLE * step)
         moved = np.stack([body.field(k, pushed.solution) for k in (0, 1)], axis=-1)
         points = points + step * moved[body.space.displacement.nodal_dofs[0]]
-    loads = each * np.arange(steps + 1)
-    return np.asarray(loads), np.array(pressures), np.array(depths)
+    loads: Floats = each * np.arange(steps + 1, dtype=np.float64)
+    return loads, np.array(pressures), np.array(depths)
 
 
 def steepening(thickness: float) -> float:
