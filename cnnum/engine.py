@@ -9,13 +9,13 @@ from typing import Any, cast
 from numpy.typing import ArrayLike
 
 from cnnum.engines.fallback import opened
-from cnnum.engines.whole.ranges import measuring
+from cnnum.engines.whole import measuring
 from cnnum.errors import ProgramError
 from cnnum.frame import FORCE_AXES
 from cnnum.plan import Plan
 from cnnum.programs import Program
 from cnnum.programs.library import get_program
-from cnnum.runs.chip import Chip
+from cnnum.runs.chip import Chip, chip_backend
 from cnnum.runs.ladder import run
 from cnnum.runs.planning import plan_of
 from cnnum.runs.request import Ask, OpenEngine
@@ -153,8 +153,6 @@ class Engine(OfThisProcess):
         graph = program.trace(shape, channels)
         backend = self._open.backend
         if chip is not None:
-            from cnnum.runs.chip_programs import chip_backend  # with SciPy, which takes its time
-
             backend = chip_backend(chip, backend)
         if like is not None:
             backend = measuring(backend, like, (*graph.shape, len(channels)))

@@ -12,16 +12,15 @@ import numpy as np
 
 from cnnum.integrators.choice import check_spec
 from cnnum.runs.arguments import maps_by_role
+from cnnum.runs.batches import as_batch
 from cnnum.runs.chip import on_chip
 from cnnum.runs.delays import halves, in_halves
 from cnnum.runs.growth import followed, follows
-from cnnum.runs.many.batches import as_batch
 from cnnum.runs.prepared import as_prepared, is_prepared
 from cnnum.runs.request import Ask, Request
 from cnnum.runs.result import ROLES, Result, with_proof
 from cnnum.runs.settling import to_rest
-from cnnum.runs.single import linearly, plainly
-from cnnum.runs.stiff import by_implicit_steps, may_be_stiff
+from cnnum.runs.single import by_implicit_steps, linearly, may_be_stiff, plainly
 from cnnum.runs.times import at_times
 from cnnum.templating.batch import TemplateBatch
 

@@ -15,9 +15,9 @@ from cnnum.arrays import all_finite
 from cnnum.engines.backend import OneFrame
 from cnnum.errors import MethodError
 from cnnum.plan import Plan
+from cnnum.runs.arguments import LEAST_SQUARES, ROLES, refuse_grey_levels
 from cnnum.runs.growth import FAR, hides_errors, may_grow, scale
 from cnnum.runs.linear_range import may_stay_linear
-from cnnum.runs.raw_pictures import LEAST_SQUARES, ROLES, refuse_grey_levels
 from cnnum.runs.request import Ask, Form, Request
 from cnnum.runs.result import Result, result_of, with_fallback, with_proof
 from cnnum.runs.settling import saturated

@@ -1,9 +1,9 @@
-"""A built plan on an OpenCL device: kernels by number of lanes, buffers by batch."""
+"""A built plan on an OpenCL device: kernels by number of lanes, buffers by batch, single frames."""
 
 import math
 from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import InitVar, dataclass, field
 from threading import RLock
 from typing import Any
 
@@ -16,16 +16,88 @@ from cnnum.engines.devices.building import build_program
 from cnnum.engines.devices.device_trouble import build_failure, run_failure
 from cnnum.engines.devices.shared_arrays import SharedArray, shared_array
 from cnnum.engines.failures import refuse_unfinished
-from cnnum.engines.forks import refuse_after_fork
+from cnnum.engines.forks import LOST, refuse_after_fork
 from cnnum.engines.opencl.lowering.kernel_source import KernelSource, lower
-from cnnum.engines.opencl.lowering.storage import Tables
+from cnnum.engines.opencl.lowering.storage import Places, Tables
 from cnnum.engines.opencl.runtime.host_exchange import Exchange, exchanges
 from cnnum.engines.opencl.runtime.launch_runner import LaunchRunner, Runner, WholeRunner
 from cnnum.engines.opencl.runtime.plan_kernels import PlanKernels
-from cnnum.engines.opencl.runtime.single_frame import OneFrame
 from cnnum.graph.schedule import Schedule
 from cnnum.integrators.solver import Solvers
 from cnnum.safety.memory import refuse_beyond
+
+ONE_ITEM = (1,)
+
+
+@dataclass(slots=True, eq=False)
+class OneFrame:
+    """A kernel with its own arrays, whose arguments stay set from one frame to the next.
+
+    Attributes
+    ----------
+    queue : CommandQueue
+    kernel : Kernel
+        No other object sets its arguments.
+    input, output : SharedArray
+    arguments : tuple
+        The kernel's, but for the number of frames and whether it is the first.
+    given : (rows, cols, channels) float
+        The numbers of `input` that travel to the device.
+    places : Places
+        Of the outputs in the numbers that come back. The last of them says whether a transient or a
+        loop did not reach its end.
+    """
+
+    queue: cl.CommandQueue
+    kernel: cl.Kernel
+    input: SharedArray
+    output: SharedArray
+    arguments: tuple[Any, ...]
+    given: NDArray[np.floating]
+    places: InitVar[Places]
+    packed: Floats = field(default_factory=lambda: np.zeros(0))
+    _first: bool | None = None
+    _places: list[tuple[str, slice | int, tuple[int, ...] | None]] = field(init=False)
+
+    def __post_init__(self, places: Places) -> None:
+        self._places = [
+            (name, at, shape) if shape else (name, at.start, None)
+            for name, (at, shape) in places.items()
+        ]
+
+    def run(self, values: NDArray[np.floating], *, first: bool) -> dict[str, Floats]:
+        """Run a frame; the outputs are views of `packed`, which is new for every frame.
+
+        Raises
+        ------
+        MethodError
+            If a transient or a loop did not reach its end.
+        NoOpenCLError
+            If this process was forked after the engine was made.
+        """
+        if LOST.opencl:
+            refuse_after_fork()
+        self.given[...] = values
+        self.input.push(self.queue)
+        if first is not self._first:
+            self.kernel.set_args(*self.arguments, np.int32(1), np.int32(first))
+            self._first = first
+        try:
+            cl.enqueue_nd_range_kernel(self.queue, self.kernel, ONE_ITEM, ONE_ITEM)
+            self.output.pull(self.queue)
+        except cl.Error as error:
+            raise run_failure(error, self.queue) from error
+        except BaseException:
+            self.queue.finish()  # after Ctrl-C no memory is freed that a kernel still writes to
+            raise
+        self.packed = packed = self.output.host.astype(np.float64)
+        if packed[-1] != 0.0:
+            refuse_unfinished(packed[-1:])
+        return {
+            name: packed[at, ...] if shape is None else packed[at].reshape(shape)
+            for name, at, shape in self._places
+        }
+
 
 WIDE_CELLS = 256
 """Largest array whose frames lie side by side in lanes. The compiler vectorises along the columns

@@ -6,14 +6,17 @@ as C99: both give the same bits.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
-from cnnum.arrays import Floats
+from numpy.typing import ArrayLike
+
+from cnnum.arrays import Floats, finite
 from cnnum.embedded.emulator import Emulator
 from cnnum.embedded.formats import Precision, precision_named
 from cnnum.embedded.program import IntegerProgram
-from cnnum.engines.backend import EngineRecord, Runner
+from cnnum.engines.backend import Backend, EngineRecord, Runner
 from cnnum.engines.whole.executable import WholeExecutable
-from cnnum.errors import DeviceError, UnknownNameError
+from cnnum.errors import ArrayError, DeviceError, ProgramError, UnknownNameError
 from cnnum.graph.schedule import Schedule
 from cnnum.integrators.solver import Solver, Solvers
 from cnnum.templating.template import Template
@@ -104,3 +107,38 @@ def whole_backend(
 def emulated(device: None) -> tuple[str, Callable[[IntegerProgram], Runner], int]:
     """Return how frames run on the host: in words, the maker of a program's runner, launches."""
     return "NumPy on the host", Emulator, 0
+
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+
+def measuring(backend: Backend, like: ArrayLike, trailing: "Sequence[int]") -> Backend:
+    """Return an engine that measures ranges on streams.
+
+    Parameters
+    ----------
+    backend : Backend
+    like : (frames, ..., rows, cols, channels) float
+    trailing : (rows, cols, channels)
+
+    Raises
+    ------
+    ProgramError
+        If the engine counts in real numbers.
+    ArrayError
+        If the streams have another shape, or no frame.
+    """
+    if not isinstance(backend, WholeBackend):
+        raise ProgramError(
+            f"'like' gives ranges to whole numbers, and this engine counts in {backend.precision}: "
+            "leave it out, or take precision='q15'."
+        )
+    frames = finite("like", like)
+    if frames.ndim < 4 or frames.shape[-3:] != tuple(trailing) or not frames.size:
+        rows, cols, channels = trailing
+        raise ArrayError(
+            f"'like' must have the shape (frames, ..., {rows}, {cols}, {channels}), got "
+            f"{frames.shape}."
+        )
+    return backend.measuring(frames.reshape(len(frames), -1, *frames.shape[-3:]))

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from cnnum.errors import ArrayError, NotSupportedError
 from cnnum.runs.arguments import channels_and_lead, maps_by_role
 from cnnum.runs.delays import by_halving, delay_of, halved
-from cnnum.runs.many.lanes import Maps, fits_lanes, run_lanes
+from cnnum.runs.lanes import Maps, fits_lanes, run_lanes
 from cnnum.runs.request import Ask
 from cnnum.runs.result import Result
 from cnnum.runs.settling import lanes_at_rest
