@@ -568,6 +568,9 @@ class Oracle:
 
         # rounded down from a radicand that is itself rounded
         step = 0.0
+        if not self.measuring and self.rounding.mantissa and order == 3:
+            # by a power of 1/3, which is rounded itself
+            step = np.abs(root(a.v)) * 2.0 ** (3 - self.rounding.mantissa)
         if not self.measuring and not self.rounding.mantissa:
             key = (*self.key, self.count + 1)
             step = 4.0 * Rounding.register(self.later.get(key) or self.early.get(key) or 1.0)
@@ -708,7 +711,8 @@ class Oracle:
             drive, off = drive + bias.v, off + bias.off
         x = drive + left * (begun.v - drive)
         bound = off * (1.0 - left) + left * begun.off if left else off
-        rounded = not self.measuring and 0.0 < left < 1.0
+        # a run of no time is a weighted sum of start and drive, too
+        rounded = not self.measuring and left > 0.0
         if rounded:
             size = np.abs(drive) + np.abs(begun.v) + 1.0
             taps = 2 + np.count_nonzero(kernel)
