@@ -30,6 +30,7 @@ COUNTED = {
     "templates/tactile/edge_enhancement.py:SEEN": "taxels",
     "cnnum/scenes/pipeline.py:TIMED": "frames of a median step",
     "cnnum/scenes/dropouts.py:JUMP": "a ratio",
+    "cnnum/scenes/order_watch.py:TOUCH": "a ratio",
     "cnnum/scenes/range_streams.py:APART": "an amount of work",
     "cnnum/scenes/like_frames.py:MOST": "an amount of work",
     "cnnum/scenes/exporting.py:MOST": "an amount of work",

@@ -45,7 +45,9 @@ def both(rates=None, **settings):
 
     def fitting(part):
         known = inspect.signature(part.function).parameters
-        names = {name for name in settings if name in known} - {part is twist and "still"}
+        names = {name for name in settings if name in ("rate", *known)} - {
+            part is twist and "still"
+        }
         bound = part.bind(**{name: settings[name] for name in names})
         return bound.bind(false_reports=rates[part.name]) if rates else bound
 
@@ -192,7 +194,7 @@ def test_recorded_grasps(fast, run):
 def start(frame):
     """The fields that slip and twist start from."""
     recent = frame.once(
-        RecentLoads, push=-1.0, shear_gain=1.0, pads=1, rate=200.0, rest=0.4, look=0.08, floor=240.0
+        RecentLoads, push=-1.0, shear_gain=1.0, pads=1, rest=0.4, look=0.08, floor=240.0
     )
     return {"load": recent.load}
 

@@ -6,13 +6,11 @@ so that an offset or its drift never becomes a load.
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from cnnum.frame import FORCE_AXES
 from cnnum.programs.fields import Field, maximum, sqrt, square, where
 from cnnum.programs.machine import FrameFields
 from cnnum.programs.several import total
-from cnnum.programs.transients import apply
+from cnnum.programs.transients import apply, shift
 from cnnum.templates.tactile.shared.rest import FORGET, Rest, calm
 from cnnum.templating.library import get_template
 
@@ -157,13 +155,21 @@ def _broken(
     around = (apply(get_template("smooth"), input=size) - 0.25 * size) / 0.75
     alone = change > BREAK * (square(around) + 1.0)
     # a load pulls its surroundings along, and falls below rest nowhere by itself
-    between = get_template("between_neighbours")
-    share = apply(between, input=frame.constant(np.ones(frame.shape)))
-    near = apply(between, input=size) / maximum(share, AWAY)
-    falls = below & (change > BREAK * (square(near) + 1.0))
+    falls = below & (change > BREAK * (square(_largest_around(size)) + 1.0))
     new = (falls | (alone & (lasts.value > float(early)))) & normal.healthy & ~broken.value
     back = ~touched & (above < LIFT * sqrt(normal.held))
     return broken.latch(new, ~back)
+
+
+def _largest_around(size: Field) -> Field:
+    """Return the largest value of a cell's eight neighbours, 0 or above."""
+    rows, cols = size.graph.shape
+    found = 0.0 * size
+    for down in (-1, 0, 1):
+        for right in (-1, 0, 1):
+            if (down or right) and abs(down) < rows and abs(right) < cols:
+                found = maximum(found, shift(size, down, right))
+    return found
 
 
 class _Noise:

@@ -130,7 +130,9 @@ class MovingContact:
 
     def _learn(self) -> None:
         normal = np.stack(self.frames)[..., 2]
-        self.rest = np.mean(self.frames, axis=0)
+        # without each reading's two extremes, once there are three
+        held = np.sort(self.frames, axis=0)
+        self.rest = held[1:-1].mean(axis=0) if len(held) > 2 else self.frames[0]
         if len(self.frames) > 1:
             self.noise = float(np.sqrt((np.diff(normal, axis=0) ** 2).mean() / 2.0))
         self.noise = max(self.noise, 1e-6 * float(np.abs(normal.mean(axis=0)).max()))
