@@ -62,7 +62,7 @@ def at_times(ask: Ask, down: Callable[[Ask], Result]) -> Result:
     end = down(ask.until(times[-1]))
     looks = None
     if len(times) > 1 and not ask.engine.whole:
-        maps = dict(zip(ROLES, ask.arrays, strict=True))
+        maps: dict[str, ArrayLike | None] = dict(zip(ROLES, ask.arrays, strict=True))
         given, shape = maps_by_role(ask.template, maps)
         spec = ask.until(times[-1]).spec
         looks = _looks(Request(ask.engine, ask.template, given, shape, spec), times[:-1], end)

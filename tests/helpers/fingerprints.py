@@ -158,7 +158,7 @@ def _templates(every: int) -> Iterator[cnnum.Template]:
     chain, driven = np.zeros((2, 2, 1, 1)), [[[[1.0]]], [[[0.0]]]]
     chain[1, 0] = 1.0  # a slow layer drives a fast one, which takes implicit steps
     yield cnnum.Template("stiff", 3.0 * chain, driven, 1.5, tau=(1.0, 1e-6), duration=2.0)
-    delayed = DelayedCoupling(0.4, [[_row(0.0, -0.6, 0.1)]], [[[[0.2]]]])
+    delayed = DelayedCoupling(0.4, _row(0.0, -0.6, 0.1)[None, None], np.full((1, 1, 1, 1), 0.2))
     yield cnnum.Template("delayed", [[0.5]], [[1.0]], duration=2.0, initial=0.1, delayed=delayed)
     pulse = Table("linear", ((0.0, 1.0), (0.7, 1.5), (2.0, 0.5)))
     cross = _row(0.3, 1.2, 0.3) + _row(0.3, 0.0, 0.3).T

@@ -128,7 +128,7 @@ def _rounded(text: TransientBuilder, own: float, time: float) -> list[ir.Stateme
 
 
 X0, HALFWAY, MODES = ir.names("x0 halfway modes")
-J, K, V, TO, DOWN = ir.names("j k v to d")
+J, K, V, DOWN = ir.names("j k v d")
 
 
 def exact(text: TransientBuilder, scheme: Exact) -> Figures:
