@@ -160,10 +160,13 @@ class Engine(OfThisProcess):
         plan = plan_of(*about, self._open.backend, backend=backend, asked=asked)
         if not graph.timed or graph.rate is not None:
             return replace(plan, rate=graph.rate)
-        known, given = program, {"channels": channels, "like": like, "chip": chip, **asked}
-        return replace(
-            plan, at_rate=lambda rate: self.compile(known.bind(rate=rate), shape, needs, **given)
-        )
+        known = program
+        given: dict[str, Any] = {"channels": channels, "like": like, "chip": chip, **asked}
+
+        def at_rate(rate: float) -> Plan:
+            return self.compile(known.bind(rate=rate), shape, needs, **given)
+
+        return replace(plan, at_rate=at_rate)
 
     def run(
         self,
