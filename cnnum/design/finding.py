@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import cache
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -281,12 +282,8 @@ def _differences(first: Template, second: Template) -> dict[str, tuple[object, o
     found: dict[str, tuple[object, object]] = {}
     for name in (*_PROPERTIES, "radius", "nonlinear", "delayed", "gains"):
         one, other = getattr(first, name), getattr(second, name)
-        same = (
-            np.array_equal(one, other)
-            if isinstance(one, np.ndarray) or isinstance(other, np.ndarray)
-            else one == other
-        )
-        if not same:
+        arrays = isinstance(one, np.ndarray) or isinstance(other, np.ndarray)
+        if not (np.array_equal(cast(Any, one), cast(Any, other)) if arrays else one == other):
             found[name] = (one, other)
     return found
 

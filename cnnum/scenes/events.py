@@ -1,7 +1,7 @@
 """Events: reports of a flag that rises or falls, with where, which way and how much."""
 
 import math
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, cast
 
@@ -361,7 +361,8 @@ def event_rule(table: Mapping[str, object], about: str) -> EventRule:
         if key in _TEXTS:
             found[key] = checked_name(f"{about}: '{key}'", value, SceneError)
         elif key in _PAIRS:
-            two = cast("list[object]", value) if isinstance(value, list | tuple) else []
+            several = isinstance(value, list | tuple)
+            two = list(cast("Sequence[object]", value)) if several else []
             if len(two) != 2:
                 raise SceneError(f"{about}: '{key}' is two outputs, got {shown(value)}.")
             found[key] = tuple(checked_name(f"{about}: '{key}'", one, SceneError) for one in two)

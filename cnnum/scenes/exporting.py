@@ -146,7 +146,8 @@ class Examples:
         rate: float | None,
     ) -> "Examples":
         """Return the frames of a recording, a file, an array or a scene, or simulated ones."""
-        if rate is not None and not (isinstance(rate, int | float) and 0.0 < rate < np.inf):
+        number = isinstance(cast("object", rate), int | float)
+        if rate is not None and not (number and 0.0 < rate < np.inf):
             raise ArrayError(f"A rate is a number of frames a second above 0, got {shown(rate)}.")
         if like is None:
             return cls._simulated(as_shape(shape or (8, 8)), channels, rate)

@@ -706,7 +706,7 @@ def load_scene(
     CnnumError
         Whatever is wrong with the file, the array, the program or the device.
     """
-    given = dict(changes or {})
+    given: dict[str, object] = dict(changes or {})
     if program is not None:
         given = {"needs": [EVERYTHING], "program": {}, **given}
         if isinstance(program, str):

@@ -259,7 +259,8 @@ def _spec(scene: str, table: dict[str, Any], base: Path) -> SceneSpec:
 
 def _events(scene: str, value: object) -> tuple[EventRule, ...]:
     """Return the rules of one's own events."""
-    tables = cast("list[object]", value) if isinstance(value, list) else [None]
+    listed = isinstance(value, list)
+    tables = cast("list[object]", value) if listed else [None]
     if not all(isinstance(table, Mapping) for table in tables):
         raise SceneError(
             f"Scene '{scene}': 'event' must be a list of tables, each begun by [[event]], got "

@@ -1,7 +1,7 @@
 """`cnnum templates find` and `compare`: by words, by an example, and two side by side."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import click
 import numpy as np
@@ -12,6 +12,7 @@ from cnnum.cli.output import Output, facts, table
 from cnnum.cli.progress import progress
 
 if TYPE_CHECKING:
+    from cnnum.arrays import Floats
     from cnnum.templating.template import Template
 
 PICTURE = click.Path(path_type=Path, exists=True, dir_okay=False)
@@ -134,14 +135,15 @@ def _template(name: str) -> "Template":
 
 
 def _plain(value: object) -> object:
-    return value.tolist() if isinstance(value, np.ndarray) else str(value)
+    return cast("Floats", value).tolist() if isinstance(value, np.ndarray) else str(value)
 
 
-def _written(value: object) -> str:
-    if isinstance(value, np.ndarray):
+def _written(given: object) -> str:
+    if isinstance(given, np.ndarray):
+        value = cast("Floats", given)
         rows = value.reshape(-1, value.shape[-1]) if value.ndim > 1 else value.reshape(1, -1)
         return "\n".join(" ".join(f"{number:g}" for number in row) for row in rows)
-    return str(value)
+    return str(given)
 
 
 def _block(picture: np.ndarray, *, black: bool) -> list[str]:

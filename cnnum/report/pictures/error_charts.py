@@ -21,7 +21,9 @@ from cnnum.report.pictures.svg import micros as duration
 from cnnum.report.work_precision import WorkPrecision
 from cnnum.templating.checks import CheckResult
 
-LEFT, RIGHT, TOP, BOTTOM = 48.0, 14.0, 40.0, 36.0
+LEFT, RIGHT, BOTTOM = 48.0, 14.0, 36.0
+BELOW_MARKS = 40.0
+"""Top of the distribution: the marks of its quantiles stand above."""
 HEIGHT = 220.0
 BINS = 48
 
@@ -35,7 +37,7 @@ def latency_chart(seconds: Floats, width: float) -> str:
     low, high = _range(micros)
     counts, edges = np.histogram(np.clip(micros, low, high), bins=np.geomspace(low, high, BINS + 1))
     x = Scale(low, high, LEFT, width - RIGHT, log=True)
-    y = Scale(0.0, float(counts.max()) * 1.05, HEIGHT - BOTTOM, TOP)
+    y = Scale(0.0, float(counts.max()) * 1.05, HEIGHT - BOTTOM, BELOW_MARKS)
     parts = [*_latency_axes(x, y, width)]
     for count, left, right in zip(counts.tolist(), edges[:-1], edges[1:], strict=True):
         if count:
@@ -72,7 +74,7 @@ def _marks(micros: Floats, x: Scale) -> Iterator[str]:
         yield text(place + away, height, f"p{share} {duration(value)}", "title", side)
 
 
-LEFT, RIGHT, TOP, BOTTOM = 48.0, 14.0, 22.0, 36.0
+TOP = 22.0
 NONE = 13.0
 """Height, for each series, of the band below the axis for errors of exactly 0, which no logarithm
 shows."""

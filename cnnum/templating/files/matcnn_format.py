@@ -20,7 +20,15 @@ from cnnum.templating.function_tables import Table
 from cnnum.templating.template import Template
 
 _FIELD = r"([A-Za-z]\w*)_(A|B|I|Aa|Bb|Dd|a|b|d)"
-_ASSIGNED = re.compile(_FIELD + r"\s*=\s*([^;\n\[]*)(\[[^\]]*\])?([^;\n\[]*)")
+_ASSIGNED = re.compile(
+    _FIELD + r"[ \t]*(?:\(([^()\n]*)\))?\s*=\s*([^;\n\[]*)(\[[^\]]*\])?([^;\n\[]*)"
+)
+_CONTROL = re.compile(
+    r"^[ \t]*(if|for|while|switch|try|parfor|function|return|eval|evalin|load|clear)\b",
+    re.MULTILINE,
+)
+_BLOCK = re.compile(r"^[ \t]*%\{[ \t]*$.*?^[ \t]*%\}[ \t]*$", re.MULTILINE | re.DOTALL)
+_CONTINUED = re.compile(r"\.\.\.[^\n]*\n")
 _NAMED = re.compile(_FIELD)
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d{1,3})?"
 _BEFORE = re.compile(rf"({_NUMBER})\s*(?:/\s*({_NUMBER})\s*)?\*")
@@ -40,19 +48,55 @@ def read_fields(content: str, file: str) -> tuple[dict[str, Fields], dict[str, L
     TemplateError
         Names the file, the line, and the expected text.
     """
-    code = _COMMENT.sub("", content)
+    code = _CONTINUED.sub("\f", _COMMENT.sub("", _BLOCK.sub(_blank, content)))
+    for match in _CONTROL.finditer(code):
+        line = _line(code, match.start())
+        raise TemplateError(
+            f"'{file}', line {line}: expected assignments of matrices alone, got '{match[1]}': "
+            "what such code does is not known unless it runs."
+        )
     records, lines = dict[str, Fields](), dict[str, Lines]()
     for match in _ASSIGNED.finditer(code):
-        line = code.count("\n", 0, match.start()) + 1
+        line = _line(code, match.start())
+        if match[3] is not None:
+            _set_element(match, records, file, line)
+            continue
         value = _value(match, records, file, line)
         records.setdefault(match[1], {})[match[2]] = value
         lines.setdefault(match[1], {})[match[2]] = line
     return records, lines
 
 
+def _line(code: str, at: int) -> int:
+    """Return the line of a place; a form feed stands where a line went on."""
+    return code.count("\n", 0, at) + code.count("\f", 0, at) + 1
+
+
+def _blank(match: re.Match[str]) -> str:
+    """Return as many empty lines as a block comment has, so that lines keep their numbers."""
+    return "\n" * match[0].count("\n")
+
+
+def _set_element(match: re.Match[str], records: dict[str, Fields], file: str, line: int) -> None:
+    """Set one element of a matrix above: NAME_A(row, column) = number, counted from 1."""
+    whole = f"'{file}', line {line}: expected NAME_{match[2]}(row, column) = number, counted from 1"
+    known = records.get(match[1], {}).get(match[2])
+    places = [part.strip() for part in match[3].split(",")]
+    if known is None or len(places) != known.ndim or not all(p.isdigit() for p in places):
+        raise TemplateError(f"{whole}, of a matrix above, got '({match[3]:.40})'.")
+    place = tuple(int(part) - 1 for part in places)
+    value = _matrix(match[4].strip(), file, line) if match[5] is None else np.empty(0)
+    inside = all(0 <= at < size for at, size in zip(place, known.shape, strict=True))
+    if value.size != 1 or not inside:
+        raise TemplateError(f"{whole}, in a matrix of {known.shape}, got '{match[0]:.60}'.")
+    changed = known.copy()
+    changed[place] = value.item()
+    records[match[1]][match[2]] = changed
+
+
 def _value(match: re.Match[str], records: dict[str, Fields], file: str, line: int) -> Floats:
     """Return a matrix with its factor, a number, or the value of another record."""
-    before, matrix, after = match[3].strip(), match[4], match[5].strip()
+    before, matrix, after = match[4].strip(), match[5], match[6].strip()
     if matrix is not None:
         return _factor(before, after, file, line) * _matrix(matrix, file, line)
     other = _NAMED.fullmatch(before)

@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import PurePath
@@ -431,7 +431,7 @@ def _entry(text: Words, part: Part, suffix: str) -> Entry:
             boundary=_boundary(header.get("boundary", "")),
             initial=_initial(header.get("inistate", "")),
             output="sign" if "DT-CNN" in header.get("cnnmodel", "").upper() else "standard",
-            description=header.get("function", ""),
+            description=_description(header),
             source=f"imported from {file.name}{f' ({said})' if said and not same else ''}",
         )
     except (TemplateError, ArrayError) as error:
@@ -446,6 +446,12 @@ def _boundary(said: str) -> float | str:
         return float(fixed[1])
     lower = said.lower()
     return "zero-flux" if "flux" in lower else "periodic" if "periodic" in lower else 0.0
+
+
+def _description(header: Mapping[str, str]) -> str:
+    """Return what the header says of the function, and of a bias map, which no template holds."""
+    said, bias = header.get("function", ""), header.get("biasmap", "").strip(" -")
+    return f"{said} Its header asks for a bias map: {bias}.".strip() if bias else said
 
 
 def _initial(said: str) -> Initial:

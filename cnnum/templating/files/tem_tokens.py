@@ -13,7 +13,7 @@ KEYWORDS = frozenset(
         *("DELAYED_FEEDBACK", "DELAYED_CONTROL", "LABEL", "TEMPLATE", "NEW", "LOOP"),
     ]
 )
-_SETTING = re.compile(r"(Input|IniState|Boundary)\s*:\s*([^,]*)", re.IGNORECASE)
+_SETTING = re.compile(r"(Input|IniState|Boundary|BiasMap)\s*:\s*([^,]*)", re.IGNORECASE)
 _HEADER = re.compile(r"%\s*(Function|TemLibName|CNNModel|Setting)\s*:\s*(.*)", re.IGNORECASE)
 
 
@@ -42,7 +42,7 @@ class Words:
     tokens : list of Token
     header : dict
         Values in the comments, by lower-case key: function, temlibname, cnnmodel, and of the
-        setting input, inistate, boundary.
+        setting input, inistate, boundary, biasmap.
     """
 
     file: str

@@ -71,9 +71,7 @@ def with_comments(entry: Entry, text: str, file: str) -> Entry:
             raise TemplateError(
                 f"'{file}', line {line}: the comment holds no value of '{match[1]}': {error}."
             ) from None
-    tables = {key: value for key, value in table.items() if isinstance(value, dict)}
-    plain = {key: value for key, value in table.items() if key not in tables}
-    written = "".join(f"{key} = {_value(value)}\n" for key, value in (plain | tables).items())
+    written = "".join(f"{key} = {_value(value)}\n" for key, value in table.items())
     return TOML.read(written, file)
 
 

@@ -1,0 +1,83 @@
+"""Code in an M-file that only MATLAB could run is refused, and lines that say numbers are read."""
+
+import numpy as np
+import pytest
+
+import cnnum
+from cnnum.errors import TemplateError
+from cnnum.templating.files import load_entry
+
+EDGE = "EDGE_A = [0 0 0; 0 1 0; 0 0 0];\nEDGE_B = [-1 -1 -1; -1 8 -1; -1 -1 -1];\nEDGE_I = -1;\n"
+
+
+def read(tmp_path, text, name="lib.m"):
+    path = tmp_path / name
+    path.write_text(text)
+    return cnnum.load_template(path)
+
+
+@pytest.mark.parametrize(
+    "code",
+    [
+        "if false\nEDGE_I = -7;\nend\n",
+        "for k = 1:3\n  EDGE_I = k;\nend\n",
+        "  while true, EDGE_I = 2; end\n",
+        "switch x\ncase 1\nEDGE_I = 1;\nend\n",
+        "function y = f(x)\n",
+        "eval('EDGE_I = 3');\n",
+    ],
+)
+def test_code_is_refused_with_its_line(tmp_path, code):
+    with pytest.raises(TemplateError, match=r"line 4: expected assignments"):
+        read(tmp_path, EDGE + code)
+
+
+def test_comments_hold_no_values(tmp_path):
+    block = "%{\nEDGE_I = -7;\nif false\n%}\n% EDGE_I = 5;\n"
+    template = read(tmp_path, EDGE + block)
+    assert template.z.tolist() == [-1.0]
+    with pytest.raises(TemplateError, match="line 9"):
+        read(tmp_path, EDGE + block + "EDGE_B = [1 2; 3];\n")
+
+
+@pytest.mark.parametrize(
+    ("line", "part", "place", "value"),
+    [
+        ("EDGE_A(2,2) = 2;", "A", (1, 1), 2.0),
+        ("EDGE_A( 2 , 2 )=2.5", "A", (1, 1), 2.5),
+        ("EDGE_B(1, 3) = -4e-1;", "B", (0, 2), -0.4),
+    ],
+)
+def test_an_element_that_is_set_counts(tmp_path, line, part, place, value):
+    template = read(tmp_path, EDGE + line + "\n")
+    plain = read(tmp_path, EDGE, "plain.m")
+    wanted = getattr(plain, part)[0, 0].copy()
+    wanted[place] = value
+    np.testing.assert_array_equal(getattr(template, part)[0, 0], wanted)
+
+
+@pytest.mark.parametrize(
+    "line",
+    ["EDGE_A(4,2) = 2;", "EDGE_A(0,1) = 2;", "EDGE_A(2) = 2;", "EDGE_A(:,1) = 2;",
+     "EDGE_A(2,2) = [1 2];",
+     "OTHER_A(1,1) = 2;", "EDGE_A(end,1) = 2;"],
+)  # fmt: skip
+def test_elements_that_cannot_be_set_are_refused(tmp_path, line):
+    with pytest.raises(TemplateError, match="line 4"):
+        read(tmp_path, EDGE + line + "\n")
+
+
+def test_a_line_that_goes_on_is_one(tmp_path):
+    text = EDGE.replace("0 1 0; 0 0 0", "0 1 ... own feedback\n 0; 0 0 0") + "EDGE_B = [1 2; 3];\n"
+    with pytest.raises(TemplateError, match="line 5"):
+        read(tmp_path, text)
+    template = read(tmp_path, text.rpartition("EDGE_B")[0], "whole.m")
+    np.testing.assert_array_equal(template.A[0, 0], [[0, 0, 0], [0, 1, 0], [0, 0, 0]])
+
+
+def test_a_bias_map_that_a_header_asks_for_is_told(tmp_path):
+    text = "%Setting: Input:-, IniState:P1, Boundary:Zero-flux, BiasMap:P2\nneighborhood: 1\n"
+    path = tmp_path / "own.tem"
+    path.write_text(text + "feedback:\n0 1 0\n1 0 1\n0 1 0\ncurrent: 0\n")
+    assert "bias map: P2" in load_entry(path).template.description
+    assert load_entry(path).about.state == "P1"
