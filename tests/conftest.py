@@ -5,7 +5,8 @@ ask for the engine "opencl" by name are skipped with that reason. The others run
 
 Cases that each build kernels of their own are thinned by `@pytest.mark.one_in(n)`: `make test` runs
 every n-th of a test's, `make test-full` all. Where parameters are crossed, n and the number of
-values of the inner ones have no common factor: then no value is always left out.
+values of the inner ones have no common factor: then no value is always left out. Of other tests
+with many cases a short run takes every second or third, drawn by their names.
 
 Tests of faults on purpose keep an account of trials and losses. `make faults` runs them in full and
 prints it; `make test` runs a short version.
@@ -18,6 +19,7 @@ import sys
 from collections import Counter
 from collections.abc import Generator, Iterator, Sequence
 from typing import TypeVar
+from zlib import crc32
 
 import pytest
 from hypothesis import HealthCheck, settings
@@ -28,6 +30,8 @@ from cnnum.errors import NoOpenCLError
 Case = TypeVar("Case")
 FULL = os.environ.get("CNNUM_FAULTS") == "full"
 PRECISIONS = ("float32", "float64")
+SOME, MANY = 6, 24
+"""Cases of a test from which a short run takes a half of them, and a third."""
 
 # a machine that has more to do is no fault of a test
 settings.register_profile("busy", deadline=None, suppress_health_check=[HealthCheck.too_slow])
@@ -49,9 +53,15 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     if os.environ.get("CNNUM_TESTS") == "full":
         return
     seen, kept, left = Counter[str](), list[pytest.Item](), list[pytest.Item]()
+    cases = Counter(item.nodeid.partition("[")[0] for item in items)
     for item in items:
         mark, test = item.get_closest_marker("one_in"), item.nodeid.partition("[")[0]
-        (left if mark is not None and seen[test] % mark.args[0] else kept).append(item)
+        if mark is not None:
+            spared = seen[test] % mark.args[0]
+        else:  # drawn by name, so that no value of a crossed parameter is always left out
+            often = 3 if cases[test] >= MANY else 2 if cases[test] >= SOME else 1
+            spared = seen[test] and crc32(item.nodeid.encode()) % often
+        (left if spared else kept).append(item)
         seen[test] += 1
     config.hook.pytest_deselected(items=left)
     items[:] = kept

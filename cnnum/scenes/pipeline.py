@@ -706,6 +706,8 @@ def load_scene(
     CnnumError
         Whatever is wrong with the file, the array, the program or the device.
     """
+    if changes is not None and not isinstance(cast("object", changes), Mapping):
+        raise SceneError(f"'changes' is a mapping of keys to values, got {shown(changes)}.")
     given: dict[str, object] = dict(changes or {})
     if program is not None:
         given = {"needs": [EVERYTHING], "program": {}, **given}

@@ -98,13 +98,13 @@ class SceneSpec:
             checked_name(f"a want of scene '{self.name}'", want, SceneError)
         named = {"driver": self.driver, "program": self.program_name, "engine": self.engine}
         for part, name in named.items():
-            if name is not None:
+            if name is not None or part != "engine":
                 checked_name(f"the {part} of scene '{self.name}'", name, SceneError)
 
     @property
     def program_name(self) -> str:
         """Name of the program."""
-        return self.program if isinstance(self.program, str) else self.program.name
+        return self.program.name if isinstance(self.program, Program) else self.program
 
     @property
     def own(self) -> tuple[str, ...]:

@@ -110,7 +110,8 @@ class FixedSize:
         """Return the raw numbers, or None where they are out of range."""
         d = self._descriptor
         cells = np.frombuffer(packet, self._dtype, self._count, self._cells)
-        raw = cells.astype(np.float64)
+        with np.errstate(invalid="ignore"):  # damage makes signalling NaNs, too
+            raw = cells.astype(np.float64)
         rows, cols, axes = d.whole
         if d.planes:
             raw = raw.reshape(axes, rows, cols).transpose(1, 2, 0)

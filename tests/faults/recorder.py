@@ -26,11 +26,11 @@ import traceback
 from pathlib import Path
 
 from cnnum.cli import main
-from cnnum.cli.commands import record, recorders, recover
+from cnnum.cli.commands import record, recover
 from cnnum.drivers import mcap_file, npz_file
 from cnnum.drivers.simulated import array
 
-IMPORTED = (recorders, recover, mcap_file, npz_file, array)
+IMPORTED = (record, recover, mcap_file, npz_file, array)
 
 
 def limited(job):

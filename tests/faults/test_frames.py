@@ -69,7 +69,8 @@ def rules_of(plan: Plan) -> tuple[EventRule, ...]:
 def way_of(plan: Plan, unit: str) -> FramePath:
     read = AsRead(FORCE_AXES).reader(plan.schedule.channels_read, checks=False)
     within = unit_range(unit, plan.precision)
-    return FramePath(read, plan.stream(), EventDetector(rules_of(plan)), within)
+    rate = None if plan.rate else 100.0
+    return FramePath(read, plan.stream(rate=rate), EventDetector(rules_of(plan)), within)
 
 
 def same(one: FrameResult, other: FrameResult) -> bool:

@@ -198,7 +198,7 @@ WRITERS = {
 
 
 def export_to(target, *, force):
-    Exported({"a.c": LONG, "b.h": LONG}, 0, 0, 0, 0, EMPTY).write(target, force=force)
+    Exported({"a.c": LONG, "b.h": LONG}, 0, 0, 0, 0, EMPTY, None, None).write(target, force=force)
 
 
 def bench_to(target, *, force):
@@ -690,7 +690,9 @@ OTHERS = {
 
 INPUTS = {
     *("templates show --input", "sweep EXPERIMENT", "calibrate SCAN", "recover FILE"),
-    *("lerobot FILE", "replay FILE", "simulate --descriptor", "simulate --link"),
+    *("lerobot FILE", "replay FILE", "simulate --descriptor", "simulate --link", "layout FILE"),
+    *("templates find --input", "templates find --wanted", "templates find --state"),
+    *("check RECORDING", "export --like"),
 }
 """Paths that are read; the link of a simulated port is no file."""
 

@@ -122,7 +122,6 @@ def test_a_probe_calls_no_touched_cell_noisy():
 
 
 FACTS = {
-    "rate": ({"rate": 1000.0, "times": np.arange(300) / 100.0}, "100 Hz by the times"),
     "unit": ({"rate": 100.0, "unit": "strain"}, "no cover is strained so far"),
 }
 

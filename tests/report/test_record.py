@@ -16,6 +16,7 @@ from cnnum.scenes.conversion import ByCalibration
 from cnnum.scenes.events import EVENT_RULES
 from cnnum.scenes.frame_range import unit_range
 from cnnum.scenes.pipeline import FrameResult, Scene
+from cnnum.scenes.order_watch import OrderWatch
 from cnnum.scenes.push_watch import PushWatch
 from cnnum.scenes.scene_file import SceneSpec
 
@@ -56,7 +57,19 @@ def opened() -> Scene:
     within = unit_range(driver.unit, engine.precision)
     watch, rules = PushWatch(touch, conversion.channels), EVENT_RULES["contact"]
     offered = tuple(plan.schedule.outputs)
-    return Scene(spec, engine, driver, conversion, plan, rules, within, None, offered, watch)
+    return Scene(
+        spec,
+        engine,
+        driver,
+        conversion,
+        plan,
+        rules,
+        within,
+        None,
+        offered,
+        watch,
+        OrderWatch(driver.channels, 1),
+    )
 
 
 @pytest.fixture(scope="module")

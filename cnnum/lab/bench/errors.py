@@ -101,7 +101,7 @@ def stream_error(
     over : list of dict, optional
         Answers whose largest values are to be divided by; the truth unless given.
     """
-    stream = plan.stream()
+    stream = plan.stream(rate=RATE)
     got = [stream.push(frame) for frame in streamed_frames(plan.schedule.shape, size)[: len(true)]]
     first = TOUCHED if len(true) > TOUCHED else 0
     found: list[float] = [0.0]

@@ -443,7 +443,7 @@ def _reported(
     columns = [FORCE_AXES.index(channel) for channel in plan.schedule.channels]
     for number in range(trials):
         one = trial(number, rate)
-        stream, frames = plan.stream(), np.ascontiguousarray(one.strain[..., columns])
+        stream, frames = plan.stream(rate=rate), np.ascontiguousarray(one.strain[..., columns])
         seen = np.array([float(np.any(stream.push(frame)[flag] > 0.5)) for frame in frames])
         began = one.began[row.case]
         # a contact that goes on is no early report of itself
@@ -453,7 +453,7 @@ def _reported(
     taken = np.array(delays)
     on_time = taken[taken <= LATE]  # not a number where nothing was reported
     frames = np.ascontiguousarray(trial(0, rate).strain[..., columns])
-    stream = plan.stream()
+    stream = plan.stream(rate=rate)
     timing = timed(partial(_played, stream.push, frames), budget=BUDGET_S)
     return replace(
         row,

@@ -6,7 +6,7 @@ from cnnum.cli.commands import demo as demo_report
 
 SHORT = (
     'array.script=[{kind="hold",duration=0.3},{kind="press",load=1,duration=0.2},'
-    '{kind="hold",duration=0.2},{kind="release",duration=0.2}]'
+    '{kind="hold",duration=0.2},{kind="release",duration=0.2},{kind="hold",duration=0.1}]'
 )
 
 

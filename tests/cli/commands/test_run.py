@@ -160,6 +160,7 @@ def test_replay_from_a_time_has_the_tare_of_the_whole(played, tmp_path):
     cnnum.Recording(values, rate=200.0, unit="N", channels=axes).save(tape)
     scene.write_text(
         'name = "part"\nneeds = ["contact"]\n[array]\ndriver = "npz"\n[program]\nname = "contact"\n'
+        "[program.parameters]\npush = 1.0\n"
         '[calibration]\ngain = 2.0\nunit = "N"\ntare = 20\n'
     )
     whole = played(scene, tape, 0.0)
@@ -260,7 +261,7 @@ def over_and_over(tape, times):
     """Lengthen a recording, so that there is time to stop its replay."""
     with np.load(tape) as held:
         parts = dict(held)
-    for name in ("values", "sequence", "time", "quality", "truth", "saturated"):
+    for name in ("values", "sequence", "time", "log_time", "quality", "truth", "saturated"):
         parts[name] = np.concatenate([parts[name]] * times)
     parts["time"] = np.arange(len(parts["time"])) / 200.0
     parts["sequence"] = np.arange(len(parts["sequence"]))

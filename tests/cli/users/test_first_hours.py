@@ -69,7 +69,7 @@ LAYOUT = 'shape = [4, 4]\nvalues = "txl{n}_{axis}"\nrate = 60.0\n'
 
 
 def write_counts(path, separator=","):
-    counts = np.random.default_rng(0).normal(16000.0, 3.0, (120, 16, 3))
+    counts = np.random.default_rng(0).normal(16000.0, 3.0, (160, 16, 3))
     counts[60:, [5, 6, 9, 10], 2] += 300.0
     header = [f"txl{n}_{axis}" for n in range(1, 17) for axis in "xyz"]
     rows = [[f"{value:.0f}" for value in frame.ravel()] for frame in counts]

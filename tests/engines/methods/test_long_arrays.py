@@ -12,8 +12,9 @@ from cnnum.integrators.choice import choose
 CELLS = 66_000
 """A matrix of this side takes 32 GiB; more cells than are looked at before they are taken."""
 
-FEW_MAPS = 125 * 8 * CELLS
-"""125 maps of float64, more than the stages of any method; one matrix of the side is 66,000."""
+FEW_MAPS = 250 * 8 * CELLS
+"""250 maps of float64, more than the stages of any method and of a second run that it is compared
+with; one matrix of the side is 66,000."""
 
 SHORT = 0.05
 """Time constants: the reference engine takes seconds for a longer run of these cells."""

@@ -29,7 +29,7 @@ class Bent:
 
 @pytest.mark.parametrize("form", FORMS, ids=lambda form: form.program)
 def test_programs_pass_and_wrong_covers_fail(form):
-    if ENGINE.name not in form.engines:
+    if ENGINE.name in form.too_slow:
         pytest.skip(
             f"no OpenCL device works here, and '{form.program}' is left out of {ENGINE.name}"
         )

@@ -85,6 +85,6 @@ def test_chebyshev_steps_beyond_one_work_item():
     # the slowest wave of a closed array decays by itself
     rate = 1 + 300 * (4 - 2 * np.cos(np.pi / 256) - 2 * np.cos(np.pi / 257))
     off = np.abs(result.state - wave * np.exp(-3 * rate)).max()
-    assert off <= result.error < 2e-2
+    assert off <= result.error < 3e-2
     # steps of Euler's method of 1/1200 at most would be 3,600
     assert result.steps < 30
