@@ -154,8 +154,11 @@ class Examples:
         if isinstance(like, str | PathLike):
             like = load_recording(cast("str", like))
         if isinstance(like, Scene):
-            scene, moments = like, like.results()
-            values = [moment.values for moment in moments if moment.values is not None]
+            scene, values = like, list[Floats]()
+            for moment in scene.results():  # a live array has no end
+                values += [] if moment.values is None else [moment.values]
+                if len(values) == MOST:
+                    break
             names = scene.plan.schedule.channels_read
             unit = unit_of(scene.conversion, scene.driver)
             return cls._of(

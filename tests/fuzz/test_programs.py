@@ -11,7 +11,9 @@ import pytest
 
 from cnnum.errors import NoOpenCLError
 from tests.fuzz.conftest import SECONDS, TESTS
-from tests.fuzz.random_programs import FLOAT32, FLOAT64, WHOLE, Oracle, Shard, V, Writer
+from tests.fuzz.program_oracle import FLOAT32, FLOAT64, WHOLE, Oracle, V
+from tests.fuzz.program_writer import Writer
+from tests.fuzz.random_programs import Shard
 
 LONG = SECONDS > 0.0 or "CNNUM_FRAMES" in os.environ
 

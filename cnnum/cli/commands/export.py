@@ -3,7 +3,7 @@
 import os
 import re
 from pathlib import Path
-from typing import cast
+from typing import TYPE_CHECKING, cast
 
 import click
 
@@ -16,6 +16,9 @@ from cnnum.cli.options import (
     trust_option,
 )
 from cnnum.cli.output import Output
+
+if TYPE_CHECKING:
+    from cnnum.embedded.c.files import Exported
 
 
 @click.command("export")
@@ -104,15 +107,19 @@ def command(
             like=like,
         )
     exported.write(out, force=force or ours)
-    vector, facts = exported.vector, exported.facts
-    output = Output(as_json)
+    _show(exported, out, Output(as_json))
+    return 0
+
+
+def _show(exported: "Exported", out: Path, output: Output) -> None:
+    vector, facts, program = exported.vector, exported.facts, exported.program
     output.record(
         {
             "kind": "export",
-            "program": exported.program.name,
-            "shape": [*exported.program.shape, len(exported.program.of_kind("input"))],
-            "precision": precision,
-            "method": method,
+            "program": program.name,
+            "shape": [*program.shape, len(program.of_kind("input"))],
+            "precision": facts.precision,
+            "method": facts.method,
             "rate": facts.rate,
             "unit": facts.unit,
             "folder": str(out),
@@ -128,19 +135,17 @@ def command(
             "constants_unnoticed": sum(vector.unseen.values()),
         }
     )
+    timed = (
+        [] if facts.rate is None else [f"Constants of time are for {facts.rate:g} frames a second."]
+    )
     output.show(
         f"Wrote {', '.join(sorted(exported.files))} to {out}.",
         f"Memory {exported.memory_bytes} bytes, a frame {exported.input_bytes}, its answers "
         f"{exported.output_bytes}, tables {exported.table_bytes}.",
-        *(
-            []
-            if facts.rate is None
-            else [f"Constants of time are for {facts.rate:g} frames a second."]
-        ),
+        *timed,
         f"The test vector has {len(vector.frames)} frames of {sum(vector.begins)} streams.",
-        *vector.about(exported.program),
+        *vector.about(program),
     )
-    return 0
 
 
 def _names(text: str | None) -> tuple[str, ...] | None:
