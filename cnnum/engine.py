@@ -2,8 +2,10 @@
 
 from __future__ import annotations  # signatures that `help` shows as they are written
 
-from collections.abc import Sequence
+import logging
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from math import ceil
 from typing import Any, cast
 
 from numpy.typing import ArrayLike
@@ -12,6 +14,7 @@ from cnnum.engines.fallback import opened
 from cnnum.engines.whole import measuring
 from cnnum.errors import ProgramError
 from cnnum.frame import FORCE_AXES
+from cnnum.graph.graph import Graph
 from cnnum.plan import Plan
 from cnnum.programs import Program
 from cnnum.programs.library import get_program
@@ -151,6 +154,7 @@ class Engine(OfThisProcess):
         asked: dict[str, Any] = {"method": method, "rtol": rtol, "atol": atol, "dt": dt}
         asked = {name: value for name, value in asked.items() if value is not None}
         graph = program.trace(shape, channels)
+        _say_too_slow(program.name, graph, graph.outputs if needs is None else needs)
         backend = self._open.backend
         if chip is not None:
             backend = chip_backend(chip, backend)
@@ -251,3 +255,19 @@ class Engine(OfThisProcess):
         arrays = (input, previous, state, bias, mask)
         options = (duration, method, rtol, atol, dt, force, estimate)
         return run(Ask(self._open, template, arrays, options, at, chip))
+
+
+def _say_too_slow(program: str, graph: Graph, needs: Iterable[str]) -> None:
+    """Say which wanted outputs are made for quicker signals than the frames can hold."""
+    rate = graph.rate
+    if rate is None:
+        return
+    quick = [name for name in needs if 2.0 * graph.quickest.get(name, 0.0) > rate]
+    if quick:
+        highest = max(graph.quickest[name] for name in quick)
+        logging.getLogger("cnnum").warning(
+            "%g frames a second are too few for %s of '%s', which %s up to %.3g Hz: what changes "
+            "faster than %g Hz is missed or comes late; take %.0f frames a second or more.",
+            rate, " and ".join(map(repr, quick)), program, "goes" if len(quick) == 1 else "go",
+            highest, 0.5 * rate, ceil(2.0 * highest),
+        )  # fmt: skip

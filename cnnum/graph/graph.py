@@ -65,6 +65,8 @@ class Graph:
         Frames a second of the streams that it is traced for; None where nothing says.
     timed : bool
         Whether something in it depends on that rate.
+    quickest : dict of str to float, Hz
+        Highest frequency that an output is made for, where the program says it.
     """
 
     shape: Shape
@@ -77,6 +79,7 @@ class Graph:
     shared: int = 0
     rate: float | None = None
     timed: bool = False
+    quickest: dict[str, float] = field(default_factory=dict[str, float])
     _numbers: Iterator[int] = field(default_factory=itertools.count)
     _interned: dict[tuple[Operation, tuple[int, ...]], Node] = field(
         default_factory=dict[tuple[Operation, tuple[int, ...]], Node]

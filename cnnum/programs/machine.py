@@ -179,6 +179,20 @@ class FrameFields:
             )
         self._graph.timed = self._graph.timed or uses
 
+    def sees(self, frequency: float, *outputs: str) -> None:
+        """Say up to which frequency outputs follow the signal.
+
+        Frames at less than twice that rate (Nyquist) leave out part of it, and whoever compiles the
+        program for them is told so.
+
+        Parameters
+        ----------
+        frequency : float, Hz
+        outputs : str
+            Names of outputs of the program.
+        """
+        self._graph.quickest |= dict.fromkeys(outputs, frequency)
+
     def frames_of(self, seconds: float, least: int = 1) -> int:
         """Return the number of frames of a time: the next whole one, and some at least.
 

@@ -252,7 +252,7 @@ def texture_picture() -> Any:
     still = 2.5e-3 * rng.normal(size=(20, 2, 2, 3))
     frames = np.concatenate([still, np.stack(strokes, axis=1).reshape(200, 2, 2, 3)])
     plan = Engine().compile(
-        get_program("texture").bind(rate=60.0, push=1.0, window=64, ratio=0.5), (2, 2)
+        get_program("texture").bind(rate=70.0, push=1.0, window=64, ratio=0.5), (2, 2)
     )
     stream = plan.stream()
     got = [stream.push(frame) for frame in frames]

@@ -17,6 +17,7 @@ cellular networks; Werblin, Roska & Chua, same journal 23 (1995) 541.
 
 from collections.abc import Mapping
 from dataclasses import replace
+from math import exp, pi
 
 import numpy as np
 
@@ -28,6 +29,14 @@ from cnnum.programs.reports import report
 from cnnum.templates.tactile.shared.clock import Clock
 from cnnum.templates.tactile.shared.loads import PUSH
 from cnnum.templating.library import get_template
+
+WINS = 1.2
+"""Least ratio of the answer that is reported to that of the other sign. A press has 1.3 or more; a
+load that shifts has both alike, and neither comes nor goes."""
+
+ECHO, LASTS = 0.5, 2.0
+"""Part of the largest answer of late below which an answer is its echo, and over how many times of
+`adapting` that is forgotten: the echoes fade twice as fast."""
 
 
 @program
@@ -54,14 +63,15 @@ def on_off(
         Time constants of the layers.
     level, hold_time : float, none, s
         An event begins when the largest transient answer exceeds `level` times its noise at rest,
-        and is the larger one of both signs. It ends after a time below half of that.
+        is 1.2 times that of the other sign, and no echo of a larger one before. It ends after a
+        time below half of that.
 
     Returns
     -------
     mapping
         `on_sustained`, `off_sustained`, `on_transient`, `off_transient` (maps in the unit of
         `normal`, 0 or above), `on_strength`, `off_strength` (largest transient answer over its
-        noise; 0 for the smaller one of both), `on_row`, `on_column`, `off_row`, `off_column`
+        noise; 0 where it is not reported), `on_row`, `on_column`, `off_row`, `off_column`
         (centroid of the squared transient answer, cells), `comes`, `goes` (flags).
 
     Raises
@@ -73,6 +83,7 @@ def on_off(
         receptor=(receptor, 1e-6, 1e6), surround=(surround, 1e-6, 1e6),
         adapting=(adapting, 1e-6, 1e6), level=(level, 1.0, 1e6), hold_time=(hold_time, 0.0, 1e6),
     )  # fmt: skip
+    frame.sees(0.5 / pi / min(receptor, surround, adapting), "comes", "goes")
     clock = Clock(frame, rest)
     layers = get_template("on_off_layers")
     layers = replace(layers, tau=np.array([1.0, receptor, surround, adapting]))
@@ -86,8 +97,13 @@ def on_off(
         for name, answer in (("sustained", sustained), ("transient", transient))
     }
     peaks = {sign: found[f"{sign}_transient"].max() for sign in ("on", "off")}
+    lately = frame.memory("largest answer of late", scalar=True)
+    fades = exp(-1.0 / (frame.rate * LASTS * adapting))
+    largest = maximum(fades * lately.value, maximum(peaks["on"], peaks["off"]))
+    lately.store(where(clock.resting, 0.0, largest))
     for sign, other, flag in (("on", "off", "comes"), ("off", "on", "goes")):
-        wins = ~clock.resting & (peaks[sign] > peaks[other])
+        wins = ~clock.resting & (peaks[sign] > WINS * peaks[other])
+        wins = wins & (peaks[sign] > ECHO * largest)
         strength = where(wins, peaks[sign] / noise, 0.0)
         row, column = frame.centroid(square(found[f"{sign}_transient"]))
         found |= {f"{sign}_strength": strength, f"{sign}_row": row, f"{sign}_column": column}

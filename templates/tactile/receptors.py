@@ -117,6 +117,8 @@ def receptors(
         threshold=(threshold, 0.0, 1e30), membrane=(membrane, 1e-6, 1e3),
         refractory=(refractory, 1e-4, 1e3),
     )  # fmt: skip
+    for name, corner in (("sa1", sa_to), ("ra1", ra1_to), ("pc", pc_to), ("sa2", sa_to)):
+        frame.sees(corner, *(f"{name}_{part}" for part in ("active", "spikes", "first")))
     clock = _Channels(frame, rest, held=between == "hold")
     push_map = clock.above_rest("normal", push)
     shear = [clock.above_rest(name, push) for name in ("shear_x", "shear_y")]

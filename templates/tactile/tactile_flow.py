@@ -119,6 +119,7 @@ def tactile_flow(
         to=(to, 1e-3, 1e6), window=(window, 0.0, 1e3), look=(look, 1e-6, 1e6),
         still=(still, 1e-6, 1e6), hold_time=(hold_time, 0.0, 1e6),
     )  # fmt: skip
+    frame.sees(to, "flows")
     clock = Clock(frame, rest)
     share = 1.0 - exp(-1.0 / (frame.rate * look))
     held = {

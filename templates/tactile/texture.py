@@ -16,7 +16,7 @@ from cnnum.templates.tactile.localize import DEPTH, PITCH, SHARE, unmix
 from cnnum.templates.tactile.shared.loads import PUSH, loads_of
 
 SAMPLES, APART = 128, 0.015
-"""T of the dissertation: 128 samples, 15 ms apart. Slower arrays give one a frame."""
+"""T of the dissertation: 128 samples, 15 ms apart. Slower arrays give one a frame, and fewer."""
 
 Rubbed = Literal["load", "strain", "stress"]
 """What the taxels read: a load as it is, or the strain or stress below a bump."""
@@ -61,8 +61,8 @@ def texture(
     push : float
         −1 for strain and stress, +1 for signals that rise under a push.
     window : int
-        T: the last T + 1 samples count, one every 15 ms, or every frame of slower arrays. Each
-        takes two memories a taxel.
+        T: the samples of the last T times 15 ms count, one every 15 ms; of slower arrays the
+        frames of that time. Each takes two memories a taxel.
     taxels : "load", "strain" or "stress"
         "load" for signals that read shear and normal forces alike. Strain and stress below bumps do
         not, and feel the neighbours' bumps as well: they are turned into each bump's own load, as
@@ -76,8 +76,8 @@ def texture(
     -------
     mapping
         `texture_friction` (map: mean of |T|/|S_n|, (6.3); 0 where not known), `texture_roughness`
-        (map: 100 times its standard deviation over its mean, (6.4)), `texture_frames` (map: frames
-        in contact among the last T + 1), `friction`, `roughness` (means over the taxels that know
+        (map: 100 times its standard deviation over its mean, (6.4)), `texture_frames` (map: samples
+        in contact, T + 1 at most), `friction`, `roughness` (means over the taxels that know
         theirs), `texture_known` (flag: any does), `texture_rubs` (flag: the pattern of the normal
         load has moved in all frames of the window and both of its halves have one ratio, which is
         then friction's; a surface that sticks, or is too smooth to be seen to move, has none).
@@ -98,6 +98,7 @@ def texture(
             f"'window' must be 1 frame or more and 'ratio' above 0, got {window} and {ratio}."
         )
     refuse_outside(window=(window, 1, 10_000), ratio=(ratio, 1e-30, 1e30))
+    window = max(1, round(window * min(1.0, APART * frame.rate)))
     loads = frame.once(loads_of, push=push)
     x, y, normal = loads.shear_x / ratio, loads.shear_y / ratio, loads.normal
     least, noise = CLEAR * sqrt(loads.normal_noise), loads.normal_noise

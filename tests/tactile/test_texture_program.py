@@ -27,7 +27,7 @@ def test_texture_is_the_closed_form(engine, run, shape, batch):
     if engine.name == "reference" and shape != (4, 4):
         pytest.skip("one shape is enough for the slow engine")
     frames, window = rubbed(shape, batch), 16
-    got = run(engine, texture.bind(rate=60.0, push=1.0, window=window, ratio=0.5), frames)
+    got = run(engine, texture.bind(rate=70.0, push=1.0, window=window, ratio=0.5), frames)
     # the last frames of the window are all in contact, rest is known to a quarter of the noise
     true = whole_recording(frames[20:], window=window)
     assert (got["texture_frames"][-1] == window + 1).all()
@@ -50,7 +50,7 @@ def test_a_constant_ratio_has_no_roughness(fast, run):
     frames[20:, ..., 2] += load[:, None, None]
     frames[20:, ..., 0] += 0.3 * load[:, None, None]
     frames[20:, ..., 1] -= 0.4 * load[:, None, None]
-    got = run(fast, texture.bind(rate=60.0, push=1.0, window=8), frames)
+    got = run(fast, texture.bind(rate=70.0, push=1.0, window=8), frames)
     # noise of 1e-5 in loads above 0.5
     np.testing.assert_allclose(got["texture_friction"][-1], 0.5, atol=1e-3)
     assert got["texture_roughness"][-1].max() < 0.1
@@ -59,7 +59,7 @@ def test_a_constant_ratio_has_no_roughness(fast, run):
 def test_the_dissertations_window(fast, run):
     """T = 128, as in 6.5: two memories a frame and taxel."""
     frames = rubbed((4, 4), frames=140)
-    got = run(fast, texture.bind(rate=60.0, push=1.0, ratio=0.5), frames, ["texture_friction"])
+    got = run(fast, texture.bind(rate=70.0, push=1.0, ratio=0.5), frames, ["texture_friction"])
     true = whole_recording(frames[20:], window=128)
     np.testing.assert_allclose(
         got["texture_friction"][-1], true.friction[-1] / 0.5, rtol=0.03, atol=0.02
@@ -117,14 +117,14 @@ def below_bumps(patch, friction, poisson=0.49):
 )
 def test_friction_below_a_bump_is_that_of_finite_elements(fast, run, patch, read):
     frames = below_bumps(patch, 0.6)
-    got = run(fast, texture.bind(rate=60.0, window=8, taxels="strain"), frames)
+    got = run(fast, texture.bind(rate=70.0, window=8, taxels="strain"), frames)
     # of ν = 0.49 instead of 0.5, of a coarser mesh, and unmixed to 2 %
     touched = np.zeros((4, 4), dtype=bool)
     touched[1, 2] = True
     assert ((got["texture_friction"][-1] > 0.0) == touched).all()
     assert got["friction"][-1] == pytest.approx(read, rel=0.02)
     if read == 0.6:  # "about two", of equal displacements, is not the ratio of equal forces
-        alike = run(fast, texture.bind(rate=60.0, window=8, ratio=0.5), frames)
+        alike = run(fast, texture.bind(rate=70.0, window=8, ratio=0.5), frames)
         assert alike["texture_friction"][-1][touched] == pytest.approx(0.4, abs=0.02)
 
 
@@ -170,7 +170,7 @@ def test_a_scene_takes_the_ratio_from_the_arrays_bumps(tmp_path, friction):
 
 def test_wrong_parameters_are_refused():
     with pytest.raises(ProgramError, match="window"):
-        texture.bind(rate=60.0, window=0).trace((4, 4))
+        texture.bind(rate=70.0, window=0).trace((4, 4))
     with pytest.raises(UnknownNameError, match="taxels"):
         texture.bind(taxels="bump").trace((4, 4))
     with pytest.raises(PhysicsError, match="bump radii"):

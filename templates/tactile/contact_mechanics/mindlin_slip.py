@@ -19,8 +19,9 @@ from cnnum.templates.tactile.shared.loads import PUSH, Loads, loads_of
 from cnnum.templates.tactile.shared.pressure import Pressed, pressed_of
 from cnnum.templates.tactile.slip import slip
 
-LOOSE = 0.5
-"""c/a below which slip is called incipient."""
+LOOSE, STAYS = 0.5, 0.55
+"""c/a below which slip is called incipient, and up to which it stays so: noise at the one does not
+reach the other."""
 
 WIDE = 1.82
 """Least contact radius, cells: on fewer taxels a flat punch looks like a sphere."""
@@ -91,9 +92,10 @@ def mindlin_slip(
     steady = fitted.count(whole & _hertz(loads, pressed)) > STEADY * frame.rate
     holds = steady & ~_contradicted(frame, used, gross, steady)
     sticks = where(holds, maximum(1.0 - used, 0.0) ** (1 / 3), 1.0)
+    may, begun = holds & ~gross, frame.memory("incipient", scalar=True, logic=True)
     return {
         "mindlin_holds": holds,
-        "incipient_slip": holds & ~gross & (sticks < LOOSE),
+        "incipient_slip": begun.latch(may & (sticks < LOOSE), may & (sticks < STAYS)),
         "stick_share": sticks,
         "slip_strength": 1.0 - sticks,
         **{name: slides[name] for name in ("gross_slip", "slip_x", "slip_y")},
