@@ -59,6 +59,8 @@ class Array:
     logic : bool
     places : bool
         Whether its numbers are places in another array.
+    exact : bool
+        Whether a table holds its numbers without rounding them.
     """
 
     name: str
@@ -69,6 +71,7 @@ class Array:
     values: NDArray[np.generic] | None = None
     logic: bool = False
     places: bool = False
+    exact: bool = False
 
     @property
     def bounds(self) -> ir.Bounds | None:

@@ -10,7 +10,9 @@ counts as one that did not.
 
 A gain in time jumps or bends within steps, where it counts by its mean. A jump after a share θ of a
 step is off by θ(1 − θ) times a number that its neighbours share, which is no more than d; r says
-nothing then, and is taken for 2.
+nothing then, and is taken for 2. A cell of a limited state may leave its limit at such a jump, and
+a step by a mean holds it there up to its end. Steps of half the length may end at the same time, so
+that differences do not show it: the error is infinite there.
 """
 
 from collections.abc import Callable, Sequence
@@ -92,7 +94,7 @@ def in_halves(request: Request, down: Callable[[Request], Result]) -> Result:
     def finer(step: float, frames: NDArray[np.intp]) -> Result:
         return down(request.by(replace(spec, dt=step), request.frames(frames)))
 
-    return halved(
+    found = halved(
         down(request),
         finer,
         delay_of(template),
@@ -102,6 +104,18 @@ def in_halves(request: Request, down: Callable[[Request], Result]) -> Result:
         growth=delayed_growth(template),
         turns=bool(turning_points(template, solver.duration)),
     )
+    return unknown(found) if lets_go(template, solver.duration) else found
+
+
+def lets_go(template: Template, duration: float) -> bool:
+    """Return whether a limited state may leave its limit within a step, as a gain jumps there."""
+    sudden = any(gain.table.interpolation == "constant" for gain in template.gains)
+    return sudden and template.output.limited and bool(turning_points(template, duration))
+
+
+def unknown(result: Result) -> Result:
+    """Return a result of whose error nothing is known."""
+    return replace(result, error=np.full_like(result.error, np.inf))
 
 
 def delay_of(template: Template) -> float:

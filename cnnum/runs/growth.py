@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from cnnum.arrays import Floats
 from cnnum.errors import MethodError
 from cnnum.graph.nodes import RunSpec
-from cnnum.integrators.estimate import error_growth
+from cnnum.integrators.estimate import FLOOR, error_growth
 from cnnum.integrators.schemes import AdaptiveSteps, ChebyshevSteps
 from cnnum.integrators.solver import Solver
 from cnnum.integrators.tableau import BOGACKI_SHAMPINE, DORMAND_PRINCE
@@ -167,7 +167,10 @@ def compared(
     else:
         apart = finer.state.reshape(times, len(frames), *_inner(result)) - state[:, frames]
         off = np.abs(apart).reshape(times, len(frames), -1).max(axis=2)
-        error[:, frames] = SAFETY * off + np.asarray(finer.error).reshape(times, -1)
+        found = SAFETY * off + np.asarray(finer.error).reshape(times, -1)
+        # both may miss a corner, as any run by steps does
+        taken = np.asarray(finer.steps).reshape(times, -1) > 0
+        error[:, frames] = np.maximum(found, np.where(taken, FLOOR * spec.atol, 0.0))
     return replace(result, error=error.reshape(lead))
 
 

@@ -19,7 +19,7 @@ from cnnum.integrators.rosenbrock import ImplicitSteps
 from cnnum.integrators.solver import Exact, Solver, Stepping
 from cnnum.plan import Plan
 from cnnum.runs.arguments import as_frame, maps_by_role
-from cnnum.runs.delays import by_differences, by_halving, delay_of
+from cnnum.runs.delays import by_differences, by_halving, delay_of, lets_go, unknown
 from cnnum.runs.growth import compared, follows
 from cnnum.runs.request import Ask, Request
 from cnnum.runs.result import ROLES, Result
@@ -110,7 +110,8 @@ def _halved_looks(request: Request, times: tuple[float, ...], end: Result) -> Re
             return None
         found.append(one)
     turns = bool(turning_points(template, times[-1]))
-    return by_differences(found, (spec.rtol, spec.atol), precision, turns=turns)
+    looks = by_differences(found, (spec.rtol, spec.atol), precision, turns=turns)
+    return unknown(looks) if lets_go(template, times[-1]) else looks
 
 
 def looked_at(

@@ -201,6 +201,20 @@ def test_an_exact_transient_says_whether_it_rests(
     np.testing.assert_array_equal(found["settled"], rests)
 
 
+@pytest.mark.parametrize("precision", ["float32", "q15", "q7"])
+@pytest.mark.parametrize("kind", [one for one in EXACT if one != "fast and slow"])
+def test_an_exact_transient_moves_on_from_whole_numbers(kind, precision):
+    """Whole numbers, as rows have, are held in steps of 1, and are not rounded."""
+
+    def function(frame):
+        run = cnnum.transient(
+            EXACT[kind], input=frame.row, state=frame.row, spec=cnnum.RunSpec(duration=1.0)
+        )
+        return {"settled": run.settled, "read": frame.a}
+
+    assert not exported(function, precision).run(FRAMES)["settled"].any()
+
+
 @pytest.mark.parametrize("precision", PRECISIONS)
 @pytest.mark.parametrize("duration", [1.0, "settle"])
 def test_a_mask_holds_uncoupled_cells(duration, precision, compiler, tmp_path):

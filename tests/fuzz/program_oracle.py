@@ -328,8 +328,8 @@ class Oracle:
             drive, off = drive + bias.v, off + bias.off
         x = drive + left * (begun.v - drive)
         bound = off * (1.0 - left) + left * begun.off if left else off
-        # a run of no time is a weighted sum of start and drive, too
-        rounded = not self.measuring and left > 0.0
+        # a run of no time is its start
+        rounded = not self.measuring and 0.0 < left < 1.0
         if rounded:
             size = np.abs(drive) + np.abs(begun.v) + 1.0
             taps = 2 + np.count_nonzero(kernel)

@@ -53,6 +53,11 @@ def test_no_error_is_below_the_true_one():
         (203, 2958),  # a table bends the rates
         (203, 5736),  # f is curved
         (210, 1295),
+        (212, 2482),  # both runs that are compared jump over a corner
+        (212, 3669),  # a limited state comes to its limit within the last step
+        (212, 4701),  # and leaves it where a gain jumps
+        (212, 3683),  # a cell alone decays to nothing
+        (212, 4748),
     ],
 )
 def test_errors_that_were_below_the_true_one(seed, number):

@@ -79,21 +79,30 @@ class Builder:
             made = Array(name, "table", flat.size, None, about, flat)
             self.arrays[name] = made
             return made, 0
-        whole, fraction = self.arithmetic.weights(flat.tolist())
-        return self._table(name, np.asarray(whole, dtype=np.int64), fraction, about), fraction
+        found, fraction = self.arithmetic.weights(flat.tolist())
+        whole = np.asarray(found, dtype=np.int64)
+        exact = bool(np.all(np.ldexp(whole.astype(np.float64), -fraction) == flat))
+        return self._table(name, whole, fraction, about, exact=exact), fraction
 
     def places(self, name: str, values: ArrayLike, about: str = "") -> Array:
         """Return a table of whole numbers: places in an array."""
         flat = np.asarray(values, dtype=np.int64).ravel()
-        return self._table(name, flat, 0, about, places=True)
+        return self._table(name, flat, 0, about, places=True, exact=True)
 
     def _table(
-        self, name: str, values: Any, fraction: int, about: str, *, places: bool = False
+        self,
+        name: str,
+        values: Any,
+        fraction: int,
+        about: str,
+        *,
+        places: bool = False,
+        exact: bool = False,
     ) -> Array:
         most = int(np.abs(values).max(initial=0))
         bits = next(bits for bits in (8, 16, 32) if most < 1 << (bits - 1))
         form = Format(bits, fraction)
-        made = Array(name, "table", values.size, form, about, values, places=places)
+        made = Array(name, "table", values.size, form, about, values, places=places, exact=exact)
         self.arrays[name] = made
         return made
 

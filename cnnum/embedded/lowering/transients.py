@@ -301,7 +301,10 @@ def _rates(work: TransientWork) -> list[_Rate]:
 
 
 def _quantum(array: Array | None) -> float:
-    return 0.0 if array is None or array.format is None else array.format.step
+    """Return by how much two of an array's numbers may be apart that were one before rounding."""
+    if array is None or array.format is None or array.exact:
+        return 0.0
+    return array.format.step
 
 
 def _table(work: TransientWork, name: str, values: Floats, about: str) -> Array:

@@ -78,9 +78,8 @@ def _largest(maps: Reals) -> Floats:
     return np.asarray(np.abs(maps).max(axis=(1, 2, 3)), dtype=np.float64)
 
 
-def _decayed(scheme: Decay, start: Reals, drive: Reals) -> Reals:
-    kept = scheme.kept[:, np.newaxis, np.newaxis]
-    return np.asarray(np.where(kept == 0.0, drive, drive + kept * (start - drive)))
+def _decayed(scheme: Any, start: Reals, drive: Reals) -> Reals:
+    return np.asarray(scheme.reach(start, drive))
 
 
 def _propagated(scheme: Propagator, start: Reals, drive: Reals) -> Reals:

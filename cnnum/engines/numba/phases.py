@@ -67,7 +67,11 @@ def _recur(plan: Plan, work: Reals, row: Any, step: Any, lo: Any, hi: Any) -> No
 
 @inlined
 def _slope(plan: Plan, work: Reals, gains: Reals, layer: Any, stage: Any, lo: Any, hi: Any) -> None:
-    """Find dx/dt = (w − x + A∗y + …) / τ; 0 in held cells, and outwards at a limit of the state."""
+    """Find dx/dt = (w − x + A∗y + …) / τ; 0 in held cells, and outwards at a limit of the state.
+
+    Later stages of a step of fixed length keep what leads outwards: a cell that comes to its limit
+    within the step is there at its end.
+    """
     slope, moved = work[codes.SLOPES + stage, lo:hi], work[codes.MOVED, lo:hi]
     drive, pace = work[codes.DRIVE, lo:hi], work[codes.PACE, lo:hi]
     start = lo - layer * plan.settings[0].size
@@ -78,7 +82,7 @@ def _slope(plan: Plan, work: Reals, gains: Reals, layer: Any, stage: Any, lo: An
     bend(plan, codes.MOVING, work, layer, start, slope)
     for i in range(slope.size):
         slope[i] *= pace[i]
-    if plan.settings[0].limited:
+    if plan.settings[0].limited and (stage == 0 or plan.settings[0].scheme != codes.FIXED):
         one, none = slope.dtype.type(1), slope.dtype.type(0)
         for i in range(slope.size):
             slope[i] = min(slope[i], none if moved[i] >= one else slope[i])

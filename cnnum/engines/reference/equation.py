@@ -123,11 +123,14 @@ class StateEquation:
         time: float,
         middle: float | None = None,
         within: float = 0.0,
+        *,
+        outwards: bool = False,
     ) -> Floats:
         """Return dx/dt of the states `x`; `past` are the outputs a delay ago.
 
         Gains in time that jump are those of the `middle` of a step, whose ends may be at a jump.
         `within` is the length of a step that may hold jumps: then gains count by their means.
+        At a limit of the state a rate is 0 that leads `outwards`, unless these are asked for.
         """
         template = self.template
         y = self.outputs(x)
@@ -145,7 +148,7 @@ class StateEquation:
         if self._delayed is not None and past is not None:
             rate = rate + self._delayed(past)
         rate = rate / self._tau
-        if template.output.limited:
+        if template.output.limited and not outwards:
             outward = ((x >= 1.0) & (rate > 0.0)) | ((x <= -1.0) & (rate < 0.0))
             rate = np.where(outward, 0.0, rate)
         return rate if self.given.held is None else np.where(self.given.held, 0.0, rate)

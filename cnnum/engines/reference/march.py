@@ -38,7 +38,9 @@ def march(equation: StateEquation, solver: Solver, scheme: FixedSteps) -> tuple[
             moved = limited(equation, x + step * weighted(rows, stages, x))
             at = time + c * step
             within = step if delayed else 0.0
-            stages.append(equation.rate(drive, moved, past, at, time + 0.5 * step, within))
+            about = (past, at, time + 0.5 * step, within)
+            # a cell that comes to its limit within the step is there at its end
+            stages.append(equation.rate(drive, moved, *about, outwards=bool(stages)))
         change = np.abs(slowest * stages[0]) / (solver.atol + solver.rtol * np.abs(x))
         ahead = step * weighted([one.b for one in layers], stages, x)
         x = limited(equation, x + carried * (moved - x) + ahead)

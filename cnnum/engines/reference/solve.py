@@ -91,6 +91,8 @@ class Budgeted(StateEquation):
         time: float,
         middle: float | None = None,
         within: float = 0.0,
+        *,
+        outwards: bool = False,
     ) -> Floats:
         """Return dx/dt.
 
@@ -100,7 +102,7 @@ class Budgeted(StateEquation):
             If that is asked for too often.
         """
         self.spend(max(x.size, CALL))
-        return StateEquation.rate(self, drive, x, past, time, middle, within)
+        return StateEquation.rate(self, drive, x, past, time, middle, within, outwards=outwards)
 
     def factoring(self, factor: Callable[[Floats], Any]) -> Callable[[Floats], Any]:
         """Return a function that factors a matrix at the expense of the budget."""
@@ -194,8 +196,7 @@ def _decayed(equation: StateEquation, solver: Solver) -> Answer:
     start, drive = equation.start(), equation.drive()
     span = math.inf if solver.settle else solver.duration
     with np.errstate(under="ignore"):
-        kept = np.exp(-span / equation.template.tau)[:, np.newaxis, np.newaxis]
-    x = drive + kept * (start - drive)
+        x = Decay(np.exp(-span / equation.template.tau)).reach(start, drive)
     held = equation.given.held
     return Answer(x if held is None else np.where(held, start, x), solver.duration, 0, PRECISION)
 

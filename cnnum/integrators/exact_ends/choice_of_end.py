@@ -27,6 +27,8 @@ def exact_end(transient: Transient, network: Network, duration: float) -> tuple[
         return None, "its state is limited, or runs in discrete time"
     if not template.plain:
         return None, "it has nonlinear, delayed or time-varying couplings"
+    if not duration:
+        return decay(template, 0.0), "it takes no time"
     if template.uncoupled:
         return decay(template, duration), "A = 0: every cell decays on its own, exactly"
     pieces = separate(template, duration)

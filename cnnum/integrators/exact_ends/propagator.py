@@ -33,7 +33,8 @@ class Decay:
     Attributes
     ----------
     kept : (layers,) float
-        e^{−t/τ} of every layer; 0 at equilibrium.
+        e^{−t/τ} of every layer; 0 at equilibrium, and 1 where no time passes: then a cell is at
+        its start, which a sum with its drive would round.
     """
 
     kept: Floats
@@ -42,7 +43,9 @@ class Decay:
 
     def reach(self, start: Floats, drive: Floats) -> Floats:
         """Return x(t) of (..., layers, rows, cols) initial states and drives."""
-        return drive + self.kept[:, np.newaxis, np.newaxis] * (start - drive)
+        kept = self.kept[:, np.newaxis, np.newaxis]
+        ends = drive + kept * (start - drive)
+        return np.where(kept == 0.0, drive, np.where(kept == 1.0, start, ends))
 
     def flops(self, states: int, shape: Shape) -> int:
         """Return the arithmetic from the drive and the start of that many states to their end."""

@@ -6,7 +6,8 @@ A state moves one way only, so that it passes each piece once at most. Times are
 * outside, towards e = w + a s (s = ±1 the side): x = e + (x₀ − e) d, d = e^{−t}. It comes to s,
   if e lies inside of s, when d = (s − e)/(x₀ − e).
 * between, with the slope m = a − 1 and the rate g(x) = m x + w: x = x₀ + g(x₀) (e^{mt} − 1)/m. It
-  comes to b = sign g, if g(b) has g's sign, at t = ln(1 + m (b − x₀)/g(x₀))/m.
+  comes to b = sign g, if g(b) has g's sign, at t = ln(1 + m (b − x₀)/g(x₀))/m. For m < 0 both terms
+  cancel near the rest: x = x₀ e^{mt} + w (e^{mt} − 1)/m then.
 
 Both quotients by m are those of `expm1` and `log1p`, as they cancel where a is near 1. For m = 0
 they are t and (b − x₀)/g(x₀).
@@ -159,4 +160,5 @@ def _from_inside(slope: float, time: float, entered: Floats, now: Floats, drive:
         ends = np.log1p(slope * (to - now) / rate) / slope
         along = np.expm1(np.minimum(slope * left, math.log(STEEPEST))) / slope
     over = to + rate_there * (1.0 - np.exp(ends - left))
-    return np.where(leaves & (ends < left), over, now + rate * along)
+    between = now * np.exp(slope * left) + drive * along if slope < 0.0 else now + rate * along
+    return np.where(leaves & (ends < left), over, between)

@@ -66,3 +66,29 @@ def numba_or_opencl(request):
     if request.param == "opencl":
         request.getfixturevalue("opencl")
     return request.param
+
+
+SMALL = np.random.default_rng(5).normal(size=(3, 3)) * 0.1
+SMOOTH = np.array([[0.0, 0.1, 0.0], [0.1, 0.2, 0.1], [0.0, 0.1, 0.0]])
+KINDS = {
+    "uncoupled": ([[0.0]], "standard", 0.0),
+    "own": ([[-0.5]], "standard", 0.0),
+    "saturating": (SMALL, "standard", 0.0),
+    "limited": (SMALL, "full-range", 0.0),
+    "dense": (SMALL, "linear", 0.5),
+    "modes": (SMOOTH, "linear", "zero-flux"),
+}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_run_of_no_time_is_its_start(engines, kind):
+    """To the last bit, also where it is looked at as it begins."""
+    A, output, boundary = KINDS[kind]
+    template = cnnum.Template("t", A, SMALL, 0.3, output=output, boundary=boundary)
+    start, given = np.random.default_rng(7).uniform(-1.0, 1.0, (2, 3, 5, 6))
+    start = start.astype(np.float32).astype(np.float64)
+    for label in (*engines, "reference"):
+        ended = engines[label].run(template, input=given, state=start, duration=0.0)
+        assert np.array_equal(ended.state, start), label
+    looked = engines["numba-float32"].run(template, input=given, state=start, at=(0.0, 0.5))
+    assert np.array_equal(looked.state[0], start)

@@ -94,6 +94,21 @@ def test_rest_is_where_nothing_changes(engine, a, start_and_input):
     np.testing.assert_allclose(got.state, stepped(a, given + 0.1, start, 40.0), atol=1e-6)
 
 
+@pytest.mark.parametrize("engine", ["opencl", "numba"])
+@pytest.mark.parametrize("precision", TOLERANCE)
+def test_a_decay_to_nothing_keeps_its_digits(engine, precision):
+    """Where x = x₀ e^{−(1−a)t}, the end is far below the last digit of the start."""
+    own = cnnum.Template("own", [[-2.8]], boundary="periodic", duration=8.0)
+    start = np.array([[0.25, -0.5], [0.75, 2.0]])  # the last one enters the middle piece
+    got = cnnum.Engine(engine, precision=precision).run(own, state=start)
+    # from 2 it falls to 1 as 2 + 2.8 = 4.8 of its way to −2.8 does to 3.8
+    want = start * np.exp(-3.8 * 8.0)
+    want[1, 1] = np.exp(-3.8 * (8.0 - np.log(4.8 / 3.8)))
+    off = np.abs(got.state - want)
+    np.testing.assert_allclose(got.state, want, rtol=200 * np.finfo(precision).eps)
+    assert np.all(off <= got.error)
+
+
 def test_time_is_in_time_constants(start_and_input):
     start, given = start_and_input
     engine = cnnum.Engine(precision="float64")

@@ -97,7 +97,11 @@ def _inside(slope: float, time: float) -> list[ir.Statement]:
         begun = [ir.fixed(LEFT, left), ir.fixed(ENDS, ends)]
         crosses = crosses & (ENDS < LEFT)
         over = B + AT_B * (ir.ONE - ir.call("exp", ENDS - LEFT))
-        between = NOW + G * ir.pick(entered, moves, ir.Number(moved(slope, time)))
+        moves = ir.pick(entered, moves, ir.Number(moved(slope, time)))
+        between = NOW + G * moves
+        if slope < 0.0:  # where these two cancel
+            falls = ir.pick(entered, ir.call("exp", m * LEFT), ir.Number(growth(slope, time)))
+            between = NOW * falls + DRIVE * moves
     return [
         *begun,
         ir.fixed(CROSSES, ir.pick(crosses, ir.ONE, ir.ZERO)),
@@ -156,6 +160,7 @@ def _decay(text: TransientBuilder, scheme: Decay) -> float:
     for layer, state in enumerate(text.each(X)):
         kept, to, origin = float(scheme.kept[layer]), drive_of(text, layer), text.start_of(layer)
         value = to if kept == 0.0 else to + ir.Number(kept) * (origin - to)
+        value = origin if kept == 1.0 else value
         value = text.unless_held(value, origin)
         body += [ir.Assign(state, value), _largest(to), _largest(origin)]
     text.over_cells(body)

@@ -114,7 +114,9 @@ def _stage(
         rows = [scheme.of(layer).a[number] for layer in range(text.layers)]
         states = zip(text.places, rows, strict=True)
         outputs(text, [X[at] + H * combination(row, at) for at, row in states], keep=XS)
-    rates(text, XS if number else X, into(rates_of(number)), instant)
+    # a cell that comes to its limit within a step of fixed length is there at its end
+    outwards = number > 0 and isinstance(scheme, FixedSteps)
+    rates(text, XS if number else X, into(rates_of(number)), instant, outwards=outwards)
 
 
 def combination(weights: Row, at: ir.Expression) -> ir.Expression:

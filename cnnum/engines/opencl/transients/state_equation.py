@@ -83,14 +83,19 @@ def outputs(
         text.copy_rims(XP)
 
 
-def rates(text: TransientBuilder, state: ir.Name, then: Then, instant: Instant) -> None:
-    """Append the evaluation of `rate` = dx/dt in every cell of every layer, and `then` on it."""
+def rates(
+    text: TransientBuilder, state: ir.Name, then: Then, instant: Instant, *, outwards: bool = False
+) -> None:
+    """Append the evaluation of `rate` = dx/dt in every cell of every layer, and `then` on it.
+
+    At a limit of the state a rate is 0 that leads `outwards`, unless these are asked for.
+    """
     if instant.past is not None and delays_outputs(text.template):
         past = enumerate(map(instant.past, text.places))
         text.over_grid([ir.Assign(YD[text.padded_at(m)], output) for m, output in past])
         text.copy_rims(YD)
     text.body += gains(text, instant.time, instant.middle, instant.within)
-    text.over_grid(_rate_lines(text, state, then))
+    text.over_grid(_rate_lines(text, state, then, outwards=outwards))
 
 
 def rates_once(text: TransientBuilder, then: Then, instant: Instant) -> None:
@@ -107,14 +112,16 @@ def rates_once(text: TransientBuilder, then: Then, instant: Instant) -> None:
         text.over_cells(_rate_lines(text, X, then))
 
 
-def _rate_lines(text: TransientBuilder, state: ir.Name, then: Then) -> list[ir.Statement]:
+def _rate_lines(
+    text: TransientBuilder, state: ir.Name, then: Then, *, outwards: bool = False
+) -> list[ir.Statement]:
     """Return statements that find the rates of a cell."""
     body: list[ir.Statement] = [ir.Declare("real", ((SUM, None), (RATE, None)))]
     for layer, now in enumerate(text.each(state)):
         body.append(ir.Assign(SUM, drive_of(text, layer) - now))
         body += _couplings(text, layer)
         body.append(ir.Assign(RATE, text.rate(layer) * SUM))
-        if text.template.output.limited:
+        if text.template.output.limited and not outwards:
             # at the rails, a rate that drives a state outwards is 0
             inwards = ir.pick(now * RATE > ir.ZERO, ir.ZERO, RATE)
             body.append(ir.Assign(RATE, ir.pick(ir.size(now) >= ir.ONE, inwards, RATE)))
