@@ -16,12 +16,14 @@ from cnnum.safety.toml_reading import parse_toml
 Function = TypeVar("Function", bound=Callable[..., Any])
 Changes = dict[str, object]
 
-json_option = click.option("--json", "as_json", is_flag=True, help="One JSON object a line.")
+json_option = click.option(
+    "--json", "as_json", is_flag=True, help="Print one JSON object per line."
+)
 """Every command takes it."""
 
 
 force_option = click.option(
-    "--force", is_flag=True, is_eager=True, help="Replace a file that is there."
+    "--force", is_flag=True, is_eager=True, help="Replace an existing file."
 )
 """Every command that writes files takes it; it is read before the names of the files."""
 
@@ -92,7 +94,9 @@ frames_option = click.option(
     "--frames", type=click.IntRange(min=1), help="Stop after this number of frames."
 )
 seconds_option = click.option(
-    "--seconds", type=click.FloatRange(min=0, min_open=True), help="Stop after so long."
+    "--seconds",
+    type=click.FloatRange(min=0, min_open=True),
+    help="Stop after this number of seconds.",
 )
 
 page_option = click.option(
@@ -136,7 +140,7 @@ trust_option = click.option(
 )
 """For commands that open scenes: such a driver is code."""
 
-set_option = setting_option("Set a key of the scene, as in 'array.seed=3' (again for more).")
+set_option = setting_option("Set a key of the scene, such as 'array.seed=3'; may be repeated.")
 
 
 def scene_options(function: Function) -> Function:

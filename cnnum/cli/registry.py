@@ -15,32 +15,32 @@ ARRAYS = "cnnum.cli.arrays"
 LAB = "cnnum.lab"
 
 _SERVING: Mapping[str, tuple[str, str]] = {
-    "demo": (f"{ROOM}.demo", "Run the simulated scene and write a report of it."),
+    "demo": (f"{ROOM}.demo", "Run a simulated scene and write a report."),
     "run": (f"{ROOM}.run", "Run a scene and print its events as they come."),
-    "plan": (f"{ROOM}.plan", "Show the operations of a scene, and those left out."),
+    "plan": (f"{ROOM}.plan", "Show the operations of a scene and what it leaves out."),
     "templates": (f"{ROOM}.templates", "List, show and check the template library."),
     "sweep": ("cnnum.cli.library.sweep", "Sweep a template over weights, sizes and noise."),
     "devices": (f"{ROOM}.devices", "Show the OpenCL devices and their speed."),
     "calibrate": (
         f"{ROOM}.calibrate",
-        "Fit a taxel's calibration to a scan of point loads.",
+        "Fit the calibration of a taxel to a scan of point loads.",
     ),
     "probe": (f"{ROOM}.probe", "Measure an array's rate, losses and dead cells."),
     "simulate": (
         f"{ARRAYS}.simulate",
-        "Offer a simulated array at a port, with faults.",
+        "Simulate an array at a serial port, with faults on request.",
     ),
     "export": (f"{ROOM}.export", "Write a program as C99 for a microcontroller."),
     "record": (f"{ROOM}.record", "Record an array's frames to a file."),
     "recover": (
         f"{ROOM}.recover",
-        "Make a whole recording of one that was cut off or damaged.",
+        "Rescue a recording that was cut off or damaged.",
     ),
-    "check": (f"{ARRAYS}.check", "Check the orders, signs and taxels of a recording."),
+    "check": (f"{ARRAYS}.check", "Check order, signs, rate, rest and taxels of a recording."),
     "layout": (f"{ARRAYS}.layout", "Propose the layout of a data file, and draw a frame."),
     "lerobot": (f"{ARRAYS}.lerobot", "Write a recording as a data set of LeRobot."),
     "view": (f"{ARRAYS}.view", "Show an array or a recording in a browser."),
-    "replay": (f"{ROOM}.replay", "Run a scene's program over a recording."),
+    "replay": (f"{ROOM}.replay", "Run the program of a scene over a recording."),
 }
 """The commands that serve: name to module and to the line of help."""
 

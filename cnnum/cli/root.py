@@ -241,7 +241,7 @@ def _open_standard_streams() -> None:
 def main(ctx: click.Context) -> None:
     """Run tactile scenes on an emulated cellular-wave computer.
 
-    Begin with `cnnum demo`. Every command takes --json, which prints one JSON object a line.
+    Start with `cnnum demo`. With --json, every command prints one JSON object per line.
     """
     if ctx.invoked_subcommand is None:
         click.echo(ctx.get_help())

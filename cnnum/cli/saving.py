@@ -22,7 +22,7 @@ save_option = target_option(
 rerun_option = click.option(
     "--rerun",
     metavar="FILE.rrd|ADDRESS",
-    help="Send pictures and events to Rerun: a file, or a viewer that runs.",
+    help="Send pictures and events to Rerun: to a file or a running viewer.",
 )
 
 

@@ -14,13 +14,13 @@ FAULTS = 1
 
 @click.command("check")
 @click.argument("recording", type=click.Path(path_type=Path))
-@click.option("--topic", default="", help="Of an MCAP file or a bag of others.")
+@click.option("--topic", default="", help="Topic of an MCAP file or a bag.")
 @json_option
 def command(recording: Path, topic: str, as_json: bool) -> int:
-    """Check the order of RECORDING's numbers, their signs, unit, rate and rest, and its taxels.
+    """Check order, signs, unit, rate, rest and taxels of RECORDING.
 
-    A press straight down on the middle of the array shows most. For each fault the TOML is printed
-    that cures it: keys of the layout, or of a scene. The exit code is 1 where there is one.
+    The recording should contain a press straight down on the middle of the array. For each fault
+    the command prints the TOML keys of a layout or a scene that correct it, and exits with 1.
     """
     from cnnum.drivers.recording_file import array_of, load_recording
     from cnnum.drivers.registry import open_driver

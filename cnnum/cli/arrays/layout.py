@@ -22,9 +22,9 @@ WIDEST = 64
 
 @click.command("layout")
 @click.argument("file", type=click.Path(path_type=Path))
-@click.option("--topic", default="", help="Of an MCAP file or a bag: the messages to read.")
-@setting_option("A key of the layout that you know, as in 'rate=60' (again for more).")
-@click.option("--write", is_flag=True, help="Write it beside FILE, with the suffix .toml.")
+@click.option("--topic", default="", help="Topic to read from an MCAP file or a bag.")
+@setting_option("Set a key of the layout, such as 'rate=60'; may be repeated.")
+@click.option("--write", is_flag=True, help="Write the layout next to FILE, with the suffix .toml.")
 @force_option
 @json_option
 def command(
@@ -32,9 +32,9 @@ def command(
 ) -> int:
     """Propose the layout of FILE, and draw one of its frames.
 
-    FILE is a text table, a NumPy, HDF5 or Parquet file, an MCAP file or a bag with messages of
-    others, lines of JSON, or what an array sent. The exit code is 1 where the file does not say
-    all that a layout needs.
+    FILE is a text table, a NumPy, HDF5 or Parquet file, an MCAP file or a bag, lines of JSON, or
+    the bytes that an array sent. The exit code is 1 if the file does not determine everything
+    that a layout needs.
     """
     from cnnum.drivers.options import read_options
     from cnnum.drivers.own_data.driver import recording_by

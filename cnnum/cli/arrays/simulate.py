@@ -31,29 +31,35 @@ MOST = 60_000
 
 @click.command("simulate")
 @click.argument("source", default="simulated", shell_complete=completed("scene", files=True))
-@click.option("--pty", is_flag=True, required=True, help="Behind a pseudo-terminal.")
+@click.option("--pty", is_flag=True, required=True, help="Use a pseudo-terminal as the port.")
 @click.option(
-    "--protocol", default="open", help="The array's protocol; 'cnnum devices --arrays' lists them."
+    "--protocol", default="open", help="Protocol of the array; 'cnnum devices --arrays' lists them."
 )
 @click.option(
     "--descriptor",
     type=click.Path(path_type=Path),
-    help="A TOML file that describes the protocol.",
+    help="TOML file that describes the protocol.",
 )
 @click.option("--shape", nargs=2, type=click.IntRange(min=1), help="Rows and columns on the wire.")
-@click.option("--rate", type=click.FloatRange(1, 10_000), help="Hz; that of SOURCE unless given.")
+@click.option(
+    "--rate",
+    type=click.FloatRange(1, 10_000),
+    help="Frames per second; by default those of SOURCE.",
+)
 @click.option("--axes", type=click.Choice(["force", "as-is"]), default="force",
-              help="Three axes of strain, or the source's own channels.")  # fmt: skip
-@click.option("--link", type=click.Path(path_type=Path), help="Name of the port, which stays.")
-@setting_option("An option of SOURCE.")
+              help="Send three axes of strain, or the channels of SOURCE.")  # fmt: skip
+@click.option("--link", type=click.Path(path_type=Path), help="Fixed name for the port.")
+@setting_option("Set an option of SOURCE; may be repeated.")
 @seconds_option
-@click.option("--drops", type=float, default=0.0, help="Share of packets left out.")
-@click.option("--flips", type=float, default=0.0, help="Share of packets with one bit changed.")
-@click.option("--stall-every", type=float, default=0.0, help="s between pauses.")
-@click.option("--stall", type=float, default=0.5, help="s of a pause.")
-@click.option("--unplug-every", type=float, default=0.0, help="s between unplugs.")
-@click.option("--away", type=float, default=0.5, help="s of an unplug.")
-@click.option("--seed", type=int, default=0, help="Of the faults.")
+@click.option("--drops", type=float, default=0.0, help="Share of packets to drop.")
+@click.option(
+    "--flips", type=float, default=0.0, help="Share of packets in which one bit is flipped."
+)
+@click.option("--stall-every", type=float, default=0.0, help="Seconds between pauses.")
+@click.option("--stall", type=float, default=0.5, help="Length of a pause in seconds.")
+@click.option("--unplug-every", type=float, default=0.0, help="Seconds between unplugs.")
+@click.option("--away", type=float, default=0.5, help="Length of an unplug in seconds.")
+@click.option("--seed", type=int, default=0, help="Seed of the random faults.")
 @trust_option
 @json_option
 def command(
@@ -77,11 +83,11 @@ def command(
     trust: bool,
     as_json: bool,
 ) -> int:
-    """Offer the array SOURCE (a driver's name, or a scene) at a port, as if it were plugged in.
+    """Simulate the array SOURCE (the name of a driver, or a scene) at a serial port.
 
-    As in: cnnum simulate --pty --link /tmp/taxels, then cnnum probe serial --set
-    port=/tmp/taxels. Its frames come again and again until Ctrl-C. The last line counts scans
-    sent and spoiled.
+    For example, run cnnum simulate --pty --link /tmp/taxels, and then cnnum probe serial --set
+    port=/tmp/taxels. The frames repeat until Ctrl-C. The last line counts the scans that were
+    sent and those that were spoiled.
     """
     from cnnum.drivers.codecs.wire import Asked, described_wire, wire
     from cnnum.drivers.virtual.array import VirtualArray

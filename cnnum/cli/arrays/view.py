@@ -25,10 +25,17 @@ SHOWN = (
 
 @click.command("view")
 @click.argument("source", shell_complete=completed("scene", files=True))
-@click.option("--scene", help="Scene to run on a recording; 'demo' unless given.")
-@click.option("--host", default="127.0.0.1", help="Address to listen at; this machine's own.")
-@click.option("--port", type=click.IntRange(0, 65_535), default=8765, help="0 for any free one.")
-@click.option("--token", default="", help="Word that the page's address must contain.")
+@click.option("--scene", help="Scene to run on a recording; 'demo' by default.")
+@click.option(
+    "--host", default="127.0.0.1", help="Address to listen at; this machine only by default."
+)
+@click.option(
+    "--port",
+    type=click.IntRange(0, 65_535),
+    default=8765,
+    help="Port to listen at; 0 takes any free one.",
+)
+@click.option("--token", default="", help="Token that the address of the page must contain.")
 @scene_options
 @trust_option
 @json_option
@@ -42,11 +49,10 @@ def command(
     trust: bool,
     as_json: bool,
 ) -> int:
-    """Show SOURCE (a scene, a driver's name, or a recording) in a browser, until Ctrl-C.
+    """Show SOURCE (a scene, the name of a driver, or a recording) in a browser, until Ctrl-C.
 
-    Only this machine reaches the page, unless --host says otherwise; then a token is asked for.
-    A scene adds events and outlines to the array's numbers; --set changes its keys, and
-    the options of a driver.
+    Only this machine can reach the page. With --host others can, and need a token. A scene adds
+    events and outlines to the readings. --set changes keys of the scene or options of the driver.
     """
     from cnnum.live.server import Place, is_loopback, run
 

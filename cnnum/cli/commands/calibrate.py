@@ -25,16 +25,18 @@ LISTED = 10
     type=click.FloatRange(1.0, 1e12),
     required=True,
     metavar="PA",
-    help="Of the cover.",
+    help="Young's modulus of the cover.",
 )
 @click.option(
     "--depth",
     type=click.FloatRange(1e-9, 10.0),
     metavar="M",
-    help="Thickness of the cover; fitted if left out.",
+    help="Thickness of the cover; fitted by default.",
 )
-@click.option("--limit", type=float, default=float("inf"), metavar="V", help="End of the range.")
-@file_option("calibration.toml", "The calibration's file.")
+@click.option(
+    "--limit", type=float, default=float("inf"), metavar="V", help="End of the voltage range."
+)
+@file_option("calibration.toml", "File to write the calibration to.")
 @force_option
 @json_option
 def command(
@@ -46,12 +48,12 @@ def command(
     force: bool,
     as_json: bool,
 ) -> int:
-    """Fit a taxel's calibration to SCAN, a CSV file of point loads on its cover.
+    """Fit the calibration of a taxel to SCAN, a CSV file of point loads on its cover.
 
-    Columns: x, y (m, from the taxel), fx, fy, fz (N), left, right, top, bottom (V, amplified). A
-    column time (s, since switch-on) lets the offsets drift. Rows far off all others, as spikes are,
-    are named, and their influence on the fit is bounded. The calibration is written as TOML, for
-    the key 'calibration.file' of a scene.
+    The columns are x, y (m, from the taxel), fx, fy, fz (N), left, right, top, bottom (V,
+    amplified). With a column time (s, since switch-on) the offsets may drift. Outliers such as
+    spikes are listed, and their influence on the fit is bounded. The calibration is written as
+    TOML for the key 'calibration.file' of a scene.
     """
     from cnnum.drivers.text_table import read_table
     from cnnum.tactile.taxel import fit_calibration

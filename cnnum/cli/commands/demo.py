@@ -130,11 +130,11 @@ def command(
     force: bool,
     as_json: bool,
 ) -> int:
-    """Run the scene that comes with the package, and write an HTML report of it.
+    """Run the packaged demo scene and write an HTML report.
 
     A sphere is pressed on a simulated 8×8 three-axial array, pulled until it slips, twisted and
-    released. The report shows the frames, the events, the ground truth, and the operations that the
-    plan leaves out. It also shows the error of the templates against their run time.
+    released. The report shows frames, events, ground truth, the operations that the plan leaves
+    out, and the error of the templates against their run time.
     """
     with busy(COMPILING, as_json=as_json):
         from cnnum.cli.commands.demo import DemoReport

@@ -69,11 +69,18 @@ def _tested(device: "Device", precision: str) -> Tested:
 
 
 @click.command("devices")
-@click.option("--device", help="Part of the device's name: as for Engine(device=…).")
-@click.option("--measure/--no-measure", default=True, help="Time kernels (seconds a device).")
-@click.option("--self-test", "testing", is_flag=True, help="Hold devices to known answers.")
-@click.option("--arrays", is_flag=True, help="Show serial ports, and guess the arrays at them.")
-@click.option("--port", "ports", multiple=True, help="A port more to listen at, with --arrays.")
+@click.option("--device", help="Part of the device's name, as for Engine(device=…).")
+@click.option(
+    "--measure/--no-measure", default=True, help="Time kernels, which takes seconds per device."
+)
+@click.option(
+    "--self-test",
+    "testing",
+    is_flag=True,
+    help="Compare the results of each device with known ones.",
+)
+@click.option("--arrays", is_flag=True, help="List serial ports and guess the arrays at them.")
+@click.option("--port", "ports", multiple=True, help="Additional port to listen at, with --arrays.")
 @json_option
 def command(
     device: str | None,
@@ -83,19 +90,19 @@ def command(
     ports: tuple[str, ...],
     as_json: bool,
 ) -> None:
-    """Show OpenCL devices, try and measure each, and say which one would be used.
+    """List the OpenCL devices, try and measure each, and show which one would be used.
 
-    Each first shows in a process of its own that it works. One that does not is listed as broken,
+    Each device is first tried in a separate process. One that does not work is listed as broken,
     with the reason.
 
-    The peak counts a single-precision multiply-add as two operations. It is that of the best of
-    several kernels. The bandwidth counts bytes read and written by a copy. Both are the best of
-    several runs just now: a busy machine shows less.
+    The peak counts a single-precision multiply-add as two operations and is that of the best of
+    several kernels. The bandwidth counts the bytes that a copy reads and writes. Both are the
+    best of several runs, and lower on a busy machine.
 
-    With --self-test nothing is measured: each device runs templates whose results are known, in
-    each of its precisions. A wrong one ends it with exit code 1.
+    With --self-test nothing is measured. Instead, each device runs templates with known results
+    in each of its precisions, and a wrong result ends the command with exit code 1.
 
-    With --arrays it lists serial ports instead, and listens for a moment at each. It names the
+    With --arrays it lists serial ports instead and listens for a moment at each. It names the
     protocol that fits the bytes it hears. Nothing is written to a port.
     """
     if arrays:

@@ -23,29 +23,29 @@ if TYPE_CHECKING:
 
 @click.command("export")
 @click.argument("program", required=False, shell_complete=completed("program"))
-@click.option("--shape", help="Rows and columns, as 8x8; unless given those of --like, or 8x8.")
+@click.option("--shape", help="Rows and columns; by default those of --like, or 8x8.")
 @click.option("--precision", default="q15", show_default=True, help="q15, q7, qM.N or float32.")
 @click.option(
     "--method",
     type=click.Choice(("auto", "euler")),
     default="auto",
     show_default=True,
-    help="Products where they are exact, or Euler's steps, of cells that see others.",
+    help="Exact products where possible, or Euler steps, for coupled cells.",
 )
-@click.option("--rate", type=click.FloatRange(min=0, min_open=True), help="Frames a second, Hz.")
+@click.option("--rate", type=click.FloatRange(min=0, min_open=True), help="Frames per second.")
 @click.option(
     "--like",
     type=click.Path(path_type=Path, dir_okay=False),
-    help="Recording of frames like those to come: ranges are measured on it.",
+    help="Recording on which ranges are measured.",
 )
-@click.option("--channels", help="Those of a frame, as in normal or shear_x,shear_y,normal.")
+@click.option("--channels", help="Channels of a frame, such as normal or shear_x,shear_y,normal.")
 @click.option(
     "--scene",
-    help="Scene whose program, parameters, outputs and calibrated frames are taken.",
+    help="Scene that supplies program, parameters, outputs and calibrated frames.",
 )
 @set_option
 @trust_option
-@click.option("--needs", help="Wanted outputs, as in gross_slip,slip_x; all unless given.")
+@click.option("--needs", help="Outputs, such as gross_slip,slip_x; all by default.")
 @click.option(
     "--out",
     "-o",
@@ -73,12 +73,12 @@ def command(
 ) -> int:
     """Write PROGRAM as self-contained C99, with a test vector and a Makefile.
 
-    PROGRAM is one of the library, or one of your own as FILE.py:FUNCTION or MODULE:FUNCTION. With
-    --scene the program is the scene's.
+    PROGRAM is a program of the library, or your own as FILE.py:FUNCTION or MODULE:FUNCTION. With
+    --scene it is the program of the scene.
 
-    Memory is static, and precisions of whole numbers need no mathematics library. The range of
-    every value is measured on the frames of --like or --scene, or on strain of simulated scenes;
-    values beyond it saturate. Constants of time are for the rate of these frames, or --rate.
+    Memory is static, and whole-number precisions need no mathematics library. The range of every
+    value is measured on the frames of --like or --scene, or on simulated strain, and values
+    beyond it saturate. Time constants are those for the rate of these frames, or for --rate.
     """
     from cnnum.scenes.arrangement import named
     from cnnum.scenes.exporting import export, export_scene

@@ -18,9 +18,11 @@ if TYPE_CHECKING:
 @click.argument("scene", shell_complete=completed("scene", files=True))
 @scene_options
 @trust_option
-@click.option("--ops", is_flag=True, help="List the operations by function; --json has every line.")
-@click.option("--lines", is_flag=True, help="With --ops: by the lines of each function, too.")
-@click.option("--source", is_flag=True, help="Print the text of the kernels instead.")
+@click.option(
+    "--ops", is_flag=True, help="List the operations by function; with --json by line as well."
+)
+@click.option("--lines", is_flag=True, help="With --ops, list the lines of each function as well.")
+@click.option("--source", is_flag=True, help="Print the source of the kernels instead.")
 @json_option
 def command(
     scene: str,
@@ -31,7 +33,7 @@ def command(
     trust: bool,
     as_json: bool,
 ) -> None:
-    """Show the operations of SCENE for a frame, those left out, and the saving."""
+    """Show which operations SCENE runs per frame, which it leaves out, and what that saves."""
     if lines and not ops:
         raise click.UsageError("--lines are those of the operations: give --ops, too.")
     from cnnum.scenes.pipeline import load_scene

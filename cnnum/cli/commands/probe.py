@@ -273,11 +273,11 @@ SHOWN = 12
 
 @click.command("probe")
 @click.argument("source", shell_complete=completed("scene", files=True))
-@setting_option("An option of the driver.")
+@setting_option("Set an option of the driver; may be repeated.")
 @click.option(
-    "--seconds", type=click.FloatRange(min=0, min_open=True), help="Look for so long (5 s)."
+    "--seconds", type=click.FloatRange(min=0, min_open=True), help="Seconds to measure (5)."
 )
-@click.option("--frames", type=click.IntRange(min=1), help="Look at this number of frames.")
+@click.option("--frames", type=click.IntRange(min=1), help="Number of frames to measure.")
 @target_option("--picture", "FILE.png", "Draw rest, noise and drift of every cell.")
 @force_option
 @trust_option
@@ -292,10 +292,10 @@ def command(
     force: bool,
     as_json: bool,
 ) -> int:
-    """Look at the frames of the array SOURCE (a driver's name, or a scene).
+    """Measure the frames of the array SOURCE (the name of a driver, or a scene).
 
-    As in: cnnum probe serial --set port=/dev/ttyACM0. Shows the rate, sync losses, bad and
-    dropped frames, noise, and cells that never change. Ctrl-C ends it with the figures so far.
+    For example: cnnum probe serial --set port=/dev/ttyACM0. The command shows the rate, sync
+    losses, bad and dropped frames, noise, and cells that never change. Ctrl-C ends it early.
     """
     from cnnum.cli.commands.probe import ProbeFigures
 

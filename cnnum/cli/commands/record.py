@@ -189,11 +189,11 @@ def _why(error: OSError) -> str:
 @click.command("record")
 @click.argument("source", shell_complete=completed("scene", files=True))
 @click.argument("file", type=click.Path(path_type=Path))
-@setting_option("An option of the driver.")
+@setting_option("Set an option of the driver; may be repeated.")
 @seconds_option
 @frames_option
-@click.option("--force", is_flag=True, help="Replace FILE if it is there.")
-@click.option("--raw/--no-raw", default=True, help="Keep the port's bytes, too (.mcap only).")
+@click.option("--force", is_flag=True, help="Replace FILE if it exists.")
+@click.option("--raw/--no-raw", default=True, help="Also keep the bytes of the port (.mcap only).")
 @trust_option
 @json_option
 def command(
@@ -209,9 +209,9 @@ def command(
 ) -> int:
     """Record the frames of the array SOURCE (a driver's name, or a scene) to FILE.
 
-    FILE ends in .mcap (also for Foxglove), .npz (NumPy), .h5 (HDF5) or .csv. Frames are on the disk
-    within a second; `cnnum recover` makes a whole file of one that was cut off. It ends by itself,
-    by Ctrl-C, or because the array went away.
+    FILE ends in .mcap (also for Foxglove), .npz (NumPy), .h5 (HDF5) or .csv. Frames are on disk
+    within a second, and `cnnum recover` rescues a file that was cut off. The recording ends at
+    --seconds or --frames, on Ctrl-C, or when the array goes away.
     """
     from cnnum.cli.commands.record import Recorder
     from cnnum.cli.source import scene_text

@@ -16,19 +16,19 @@ if TYPE_CHECKING:
 @click.command("recover")
 @click.argument("file", type=click.Path(path_type=Path))
 @click.argument("out", type=click.Path(path_type=Path), required=False)
-@click.option("--force", is_flag=True, help="Replace OUT if it is there.")
+@click.option("--force", is_flag=True, help="Replace OUT if it exists.")
 @click.option(
     "--budget",
     type=click.FloatRange(min=0.0, min_open=True),
     default=1.0,
-    help="Times as much time, bytes and frames as usual that FILE may take.",
+    help="Factor by which the usual limits of time, bytes and frames are raised.",
 )
 @json_option
 def command(file: Path, out: Path | None, force: bool, budget: float, as_json: bool) -> int:
-    """Make a whole recording OUT of all chunks of FILE that are whole.
+    """Write all intact chunks of FILE to a complete recording OUT.
 
-    FILE is a .mcap file of `cnnum record`, cut off or damaged in any place; it stays as it is.
-    OUT ends in .mcap, .npz, .h5 or .csv; unless given it is FILE with `.recovered.mcap` at its end.
+    FILE is a .mcap file of `cnnum record` that is cut off or damaged anywhere. It stays unchanged.
+    OUT ends in .mcap, .npz, .h5 or .csv; by default it is FILE with the ending `.recovered.mcap`.
     """
     from cnnum.recordings.export import export, suffix_of
     from cnnum.recordings.reader import look

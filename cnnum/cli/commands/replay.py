@@ -27,9 +27,11 @@ DEFAULT = "demo"
 @click.argument("file", type=click.Path(path_type=Path))
 @click.option(
     "--scene",
-    help="A scene's file or name: the events to look for. Counts need one; else 'demo'.",
+    help="Scene file or name; required for raw counts, otherwise 'demo' by default.",
 )
-@click.option("--topic", default="", help="Of an MCAP file or a bag of others, as its layout says.")
+@click.option(
+    "--topic", default="", help="Topic of an MCAP file or a bag that cnnum did not write."
+)
 @scene_options
 @trust_option
 @saving.save_option
@@ -39,15 +41,15 @@ DEFAULT = "demo"
     "--speed",
     type=click.FloatRange(min=0.0),
     default=0.0,
-    help="1 is real time, 2 twice as fast; unless given, as fast as it goes.",
+    help="Pace: 1 is real time, 2 twice as fast; by default as fast as possible.",
 )
 @click.option(
     "--from",
     "begin",
     type=click.FloatRange(min=0.0),
-    help="Start showing at this time (s); earlier frames are still processed.",
+    help="Start to report at this time (s); earlier frames are still processed.",
 )
-@click.option("--to", "end", type=click.FloatRange(min=0.0), help="Leave out all after, s.")
+@click.option("--to", "end", type=click.FloatRange(min=0.0), help="Stop at this time (s).")
 @force_option
 @json_option
 def command(
@@ -65,13 +67,13 @@ def command(
     force: bool,
     as_json: bool,
 ) -> int:
-    """Run a scene's program over the recording FILE, as fast as it goes or at a pace.
+    """Run the program of a scene over the recording FILE.
 
-    FILE is a recording of `cnnum record`, or a file of others with its layout (`cnnum layout`): a
-    text table, NumPy, HDF5, Parquet, messages in MCAP or a bag. It may be the folder of a uSkin
-    trial, too. Only the array of the scene is replaced: its program and its
-    events stay. With --from the frames before run silently: rest, tare and memories are those of
-    the whole recording, and so are forces and events from then on.
+    FILE is a recording of `cnnum record`, another file with a layout (see `cnnum layout`), or the
+    folder of a uSkin trial. It replaces the array of the scene; program and events stay.
+
+    With --from, earlier frames are processed without being reported, so that rest, tare and
+    memories, and therefore forces and events, are the same as in a whole replay.
     """
     saving.refuse_unknown(save)
     if begin is not None and end is not None and end < begin:

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 @click.option(
     "--trace-frame",
     type=click.IntRange(min=0),
-    help="That frame's number, from 0; the first event's unless given.",
+    help="Number of that frame, from 0; by default that of the first event.",
 )
 @force_option
 @json_option
@@ -56,9 +56,9 @@ def command(
     force: bool,
     as_json: bool,
 ) -> int:
-    """Run SCENE (a TOML file, or the name of a scene of the package) and print its events.
+    """Run SCENE (a TOML file, or the name of a packaged scene) and print its events.
 
-    Ctrl-C (or SIGTERM, SIGHUP) ends it with the summary.
+    Ctrl-C (or SIGTERM, SIGHUP) stops the run and prints the summary.
     """
     _refuse_trace(trace, trace_frame)
     saving.refuse_unknown(save)

@@ -28,15 +28,15 @@ def _to_write(ctx: click.Context, _: click.Parameter, output: Path | None) -> Pa
     "--output",
     type=click.Path(path_type=Path),
     callback=_to_write,
-    help="Results: a .nc or .zarr.",
+    help="File for the results, .nc or .zarr.",
 )
-@click.option("--scheduler", help="Address of a Dask scheduler, as in tcp://host:8786.")
-@click.option("--engine", help="Instead of the experiment's.")
+@click.option("--scheduler", help="Address of a Dask scheduler, such as tcp://host:8786.")
+@click.option("--engine", help="Engine to use instead of the experiment's.")
 @click.option(
     "--page",
     type=click.Path(path_type=Path, dir_okay=False),
     callback=to_write,
-    help="Write a page of pictures.",
+    help="Also write an HTML page with pictures.",
 )
 @force_option
 @json_option
@@ -51,9 +51,9 @@ def command(
 ) -> int:
     """Run the sweep of the TOML file EXPERIMENT.
 
-    Results go to the file of --output, or in the experiment's folder if none is given. A sweep that
-    was killed goes on where it was, and ends in the same file. Runs that fail are counted apart,
-    with their reasons; where all of them do, the exit code is 1.
+    Results go to the file of --output, or to the folder of the experiment. A sweep that was killed
+    continues where it was and produces the same file. Failed runs are counted separately, with
+    their reasons; if all runs fail, the exit code is 1.
     """
     from dataclasses import replace
 

@@ -16,14 +16,14 @@ if TYPE_CHECKING:
 
 @click.command("analyse")
 @click.argument("name", shell_complete=completed("template", files=True))
-@click.option("--shape", default="8x8", callback=array_shape, help="Array: ROWSxCOLS.")
+@click.option("--shape", default="8x8", callback=array_shape, help="Size of the array, ROWSxCOLS.")
 @json_option
 def analyse(name: str, shape: tuple[int, int], as_json: bool) -> None:
     """Show the properties of a template before it runs.
 
-    Its rates, how stiff it is, and the longest stable step of every method. Its class of stability
-    and why, and the effect of saturation. NAME is a template of the library or a file, or a
-    program: then every template of it is shown.
+    These are its rates and stiffness, the longest stable step of every method, its stability class
+    with the reason, and the effect of saturation. NAME is a template of the library, a file, or a
+    program, of which every template is shown.
     """
     from cnnum.runs.analysis import step, text
 

@@ -17,8 +17,8 @@ from cnnum.cli.progress import progress
 def audit(names: tuple[str, ...], engine: str, as_json: bool) -> None:
     """Count the cells that templates get wrong with the boundaries 0, -1 and zero-flux.
 
-    NAMES are templates, files or folders; the whole library unless given. The pictures have
-    12×12 cells, and their objects touch the frame; a template's check defines the right answer.
+    NAMES are templates, files or folders; by default the whole library. The pictures have 12×12
+    cells with objects that touch the frame, and the check of a template defines the right answer.
     Templates with a gray answer are left out.
     """
     from cnnum.engine import Engine

@@ -43,20 +43,22 @@ def array_shape(ctx: click.Context, parameter: click.Parameter, value: str) -> t
 @click.argument(
     "names", nargs=-1, metavar="[NAMES]...", shell_complete=completed("template", files=True)
 )
-@click.option("--engine", "engines", multiple=True, help="Again for more; all unless given.")
-@click.option("--device", help="Part of the OpenCL device's name.")
-@click.option("--precision", help="float32 or float64; each engine's own unless given.")
 @click.option(
-    "--shape", default="8x8", callback=array_shape, help="Array of the pictures: ROWSxCOLS."
+    "--engine", "engines", multiple=True, help="Engine to run on; may be repeated; all by default."
 )
-@click.option("--seed", default=0, type=click.IntRange(min=0), help="Of the random pictures.")
+@click.option("--device", help="Part of the OpenCL device's name.")
+@click.option("--precision", help="float32 or float64; by default that of each engine.")
+@click.option(
+    "--shape", default="8x8", callback=array_shape, help="Size of the pictures, ROWSxCOLS."
+)
+@click.option("--seed", default=0, type=click.IntRange(min=0), help="Seed of the random pictures.")
 @click.option("--method", default="auto", help="Integration method.")
 @click.option(
     "--repeats",
     default=3,
     show_default=True,
     type=click.IntRange(min=1),
-    help="Timed runs; the run time is their median.",
+    help="Number of timed runs, of which the median is shown.",
 )
 @json_option
 def check(
@@ -72,11 +74,11 @@ def check(
 ) -> int:
     """Run templates on random pictures and compare them with their closed forms.
 
-    NAMES are templates of the library, template files, folders of them, or tactile programs. Unless
-    given, they are all that have a check. A template with measured figures must also agree with
-    them. Of a single file, the stability, steps, robustness and cost of the template are shown too.
-    A check whose right answers all have one colour shows nothing, and is refused. Exits with 1 if
-    one fails or is refused.
+    NAMES are templates of the library, template files, folders of files, or tactile programs; by
+    default all that have a check. Templates with measured figures must also reproduce them. For a
+    single file, the command also shows stability, steps, robustness and cost. A check whose right
+    answers all have one colour shows nothing and is refused. The exit code is 1 if a check fails
+    or is refused.
     """
     used = _engines(engines, device, precision)
     jobs, left_out = _planned(names, used, shape, seed, method, repeats)

@@ -58,9 +58,9 @@ def import_files(files: tuple[str, ...], folder: str, force: bool, as_json: bool
 @force_option
 @json_option
 def export(name: str, file: str, force: bool, as_json: bool) -> None:
-    """Write the template NAME, of the library or a file, to FILE.
+    """Write the template NAME (of the library, or a file) to FILE.
 
-    The suffix says the format: .tem (CNN Software Library), .m (MatCNN), .cnnsim or .toml.
+    The suffix selects the format: .tem (CNN Software Library), .m (MatCNN), .cnnsim or .toml.
     """
     from cnnum.templating.files import left_unsaid, load_entry, save_entry
     from cnnum.templating.files.unsaid import WORDS

@@ -28,23 +28,27 @@ _DRAWS = 50
 @click.command("design")
 @click.argument("name", shell_complete=completed("template", files=True))
 @click.option("--engine", default="numba", show_default=True, help="Engine to run on.")
-@click.option("--weights", is_flag=True, help="Show how far each weight may go.")
+@click.option(
+    "--weights", is_flag=True, help="Show how far each weight may change before a cell is wrong."
+)
 @click.option(
     "--output",
     type=click.Path(file_okay=False, path_type=Path),
     default=Path(),
-    help="Folder that designed templates are written to; this one unless given.",
+    help="Folder for the designed templates; the current one by default.",
 )
 @force_option
 @json_option
 def design(name: str, engine: str, weights: bool, output: Path, force: bool, as_json: bool) -> None:
-    """Design the templates of the specification NAME, or show a template's figures for designers.
+    """Design templates from the specification NAME, or show how robust the template NAME is.
 
-    A specification is a TOML file: a table [design] with a rule, tables [[example]], or a table
-    [search] for coupled templates or [learn] for gradients. Its templates are written as files of
-    the library, with their proof. Of a template, of the library or a file: its class of stability
-    and why, the largest stable Euler step, settle time against array size, margin, and cost. It
-    also shows how often cells flip under mismatch and with coarse weights.
+    A specification is a TOML file with a rule in a table [design], tables [[example]], a table
+    [search] for coupled templates, or a table [learn] for gradients. The designed templates are
+    written as files with their proof.
+
+    For a template of the library or a file, the command shows the stability class with the reason,
+    the largest stable Euler step, settling time against array size, margin, cost, and how often
+    cells flip under mismatch and with coarse weights.
     """
     from cnnum.design.spec import is_spec
     from cnnum.engine import Engine

@@ -20,10 +20,12 @@ PICTURE = click.Path(path_type=Path, exists=True, dir_okay=False)
 
 @click.command("find")
 @click.argument("words", nargs=-1)
-@click.option("--input", "given", type=PICTURE, help="Picture that is given: an example's input.")
-@click.option("--wanted", type=PICTURE, help="Picture that is wanted of it.")
-@click.option("--state", type=PICTURE, help="Picture to start from; a template's own unless given.")
-@click.option("--most", default=10, show_default=True, type=click.IntRange(min=1), help="Rows.")
+@click.option("--input", "given", type=PICTURE, help="Input picture of the example.")
+@click.option("--wanted", type=PICTURE, help="Output picture of the example.")
+@click.option("--state", type=PICTURE, help="Initial state; by default that of each template.")
+@click.option(
+    "--most", default=10, show_default=True, type=click.IntRange(min=1), help="Number of results."
+)
 @json_option
 def find(
     words: tuple[str, ...],
@@ -33,10 +35,10 @@ def find(
     most: int,
     as_json: bool,
 ) -> None:
-    """Find templates by WORDS, as in "fill holes", or by an example.
+    """Find templates by WORDS, such as "fill holes", or by an example.
 
-    An example is a picture and the picture that is wanted of it. Every template with one input and
-    one layer runs on it, and those with the fewest wrong cells come first.
+    An example is an input picture and the desired output picture. Every template with one input
+    and one layer runs on it, and those with the fewest wrong cells come first.
     """
     output = Output(as_json)
     if bool(words) == (given is not None or wanted is not None):
@@ -92,7 +94,7 @@ def _by_example(given: Path, wanted: Path, state: Path | None, most: int, output
 @click.argument("second", shell_complete=completed("template", files=True))
 @json_option
 def compare(first: str, second: str, as_json: bool) -> None:
-    """Show where the templates FIRST and SECOND differ: in their numbers, and in their answers.
+    """Show where the numbers and the answers of the templates FIRST and SECOND differ.
 
     Each is a template of the library or a file. Uncoupled templates of radius 1 are compared on all
     512 neighbourhoods, others on random pictures.

@@ -18,9 +18,9 @@ from cnnum.cli.progress import progress
 @force_option
 @json_option
 def gallery(names: tuple[str, ...], out: Path, engine: str, force: bool, as_json: bool) -> None:
-    """Write one searchable page of templates with their pictures, numbers and checks.
+    """Write one searchable page of templates with pictures, numbers and checks.
 
-    NAMES are templates, files or folders; the whole library unless given. The page needs no other
+    NAMES are templates, files or folders; by default the whole library. The page needs no other
     file and no network.
     """
     from cnnum.engine import Engine

@@ -7,10 +7,10 @@ from cnnum.cli.output import Output, table
 
 
 @click.command("list")
-@click.option("--wide", is_flag=True, help="Show sizes and checks, too.")
+@click.option("--wide", is_flag=True, help="Also show sizes and checks.")
 @json_option
 def list_templates(wide: bool, as_json: bool) -> None:
-    """List the templates of the library with the purpose of each."""
+    """List the templates of the library with their purpose."""
     from cnnum.templating.library import get_template, template_names, template_path
 
     output = Output(as_json)

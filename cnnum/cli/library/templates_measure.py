@@ -13,14 +13,14 @@ from cnnum.cli.progress import progress
 @click.command("measure")
 @click.argument("names", nargs=-1, metavar="[NAMES]...", shell_complete=completed("template"))
 @click.option("--engine", default="numba", show_default=True, help="Engine to measure on.")
-@click.option("--missing", is_flag=True, help="Only those without figures of their numbers.")
+@click.option("--missing", is_flag=True, help="Measure only templates without up-to-date figures.")
 @json_option
 def measure(names: tuple[str, ...], engine: str, missing: bool, as_json: bool) -> None:
-    """Measure templates and write the figures into their files, as the table [measured].
+    """Measure templates and write the figures into the table [measured] of their files.
 
-    NAMES are templates of the library, files or folders; the whole library unless given. Of each
-    template they are the digest of its numbers, mean and rms of its end state, and margin. The
-    settle time is that on squares of 8, 12 and 16 cells.
+    NAMES are templates of the library, files or folders; by default the whole library. The figures
+    are a digest of the numbers, mean and RMS of the end state, the margin, and the settling time
+    on squares of 8, 12 and 16 cells.
     """
     from cnnum.engine import Engine
     from cnnum.templating.checks.measuring import measure as take

@@ -26,9 +26,11 @@ if TYPE_CHECKING:
     "--input",
     "picture",
     type=click.Path(path_type=Path),
-    help="Picture file to run it on; a ring, a bar and a dot unless given.",
+    help="Picture to run it on; by default a ring, a bar and a dot.",
 )
-@click.option("--times", type=click.IntRange(2, 1000), default=13, show_default=True, help="Times.")
+@click.option(
+    "--times", type=click.IntRange(2, 1000), default=13, show_default=True, help="Number of times."
+)
 @click.option("--engine", help="Engine to run on: opencl, numba or reference.")
 @force_option
 @json_option
@@ -41,7 +43,7 @@ def show(
     force: bool,
     as_json: bool,
 ) -> None:
-    """Show the template NAME of the library, or of a file: its numbers and all that goes along."""
+    """Show the template NAME (of the library, or a file) with its numbers and properties."""
     if transient is not None:
         _refuse_unknown_kind(transient)
     elif picture is not None:

@@ -32,17 +32,26 @@ KIB = {"": 1.0, "k": 1024.0, "m": 1024.0**2}
 SEVERAL: dict[str, Any] = {"multiple": True, "metavar": "NAME"}
 
 embedded_options = together(
-    click.option("--program", "programs", **SEVERAL, help="slip and twist unless given."),
-    click.option("--shape", "shapes", **SEVERAL, help="As 8x8x3, which it is unless given."),
-    click.option("--precision", "precisions", **SEVERAL, help="q15, q7, q23 and float32."),
-    click.option("--method", "methods", **SEVERAL, help="auto or euler; auto unless given."),
-    click.option("--core", "cores", **SEVERAL, help="m0, m4 or m7; m4 unless given."),
-    click.option("--clock", default="168MHz", show_default=True, help="Of the core."),
-    click.option("--max-error", type=click.FloatRange(min=0, min_open=True), help="Bound."),
-    click.option("--ram", help="Bound in bytes, as 32k."),
-    click.option("--flash", help="Bound in bytes, as 128k."),
-    click.option("--rate", help="Frames a second to reach, as 1kHz."),
-    click.option("--quick", is_flag=True, help="q15 and q7 alone, and no scenes scored."),
+    click.option(
+        "--program",
+        "programs",
+        **SEVERAL,
+        help="Program; may be repeated; slip and twist by default.",
+    ),
+    click.option("--shape", "shapes", **SEVERAL, help="Array and channels; 8x8x3 by default."),
+    click.option(
+        "--precision", "precisions", **SEVERAL, help="q15, q7, q23 or float32; all by default."
+    ),
+    click.option("--method", "methods", **SEVERAL, help="auto or euler; auto by default."),
+    click.option("--core", "cores", **SEVERAL, help="m0, m4 or m7; m4 by default."),
+    click.option("--clock", default="168MHz", show_default=True, help="Clock of the core."),
+    click.option(
+        "--max-error", type=click.FloatRange(min=0, min_open=True), help="Largest error allowed."
+    ),
+    click.option("--ram", help="Largest RAM allowed, such as 32k."),
+    click.option("--flash", help="Largest flash allowed, such as 128k."),
+    click.option("--rate", help="Frame rate to reach, such as 1kHz."),
+    click.option("--quick", is_flag=True, help="Measure q15 and q7 only, and score no scenes."),
     results_option,
     force_option,
     json_option,
@@ -212,7 +221,7 @@ def command() -> None:
 
 _options = together(
     click.option("--device", help="Part of the OpenCL device's name."),
-    click.option("--quick", is_flag=True, help="Fewer places and repeats."),
+    click.option("--quick", is_flag=True, help="Measure fewer cases with fewer repeats."),
     results_option,
     force_option,
     json_option,
@@ -358,7 +367,7 @@ def _table(rows: list[Mapping[str, object]]) -> Any:
     "--case",
     "names",
     multiple=True,
-    help="A template or program; all, or three with --quick, unless given.",
+    help="Template or program; by default all, or three with --quick.",
 )
 @_options
 def work_precision(
@@ -369,7 +378,7 @@ def work_precision(
     force: bool,
     as_json: bool,
 ) -> int:
-    """Error against run time: templates and programs × methods × precisions × engines."""
+    """Measure error against run time by template or program, method, precision and engine."""
     from cnnum.lab.bench.work_precision import cases, count, engines_here, measure_cases, omissions
 
     chosen, engines = names or cases(quick=quick), engines_here(device, quick=quick)
@@ -383,9 +392,9 @@ def work_precision(
 @command.command("truth")
 @_options
 def truth(device: str | None, quick: bool, out: Path | None, force: bool, as_json: bool) -> int:
-    """Error against the continuum over run time, by cells; delay and misses of events.
+    """Measure the error against the continuum over run time, and delay and misses of events.
 
-    The total error has two parts: that of the lattice, and that of the run on it.
+    The total error is separated into that of the lattice and that of the run on it.
     """
     from cnnum.lab.bench.true_error import OMISSIONS, measure_true_error
 
@@ -399,7 +408,7 @@ def truth(device: str | None, quick: bool, out: Path | None, force: bool, as_jso
 def throughput(
     device: str | None, quick: bool, out: Path | None, force: bool, as_json: bool
 ) -> int:
-    """Cell updates a second, as a share of the device's own multiply-add peak."""
+    """Measure cell updates per second, as a share of the device's multiply-add peak."""
     from cnnum.lab.bench.throughput import CASES, measure_throughput
 
     engine = _engine(device)
@@ -408,12 +417,12 @@ def throughput(
 
 
 @command.command("latency")
-@click.option("--frames", default=20_000, type=click.IntRange(min=200), help="Frames a program.")
+@click.option("--frames", default=20_000, type=click.IntRange(min=200), help="Frames per program.")
 @_options
 def latency(
     frames: int, device: str | None, quick: bool, out: Path | None, force: bool, as_json: bool
 ) -> int:
-    """One frame from host memory to host events, and an empty launch with its copies."""
+    """Measure one frame from host memory to host events, and an empty launch with its copies."""
     from cnnum.lab.bench.latency import OMISSIONS, measure_latency
 
     engine = _engine(device)
@@ -422,12 +431,14 @@ def latency(
 
 
 @command.command("scenes")
-@click.option("--rounds", default=8, type=click.IntRange(min=1), help="Times the frames are run.")
+@click.option(
+    "--rounds", default=8, type=click.IntRange(min=1), help="Number of passes over the frames."
+)
 @_options
 def scenes(
     rounds: int, device: str | None, quick: bool, out: Path | None, force: bool, as_json: bool
 ) -> int:
-    """Cost of a frame for a scene that wants one event, and for one that wants all."""
+    """Measure the cost of a frame for scenes that want one event and for one that wants all."""
     from cnnum.lab.bench.scene_costs import OMISSIONS, SCENES, measure_scenes
 
     engine = _engine(device)
@@ -442,7 +453,7 @@ def scenes(
 def compile_time(
     device: str | None, quick: bool, out: Path | None, force: bool, as_json: bool
 ) -> int:
-    """Building a plan of a dozen 8×8 templates: from nothing, and from the caches."""
+    """Measure how long a plan of a dozen 8×8 templates takes to build, without and with caches."""
     from cnnum.lab.bench.compile_time import STARTS, measure_compile
 
     engine, repeats = _engine(device), 1 if quick else 3
@@ -453,7 +464,7 @@ def compile_time(
 @command.command("denormals")
 @_options
 def denormals(device: str | None, quick: bool, out: Path | None, force: bool, as_json: bool) -> int:
-    """Cost of runs whose states and inputs decay below the smallest normal number."""
+    """Measure runs whose states and inputs decay below the smallest normal number."""
     from cnnum.lab.bench.denormals import COUNT, measure_denormals
 
     engine = _engine(device)
@@ -464,7 +475,7 @@ def denormals(device: str | None, quick: bool, out: Path | None, force: bool, as
 @command.command("fusing")
 @_options
 def fusing(device: str | None, quick: bool, out: Path | None, force: bool, as_json: bool) -> int:
-    """Tactile programs with their linear operations fused, and the same with nothing fused."""
+    """Measure tactile programs with and without fused linear operations."""
     from cnnum.lab.bench.fusing import measure_fusing
 
     engine = _engine(device)
@@ -475,7 +486,7 @@ def fusing(device: str | None, quick: bool, out: Path | None, force: bool, as_js
 @command.command("scaling")
 @_options
 def scaling(device: str | None, quick: bool, out: Path | None, force: bool, as_json: bool) -> int:
-    """Cost against array, batch, radius, layers and taxel grid."""
+    """Measure cost against array, batch, radius, layers and taxel grid."""
     from cnnum.lab.bench.scaling import measure_scaling, points
 
     engine = _engine(device)
@@ -486,7 +497,7 @@ def scaling(device: str | None, quick: bool, out: Path | None, force: bool, as_j
 @command.command("peers")
 @_options
 def peers(device: str | None, quick: bool, out: Path | None, force: bool, as_json: bool) -> int:
-    """Other libraries on the same work to the same measured error; missing ones are named."""
+    """Measure other libraries on the same work to the same error; missing ones are named."""
     from cnnum.lab.bench.peer_runs import measure_peers
 
     engine = _engine(device)
@@ -497,7 +508,7 @@ def peers(device: str | None, quick: bool, out: Path | None, force: bool, as_jso
 @command.command("design")
 @_options
 def design(device: str | None, quick: bool, out: Path | None, force: bool, as_json: bool) -> int:
-    """Templates from pictures: celnn's two ways against ours, to the loss that it ends at."""
+    """Measure learning templates from pictures to the same loss, with celnn's two ways and ours."""
     from cnnum.lab.bench.peers.design_race import measure_design
 
     engine = _engine(device)
@@ -508,10 +519,10 @@ def design(device: str | None, quick: bool, out: Path | None, force: bool, as_js
 @command.command("embedded")
 @embedded_options
 def embedded(**asked: Any) -> int:
-    """Programs in whole numbers on Cortex-M: instructions, RAM, flash, error and events.
+    """Measure programs on a Cortex-M: instructions, RAM, flash, error and events.
 
-    Instructions are counted, not timed, and are no cycles. With a bound, it names the cheapest
-    configuration within it, or the nearest one.
+    Instructions are counted; they are not cycles. With bounds, the command names the cheapest
+    configuration within them, or the nearest one.
     """
     from cnnum.lab.embedded.costs import CostRow, answers, measure_costs
 
@@ -543,11 +554,11 @@ def every(
     force: bool,
     as_json: bool,
 ) -> int:
-    """Every benchmark, one after the other, with the same options.
+    """Run every benchmark with the same options.
 
-    One that wants an extra that is not installed is named and left out. Exits with 2 if one
-    fails otherwise; those after it still run. Ctrl-C and SIGTERM end the one that runs, whose
-    report is written, and none begins after it.
+    A benchmark whose extra is not installed is named and left out. If another one fails, the rest
+    still runs and the exit code is 2. Ctrl-C and SIGTERM end the current benchmark, whose report
+    is written, and start no further one.
     """
     _engine(device)  # a wrong name shall not fail once a benchmark
     benchmarks = {name: one for name, one in command.commands.items() if one is not ctx.command}

@@ -39,11 +39,12 @@ def command(
 ) -> int:
     """Compute the dissertation's results and compare them with the published numbers.
 
-    ITEMS are names of rows, or beginnings of them: "W", "fig-4.5", "eq-5"; all unless given.
-    Exits with 1 if a check fails. Comparisons, which no model here is meant to match, never fail.
+    ITEMS are names of rows or their beginnings, such as "W", "fig-4.5" or "eq-5"; by default all.
+    The exit code is 1 if a check fails. Comparisons, which no model here is meant to match, never
+    fail.
 
-    With --mutants every check is computed again with its subject broken: a factor of 1.01, a sign,
-    a cover thicker than it is. Exits with 1 if a check still passes. It takes a minute.
+    With --mutants every check is computed again with its subject broken, by a factor of 1.01, a
+    sign or a thicker cover. The exit code is 1 if a check still passes. This takes a minute.
     """
     from cnnum.lab.reproduce import run, select
 

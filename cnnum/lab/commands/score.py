@@ -40,32 +40,31 @@ class _Wanted(TypedDict):
 @click.option(
     "--suite",
     type=click.Choice(SUITES),
-    help="Both unless given; recordings only if CNNUM_RECORDINGS is set.",
+    help="Suite; both by default, recordings only if CNNUM_RECORDINGS is set.",
 )
-@click.option(
-    "--count", type=click.IntRange(min=1), help="Scenes of every family; 20 unless given."
-)
-@click.option("--quick", is_flag=True, help="One scene of every family.")
+@click.option("--count", type=click.IntRange(min=1), help="Scenes per family (20).")
+@click.option("--quick", is_flag=True, help="Score one scene per family.")
 @click.option(
     "--seed",
     type=click.IntRange(min=0),
-    help="Of the first scene. Below 1000000, where scoring begins unless given, they are for "
-    "tuning.",
+    help="Seed of the first scene (1000000). Seeds below that are for tuning.",
 )
 @click.option(
-    "--leave-one-out", is_flag=True, help="Choose constants without each family in turn, too."
+    "--leave-one-out", is_flag=True, help="Also choose constants without each family in turn."
 )
 @click.option(
     "--objects",
     metavar="NAMES",
-    help="Objects of the flat data set, as in 5,7, or all; unless given all but 4, 9, 12 and 16.",
+    help="Objects of the flat data set, such as 5,7 or all; by default all but 4, 9, 12 and 16.",
 )
 @click.option(
     "--slip",
     metavar="PROGRAM",
-    help="Score your own program, FILE.py:FUNCTION, instead of 'slip'. It gives the same outputs.",
+    help="Score your own program, FILE.py:FUNCTION, with the outputs of 'slip'.",
 )
-@click.option("--twist", metavar="PROGRAM", help="The same instead of 'twist'.")
+@click.option(
+    "--twist", metavar="PROGRAM", help="Score your own program with the outputs of 'twist'."
+)
 @engine_options
 @click.option("--strict", is_flag=True, help="Exit with 1 if an aim is missed.")
 @page_option
@@ -83,9 +82,9 @@ def command(
 ) -> int:
     """Score slip and twist where the truth is known.
 
-    The suite "families" draws scenes by seed: how an object is pulled, its kind, the cover,
-    the taxels, and holding without slip. The suite "recordings" plays the data sets in the folder
-    that CNNUM_RECORDINGS names: uskin_grasp, and a clone of tactile_prediction_flat_dataset.
+    The suite "families" draws simulated scenes with different pulls, objects, covers and taxels,
+    and with holding without slip. The suite "recordings" plays the data sets in the folder that
+    CNNUM_RECORDINGS names: uskin_grasp and a clone of tactile_prediction_flat_dataset.
     """
     from cnnum.engine import Engine
     from cnnum.lab.scoring import Gathered, score
