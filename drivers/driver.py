@@ -61,7 +61,8 @@ class Driver(Protocol):
 
     Further attributes are used where a driver has them. ``calibration`` is a
     `cnnum.tactile.taxel.Calibration`, ``pitch`` is the distance of the taxels, m, and ``pads`` the
-    number of skins that lie side by side in the columns. ``bumps`` is the
+    number of skins that lie side by side in the columns. ``positions`` are the places of the
+    taxels, mm, where these lie on no square grid. ``bumps`` is the
     `cnnum.tactile.cover.BumpCover` over the taxels, whose geometry goes to the programs that undo
     it. ``full_scale`` is the largest magnitude that a value can have. A frame with a larger one is
     a bad frame. ``limits`` are the least and the largest value of a sound taxel. ``live`` is true

@@ -151,6 +151,7 @@ class SerialArray(Closing):
         self.shape: Shape = (rows, cols)
         self.channels = first.channels
         self.unit = first.unit
+        self.positions = options.wire.positions
         self.rate = 1e6 / first.period_us if first.period_us else 0.0
 
     @property

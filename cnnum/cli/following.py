@@ -136,7 +136,9 @@ def _name_bad(scene: "Scene", output: Output, number: int) -> None:
 def event_text(event: "Event") -> str:
     """Return an event as a line of aligned columns."""
     parts = [f"{event.time:9.3f} s  {event.title:<15}"]
-    if event.where is not None:
+    if event.place is not None:
+        parts.append(f"x {event.place[0]:5.1f} mm, y {event.place[1]:5.1f} mm")
+    elif event.where is not None:
         parts.append(f"row {event.where[0]:4.1f}, column {event.where[1]:4.1f}")
     if event.direction is not None:
         parts.append(f"direction {degrees(event.direction):6.1f}°")

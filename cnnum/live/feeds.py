@@ -265,13 +265,14 @@ def hub_of(scene: Scene, duration: float = 0.0) -> Hub:
     """Return the hub of a scene."""
     conversion, driver = scene.conversion, scene.driver
     read: Callable[[Frame], Floats] = conversion.reader(conversion.channels, checks=False)
+    grid = scene.grid
     return Hub(
         scene.spec.name,
-        driver.shape,
+        scene.shape,
         conversion.channels,
         unit_of(conversion, driver),
         driver.rate,
-        read,
+        read if grid is None else lambda frame: grid.maps(read(frame)),
         lambda: driver.counters,
         duration,
     )

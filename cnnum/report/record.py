@@ -117,7 +117,7 @@ class SceneRecorder:
         return SceneRecord(
             name=scene.spec.name,
             needs=scene.spec.needs,
-            shape=scene.driver.shape,
+            shape=scene.shape,
             rate=scene.driver.rate,
             pitch=_pitch(scene),
             channels=scene.plan.schedule.channels_read,
@@ -136,6 +136,8 @@ class SceneRecorder:
 
 
 def _pitch(scene: Scene) -> float | None:
+    if scene.grid is not None:
+        return scene.grid.pitch
     spec = scene.spec
     options = driver_options(spec.driver, spec.driver_options, base=spec.base)
     return cast(float | None, getattr(options, "pitch", None))
@@ -148,7 +150,7 @@ def _push(scene: Scene, calibrated: bool) -> int:
 
 def _values(scene: Scene, moments: list[FrameResult]) -> Floats:
     channels = scene.plan.schedule.channels_read
-    values = np.full((len(moments), *scene.driver.shape, len(channels)), np.nan)
+    values = np.full((len(moments), *scene.shape, len(channels)), np.nan)
     for number, moment in enumerate(moments):
         if moment.values is not None:
             values[number] = moment.values

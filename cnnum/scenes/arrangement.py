@@ -7,6 +7,7 @@ from difflib import get_close_matches
 from pathlib import Path
 
 from cnnum.drivers.driver import Driver
+from cnnum.drivers.geometry import Grid
 from cnnum.drivers.outside import module_of
 from cnnum.errors import SceneError, UnknownNameError, name_error
 from cnnum.frame import differ
@@ -73,7 +74,25 @@ def named(program: str, base: Path = Path()) -> Program:
     return found
 
 
-def bound(program: Program, spec: SceneSpec, driver: Driver) -> Program:
+def grid_of(spec: SceneSpec, driver: Driver) -> Grid | None:
+    """Return the grid of taxels at known places: those of the scene, else those of the array.
+
+    Raises
+    ------
+    SceneError
+        If no grid can be made of them.
+    """
+    positions = spec.positions or getattr(driver, "positions", ())
+    if not positions:
+        return None
+    pitch = spec.pitch or getattr(driver, "pitch", None)
+    try:
+        return Grid(positions, driver.shape, pitch, spec.dead)
+    except SceneError as error:
+        raise SceneError(f"Scene '{spec.name}': {error}") from None
+
+
+def bound(program: Program, spec: SceneSpec, driver: Driver, grid: Grid | None = None) -> Program:
     """Return the program with the scene's parameters, and the facts of its array.
 
     The program runs at the array's rate. Its pitch goes to one that counts in pitches and is given
@@ -95,12 +114,18 @@ def bound(program: Program, spec: SceneSpec, driver: Driver) -> Program:
     given = dict(spec.parameters)
     if driver.rate > 0:
         _refuse_other_rate(spec, driver.rate, given.setdefault(RATE, driver.rate))
-    pitch = getattr(driver, "pitch", None)
+    pitch = getattr(driver, "pitch", None) if grid is None else grid.pitch
     if extra and PITCH not in given and isinstance(pitch, float):
         given[PITCH] = pitch
     pads = getattr(driver, "pads", None)
     if PADS in known and PADS not in given and isinstance(pads, int):
         given[PADS] = pads
+    if grid is not None and "bump_pitch" in known and (program.name != ALL or _wants_bumps(spec)):
+        raise SceneError(
+            f"Scene '{spec.name}': the program '{program.name}' reads one bump a taxel, on a "
+            "square grid, and these taxels have positions of their own: leave out bumps, or take "
+            "'contact', 'slip' or 'twist'."
+        )
     if "bump_pitch" in known and (program.name != ALL or _wants_bumps(spec)):
         given = {**_of_bumps(driver, known, given), **given}
     return program.bind(**given)

@@ -22,6 +22,8 @@ class DeadCells:
     cells : sequence of (row, column)
         At least one.
     shape : (rows, cols)
+    fills : bool
+        Whether they take a value; not where their neighbours are known by their places.
 
     Raises
     ------
@@ -29,9 +31,10 @@ class DeadCells:
         If a cell lies outside the array, or none is left.
     """
 
-    __slots__ = ("_cols", "_rows", "_weights")
+    __slots__ = ("_cols", "_fills", "_rows", "_weights")
 
-    def __init__(self, cells: Sequence[Cell], shape: Shape) -> None:
+    def __init__(self, cells: Sequence[Cell], shape: Shape, *, fills: bool = True) -> None:
+        self._fills = fills
         dead = np.zeros(shape, dtype=bool)
         for row, col in cells:
             if not (0 <= row < shape[0] and 0 <= col < shape[1]):
@@ -54,6 +57,8 @@ class DeadCells:
 
     def filled(self, values: Floats) -> Floats:
         """Return (rows, cols, channels) values with those of the neighbours in dead taxels."""
+        if not self._fills:
+            return values
         made = values.copy()
         channels = values.shape[2]
         made[self._rows, self._cols] = self._weights @ values.reshape(-1, channels)

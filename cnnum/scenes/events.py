@@ -37,6 +37,8 @@ class Event:
         Of a slip: "incipient" or "gross".
     where : (row, column) or None
         In cells.
+    place : (x, y) or None
+        mm to the right and downwards, of arrays whose taxels have positions.
     direction : float or None
         rad, from x (to the right, along columns) towards y (downwards, along rows).
     strength : float or None
@@ -67,6 +69,7 @@ class Event:
     gap_end: float | None = None
     unit: str | None = None
     load_is_bound: bool = False
+    place: tuple[float, float] | None = None
 
     @property
     def t(self) -> float:
@@ -86,6 +89,7 @@ class Event:
             "kind": self.kind,
             "phase": self.phase,
             "where": self.where and [round(number, 3) for number in self.where],
+            "place_mm": self.place and [round(number, 3) for number in self.place],
             "direction": None if self.direction is None else round(self.direction, 4),
             "strength": self.strength,
             "unit": self.unit,
@@ -102,7 +106,9 @@ class Event:
 
     def __str__(self) -> str:
         parts = [f"{self.time:8.3f} s  {self.title}"]
-        if self.where:
+        if self.place:
+            parts.append(f"at x {self.place[0]:.1f} mm, y {self.place[1]:.1f} mm")
+        elif self.where:
             parts.append(f"at row {self.where[0]:.1f}, column {self.where[1]:.1f}")
         if self.direction is not None:
             parts.append(f"towards {math.degrees(self.direction):.0f}°")

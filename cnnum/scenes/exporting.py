@@ -13,7 +13,7 @@ from cnnum.drivers.recording_file import load_recording
 from cnnum.embedded.c.files import Exported, Facts
 from cnnum.embedded.formats import precision_named
 from cnnum.embedded.making import make
-from cnnum.errors import ArrayError, name_error
+from cnnum.errors import ArrayError, SceneError, name_error
 from cnnum.frame import FORCE_AXES
 from cnnum.graph.passes import schedule
 from cnnum.programs import Program
@@ -104,6 +104,12 @@ def export_scene(scene: Scene, *, precision: str = "q15", method: str = "auto") 
     Ranges are measured on the scene's frames, calibrated as it says, to their end. The inputs of
     the C are calibrated values, in the unit that its header names.
     """
+    if scene.grid is not None:
+        rows, cols = scene.grid.shape
+        raise SceneError(
+            f"Scene '{scene.spec.name}': its taxels have positions, and C reads a grid: export the "
+            f"program by its name for {rows}×{cols} cells, and interpolate before it."
+        )
     program = bound(program_of(scene.spec), scene.spec, scene.driver)
     return export(
         program,

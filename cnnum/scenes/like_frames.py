@@ -7,6 +7,7 @@ import numpy as np
 
 from cnnum.arrays import Floats
 from cnnum.drivers.driver import Driver
+from cnnum.drivers.geometry import Grid
 from cnnum.drivers.registry import DRIVERS, open_driver
 from cnnum.embedded.formats import is_integer
 from cnnum.errors import SceneError
@@ -33,6 +34,7 @@ def like_frames(
     conversion: Conversion,
     dead: DeadCells | None,
     at_ends: Saturation | None = None,
+    grid: Grid | None = None,
 ) -> Floats | None:
     """Return the frames that `engine.ranges` names, or the scene's own; None for real numbers.
 
@@ -49,6 +51,8 @@ def like_frames(
     at_ends : Saturation or None
         Where the program reads which taxels stand at an end of their range, in one more channel:
         what marks them.
+    grid : Grid or None
+        Of taxels at known places.
 
     Returns
     -------
@@ -86,16 +90,18 @@ def like_frames(
         values, marks = list[Floats](), list[Mask | None]()
         for frame in islice((one for one in source.frames() if not one.quality & PASSED), MOST):
             whole = frame if dead is None else dead.without(frame)
-            values.append(read(whole) if dead is None else dead.filled(read(whole)))
+            one = read(whole) if dead is None else dead.filled(read(whole))
+            values.append(one if grid is None else grid.maps(one))
             seen = None if at_ends is None else at_ends.look(whole, math.inf)
             if at_ends is not None:
                 at_ends.take(seen)
-            marks.append(None if seen is None else seen.found)
+            found = None if seen is None else seen.found
+            marks.append(found if grid is None else grid.marks(found))
     if not values:
         raise SceneError(f"Scene '{spec.name}': 'engine.ranges' has no good frame to measure.")
     if at_ends is None:
         return np.stack(values)
     # the last frame comes once more with all marks set: they are 0 or 1 in any recording
     values.append(values[-1])
-    marks.append(np.ones(driver.shape, dtype=np.bool_))
+    marks.append(np.ones(driver.shape if grid is None else grid.shape, dtype=np.bool_))
     return np.stack([marked(one, at_end) for one, at_end in zip(values, marks, strict=True)])

@@ -14,6 +14,7 @@ import numpy as np
 
 from cnnum.arrays import Floats, Shape, number_type
 from cnnum.drivers.driver import Driver
+from cnnum.drivers.geometry import Grid
 from cnnum.drivers.registry import open_driver
 from cnnum.drivers.timing.paced import SAME_TIME
 from cnnum.engine import Engine
@@ -35,6 +36,7 @@ from cnnum.safety.names import shown
 from cnnum.scenes.arrangement import (
     bound,
     events_of_everything,
+    grid_of,
     program_of,
     refuse_unfit,
     unknown_want,
@@ -133,6 +135,8 @@ class FramePath:
         Masks taxels that are lost.
     liveness : Liveness or None
         Says when the array, or taxels of it, give no sign of life.
+    grid : Grid or None
+        Makes maps of taxels at known places, which the program reads.
     """
 
     read: Reader
@@ -144,6 +148,7 @@ class FramePath:
     marks: bool = False
     dropouts: Dropouts | None = None
     liveness: Liveness | None = None
+    grid: Grid | None = None
 
     def step(self, number: int, frame: Frame) -> FrameResult:
         """Return the results of a frame; a bad one or a repeat leaves everything as it was.
@@ -159,7 +164,8 @@ class FramePath:
         # a good frame has no flags, and is asked no more: flags are slow to take apart
         if frame.quality and (passed_over := self._flagged(number, frame)) is not None:
             return passed_over._replace(events=self._lives(number, frame))
-        _refuse_other_shape(frame, self.stream.plan.schedule.shape)
+        grid = self.grid
+        _refuse_other_shape(frame, grid.taxels if grid else self.stream.plan.schedule.shape)
         silent, masked = self._lives(number, frame), None
         try:
             looked_at = frame if self.dead is None else self.dead.without(frame)
@@ -172,8 +178,10 @@ class FramePath:
             values = self.read(looked_at)
             if self.dead is not None:
                 values = self.dead.filled(values)
+            if grid is not None:
+                values = grid.maps(values)
             if self.marks:
-                values = marked(values, at_end)
+                values = marked(values, at_end if grid is None else grid.marks(at_end))
             outputs = self.stream.push_read(values, size)
         except FrameError as error:
             return self._bad(number, frame, error)._replace(events=silent)
@@ -185,6 +193,8 @@ class FramePath:
             self.saturation.take(seen)
         bound = at_end is not None
         events = self.detector.update(frame.time, number, outputs, saturated=bound)
+        if grid is not None and events:
+            events = tuple(_placed(event, grid) for event in events)
         spent = time.perf_counter() - started
         events = (*silent, *events) if silent else events
         return FrameResult(number, frame, values, outputs, events, spent, None, at_end, masked)
@@ -235,6 +245,8 @@ class Scene(OfThisProcess):
         Notices a rest that was none, and pushes that read as pulls.
     orders : OrderWatch
         Notices axes in a wrong order or with a wrong sign.
+    grid : Grid or None
+        Of taxels that lie on no square grid: the one that the program runs on.
     bad : BadFrames
         Those passed over so far.
     """
@@ -250,6 +262,7 @@ class Scene(OfThisProcess):
     offered: tuple[str, ...]
     push: PushWatch
     orders: OrderWatch
+    grid: Grid | None = None
     bad: BadFrames = field(default_factory=BadFrames)
     _micros: Histogram = field(default_factory=Histogram)
     _late: Histogram = field(default_factory=Histogram)  # µs from arrival to events
@@ -279,9 +292,11 @@ class Scene(OfThisProcess):
         driver = open_driver(spec.driver, spec.driver_options, base=spec.base)
         try:
             conversion = conversion_for(spec.calibration, driver, spec.base, spec.scale)
-            program = bound(program_of(spec), spec, driver)
+            grid = grid_of(spec, driver)
+            program = bound(program_of(spec), spec, driver, grid)
             refuse_unfit(program, spec, driver, unit_of(conversion, driver))
-            traced = program.trace(driver.shape, (*conversion.channels, CHANNEL))
+            shape = driver.shape if grid is None else grid.shape
+            traced = program.trace(shape, (*conversion.channels, CHANNEL))
             outputs = traced.outputs
             channels = (*conversion.channels, *([CHANNEL] if _reads_marks(traced) else []))
             wants = _needs(spec, outputs, events_of_everything(driver))
@@ -290,13 +305,15 @@ class Scene(OfThisProcess):
             rules = with_units(_rules(spec, wants, outputs), program, measured)
             fields = tuple(w for w in wants if w not in EVENT_RULES and w not in spec.own)
             needs = tuple(dict.fromkeys((*(n for rule in rules for n in rule.needs), *fields)))
-            dead = DeadCells(spec.dead, driver.shape) if spec.dead else None
+            dead = None
+            if spec.dead:
+                dead = DeadCells(spec.dead, driver.shape, fills=grid is None)
             at_ends = None
             if channels[-1] == CHANNEL:
                 limit = _end_of_range(driver, conversion)
                 at_ends = Saturation(driver.shape, limit, spec.dead, quiet=True)
-            like = like_frames(spec, used.precision, driver, conversion, dead, at_ends)
-            plan = used.compile(program, driver.shape, needs, channels=channels, like=like)
+            like = like_frames(spec, used.precision, driver, conversion, dead, at_ends, grid)
+            plan = used.compile(program, shape, needs, channels=channels, like=like)
             if plan.at_rate is not None:
                 raise SceneError(
                     f"Scene '{spec.name}': the program '{spec.program}' has times in seconds, and "
@@ -311,7 +328,9 @@ class Scene(OfThisProcess):
         push = PushWatch(program, plan.schedule.channels_read)
         orders = OrderWatch(driver.channels, getattr(driver, "pads", None) or 1)
         offered = tuple(outputs)
-        return cls(spec, used, driver, conversion, plan, rules, within, dead, offered, push, orders)
+        return cls(
+            spec, used, driver, conversion, plan, rules, within, dead, offered, push, orders, grid
+        )
 
     def results(self, begin: float = 0.0) -> Iterator[FrameResult]:
         """Yield every frame with its results, until the source ends or the caller stops.
@@ -351,7 +370,7 @@ class Scene(OfThisProcess):
                     self._seconds_before = frame.time - first
                     if moment.values is not None:
                         self.push.look(moment.values, moment.frame.time)
-                        self.orders.look(frame)
+                        self.orders.look(self._on_grid(frame))
                     continue
                 self._begun += 1
                 self._count(moment, way)
@@ -419,7 +438,7 @@ class Scene(OfThisProcess):
                 self.driver.close()
 
     def __repr__(self) -> str:
-        spec, shape = self.spec, self.driver.shape
+        spec, shape = self.spec, self.shape
         return (
             f"Scene('{spec.name}': {spec.driver}, {shape[0]}×{shape[1]} → {spec.program_name} → "
             f"{', '.join(spec.needs)}; {self.engine.name} {self.engine.precision})"
@@ -461,8 +480,9 @@ class Scene(OfThisProcess):
         dropouts = Dropouts(self.driver.shape, limits, dead, end=end, quiet=quiet)
         lives = Liveness(dead, end=end, quiet=quiet)
         return FramePath(
-            read, plan.stream(), detector, self.range, self.dead, saturation, marks, dropouts, lives
-        )
+            read, plan.stream(), detector, self.range, self.dead, saturation, marks, dropouts,
+            lives, self.grid,
+        )  # fmt: skip
 
     def _limits(self) -> tuple[float, float] | None:
         """Return the limits of raw values: the scene's own, else those that the driver knows."""
@@ -472,7 +492,7 @@ class Scene(OfThisProcess):
     def _count(self, moment: FrameResult, way: FramePath) -> None:
         if moment.values is not None:
             self.push.look(moment.values, moment.frame.time)
-            self.orders.look(moment.frame)
+            self.orders.look(self._on_grid(moment.frame))
             self._saturated += moment.saturated is not None
             self._masked += moment.masked is not None
             if way.dropouts is not None:
@@ -487,6 +507,11 @@ class Scene(OfThisProcess):
         else:
             self._repeated += 1
 
+    def _on_grid(self, frame: Frame) -> Frame:
+        if self.grid is None or self.orders.said:
+            return frame
+        return replace(frame, values=self.grid.maps(frame.values), saturated=None)
+
     def tare(self) -> None:
         """Let rest and noise be learned anew from the next frame on, while nothing touches.
 
@@ -498,6 +523,11 @@ class Scene(OfThisProcess):
         """Yield the events of the scene as they come; each call is a pass as of `results`."""
         for moment in self.results():
             yield from moment.events
+
+    @property
+    def shape(self) -> Shape:
+        """Rows and columns of the program's maps."""
+        return self.driver.shape if self.grid is None else self.grid.shape
 
     @property
     def last_before(self) -> Frame | None:
@@ -575,6 +605,11 @@ class Scene(OfThisProcess):
             arrival_p50_us=self._late.quantile(0.50) if self._late.total else None,
             arrival_p99_us=self._late.quantile(0.99) if self._late.total else None,
         )
+
+
+def _placed(event: Event, grid: Grid) -> Event:
+    """Return an event with its place in mm."""
+    return event if event.where is None else replace(event, place=grid.place(*event.where))
 
 
 def _reads_marks(graph: Graph) -> bool:

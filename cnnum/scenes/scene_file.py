@@ -7,6 +7,8 @@ from importlib import resources
 from pathlib import Path
 from typing import Any, cast
 
+from cnnum.drivers.geometry import Positions
+from cnnum.drivers.options import convert
 from cnnum.errors import SceneError, missing_file, name_error, unreadable
 from cnnum.programs import Program
 from cnnum.renamed import by_new_names
@@ -18,6 +20,8 @@ from cnnum.tactile.array_calibration import KEYS, ArrayCalibration
 
 _TABLES = ("array", "frames", "calibration", "program", "engine")
 _KEYS = ("name", "needs", *_TABLES, "event")
+
+_FRAMES = ("range", "dead", "limits", "tare", "positions", "pitch")
 
 RENAMED = {"wants": "needs"}
 """Old keys, which work for one more version."""
@@ -47,6 +51,10 @@ class SceneSpec:
         Raw values beyond which a taxel has dropped out, in the driver's unit.
     tares : tuple of float, s
         Times after the first frame from which on rest and noise are learned anew.
+    positions : sequence of (x, y), mm
+        Of the taxels, row by row, where they lie on no square grid and the array does not say it.
+    pitch : float or None, m
+        Size of a cell of the grid that is made of them.
     calibration : str
         "driver" (the driver's own knowledge of its array), "none", or the path of a file.
     scale : ArrayCalibration or None
@@ -89,6 +97,8 @@ class SceneSpec:
     events: tuple[EventRule, ...] = ()
     limits: tuple[float, float] | None = None
     tares: tuple[float, ...] = ()
+    positions: Positions = ()
+    pitch: float | None = None
 
     def __post_init__(self) -> None:
         checked_name("a scene", self.name, SceneError)
@@ -227,7 +237,7 @@ def _set(table: dict[str, Any], key: str, value: object) -> None:
 def _spec(scene: str, table: dict[str, Any], base: Path) -> SceneSpec:
     _known(scene, "", table, _KEYS)
     tables = {name: _table(scene, table, name) for name in _TABLES}
-    _known(scene, "frames.", tables["frames"], ("range", "dead", "limits", "tare"))
+    _known(scene, "frames.", tables["frames"], _FRAMES)
     _known(scene, "calibration.", tables["calibration"], ("file", "use", *KEYS))
     _known(scene, "program.", tables["program"], ("name", "parameters"))
     keys = ("name", "device", "precision", "ranges", "fallback")
@@ -243,6 +253,8 @@ def _spec(scene: str, table: dict[str, Any], base: Path) -> SceneSpec:
         dead=_cells(scene, tables["frames"].get("dead", [])),
         limits=_limits(scene, tables["frames"].get("limits")),
         tares=_tares(scene, tables["frames"].get("tare", [])),
+        positions=_positions(scene, tables["frames"].get("positions", [])),
+        pitch=_pitch(scene, tables["frames"].get("pitch")),
         calibration=_text(scene, calibration, "file", _text(scene, calibration, "use", "driver")),
         scale=_scale(scene, calibration),
         program=_text(scene, tables["program"], "name", "tactile"),
@@ -348,6 +360,24 @@ def _tares(scene: str, value: object) -> tuple[float, ...]:
             f"nothing touches, as in [12.5, 60.0], got {value!r}."
         )
     return tuple(times)
+
+
+def _positions(scene: str, value: object) -> Positions:
+    """Return the places of taxels, mm."""
+    try:
+        return cast(Positions, convert("frames.positions", value, Positions, Path()))
+    except SceneError as error:
+        raise SceneError(f"Scene '{scene}': {error}") from None
+
+
+def _pitch(scene: str, value: object) -> float | None:
+    """Return the size of a cell, m."""
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    if value is not None and not (number and 1e-7 <= cast(float, value) <= 1.0):
+        raise SceneError(
+            f"Scene '{scene}': 'frames.pitch' must be a size of cells, 1e-7 to 1 m, got {value!r}."
+        )
+    return None if value is None else float(cast(float, value))
 
 
 def _cells(scene: str, value: object) -> tuple[tuple[int, int], ...]:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from cnnum.arrays import Floats, Shape
 from cnnum.drivers.codecs.checksums import CHECKS
+from cnnum.drivers.geometry import Positions, checked_positions
 from cnnum.drivers.options import read_options_file, require, require_channels
 from cnnum.errors import CodecError
 from cnnum.recordings.recording import channel_names
@@ -61,6 +62,9 @@ class Descriptor:
     rate : float
         Hz; 0 where it is not known.
     baud : int
+    positions : sequence of (x, y)
+        Places of the taxels, mm, row by row, where these lie on no square grid
+        (`cnnum.drivers.geometry`).
     """
 
     RENAMED: ClassVar = {"axes": "channels"}
@@ -86,6 +90,7 @@ class Descriptor:
     full: float | None = None
     rate: float = 0.0
     baud: int = 115_200
+    positions: Positions = ()
 
     def __post_init__(self) -> None:
         rows, cols = self.shape
@@ -101,6 +106,8 @@ class Descriptor:
         require("rate", 0.0 <= self.rate < 1e6, "Hz, below 1e6, or 0", self.rate)
         require("limits", self.limits is None or self.limits[0] < self.limits[1],
                 "a low and a high number", self.limits)  # fmt: skip
+        if self.positions:
+            checked_positions(self.positions, rows * cols)
         found = bool(self.header or self.tail or self.request) or self.cell == "text"
         require("header", found, "given, or 'tail' or 'request': else no packet can be found", "")
         holds = rows * cols * len(self.channels) <= MOST_BYTES // 8
@@ -171,5 +178,9 @@ def read_descriptor(path: Path, shape: Shape | None = None) -> Descriptor:
     SceneError
         If the file cannot be read, is no TOML, or a key is unknown, missing or wrong.
     """
-    changes = {} if shape is None else {"shape": list(shape)}
+    known = read_options_file(Descriptor, "The descriptor", path, {})
+    if shape is None or shape == known.shape:
+        return known
+    same = shape[0] * shape[1] == known.shape[0] * known.shape[1]
+    changes = {"shape": list(shape), **({} if same else {"positions": []})}
     return read_options_file(Descriptor, "The descriptor", path, changes)

@@ -8,6 +8,7 @@ from typing import Protocol, cast
 
 from cnnum.arrays import Shape
 from cnnum.drivers.codecs.scan import Scan
+from cnnum.drivers.geometry import Positions
 from cnnum.errors import SceneError, name_error
 
 ROOM = "cnnum.drivers.codecs"
@@ -114,6 +115,8 @@ class Wire:
         Written before the port is closed.
     form : Form or None
         The scans that `encode` takes; None where it takes any scan.
+    positions : sequence of (x, y), mm
+        Of the taxels, where these lie on no square grid.
     verified : bool
         Whether packets carry a check of their numbers. Without one, scans are held against their
         neighbours; damage that is no jump goes unseen, and a jump of one scan is taken for damage.
@@ -129,6 +132,7 @@ class Wire:
     farewell: bytes = b""
     form: Form | None = None
     verified: bool = True
+    positions: Positions = ()
 
 
 def protocol_names() -> tuple[str, ...]:
@@ -187,6 +191,7 @@ def described_wire(path: Path, asked: Asked) -> Wire:
         request=bytes.fromhex(known.request),
         form=Form(known.shape, known.names, known.unit, 0.0, full),
         verified=verified,
+        positions=known.positions,
     )
 
 

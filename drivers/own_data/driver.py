@@ -219,6 +219,8 @@ class DataFile(Counting):
         Pads side by side, where the layout says so.
     pitch : float or None
         Distance of the taxels, m, where the layout says so.
+    positions : sequence of (x, y), mm
+        Of the taxels, where the layout has them; empty where not.
     calibration, total_frames
         As in `cnnum.drivers.mcap_file.McapFile`.
     """
@@ -238,6 +240,7 @@ class DataFile(Counting):
         self.calibration = calibration
         self.pads = None if layout is None else layout.pads
         self.pitch = None if layout is None else layout.pitch
+        self.positions = () if layout is None else layout.positions
         self.total_frames = len(recording)
 
     def frames(self) -> Iterator[Frame]:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar, Literal
 
+from cnnum.drivers.geometry import Positions, checked_positions
 from cnnum.drivers.options import read_options_file, require, require_channels
 from cnnum.drivers.text_table import TextForm
 from cnnum.errors import SceneError
@@ -72,7 +73,10 @@ class DataLayout:
     pads : int
         Pads that lie side by side in the columns.
     pitch : float, optional
-        Distance of the taxels, m.
+        Distance of the taxels, m; of taxels at positions, the size of a cell of their grid.
+    positions : sequence of (x, y)
+        Places of the taxels, mm, row by row, where these lie on no square grid
+        (`cnnum.drivers.geometry`).
     separator : str
         Between the fields of a table.
     decimal : "." or ","
@@ -112,6 +116,7 @@ class DataLayout:
     truth: tuple[str, ...] = ()
     pads: int = 1
     pitch: float | None = None
+    positions: Positions = ()
     separator: str = ","
     decimal: Literal[".", ","] = "."
     header: bool = True
@@ -132,6 +137,9 @@ class DataLayout:
         require("pads", 1 <= self.pads <= cols, f"1 to the {cols} columns", self.pads)
         holds = self.pitch is None or 1e-7 <= self.pitch <= 1.0
         require("pitch", holds, "1e-7 to 1 m", self.pitch)
+        if self.positions:
+            checked_positions(self.positions, rows * cols)
+            require("pads", self.pads == 1, "1 with 'positions', which place all", self.pads)
         # numbers with decimal commas between commas stand in quotes
         holds = len(self.separator) == 1 and self.separator not in '\r\n".'
         require("separator", holds, "one sign, which no number has", self.separator)

@@ -55,6 +55,9 @@ SCALE = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 SLOWEST, QUICKEST = 2.0, 5000.0
 """Hz of an array, for the unit of times that do not say it."""
 
+CROSS = 5
+"""Magnetometers of an AnySkin."""
+
 KNOWN_SHAPES: Mapping[int, tuple[int, int]] = {24: (4, 6), 384: (12, 32), 5: (1, 5)}
 """Rows and columns by the number of taxels where these are no square: XELA's uSPa46, FlexiTac's
 12×32, AnySkin's five magnetometers."""
@@ -149,6 +152,11 @@ def _shape(proposal: Proposal, taxels: int, sure: bool = False) -> tuple[int, in
     else:
         rows = max(n for n in range(1, root + 1) if taxels % n == 0)
         shape = rows, taxels // rows
+    if taxels == CROSS:
+        proposal.undecided.append(
+            "positions: five taxels are taken as a line; AnySkin's lie on a cross, which is "
+            "positions = [[0, 0], [-7, 0], [7, 0], [0, -7], [0, 7]]"
+        )
     if taxels > 1 and not sure:
         proposal.undecided.append(
             f"shape: {taxels} taxels are taken as {shape[0]} rows of {shape[1]}, from left to right"

@@ -1,0 +1,212 @@
+"""Skins whose taxels lie on no square grid: hexagonal, staggered and irregular ones.
+
+Programs work on a grid of square cells. So a frame of taxels at known places is interpolated onto
+one: linearly between each three neighbours (Delaunay's triangles), which is exact for a load that
+changes evenly. The grid is laid so that taxels lie on its cells wherever it can be: there a cell
+has the value of its taxel. Cells beyond the outermost taxels are masked: they read 0, and nothing
+is ever found in them.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cnnum.arrays import Floats, Shape
+from cnnum.errors import SceneError
+
+Positions = tuple[tuple[float, float], ...]
+"""Of each taxel x to the right and y downwards, mm, in the order of the frame's rows."""
+
+FARTHEST = 1e4
+"""mm from the origin to a taxel."""
+
+FINER = (1, 2)
+"""Cells to the distance of the taxels that are tried for one with all taxels on cells. Between
+hexagons there is none, and the last one is taken."""
+
+ON = 1e-3
+"""Part of a cell within which a taxel lies on it."""
+
+MOST, MOST_TAXELS = 64, 2048
+"""Cells a taxel at most, and taxels whose places are given one by one."""
+
+
+class Grid:
+    """Turns frames of taxels at known places into maps for a program.
+
+    Parameters
+    ----------
+    positions : sequence of (x, y), mm
+    taxels : (rows, cols)
+        Of the array's frames.
+    pitch : float, optional
+        Wanted size of a cell, m; unless given, it is that of the taxels' distance, or half of it
+        where only so all of them lie on cells, and between hexagons.
+    dead : sequence of (row, column)
+        Taxels that are left out.
+
+    Attributes
+    ----------
+    taxels, shape : (rows, cols)
+        Of the frames and of the maps.
+    pitch : float
+        Size of a cell, m.
+    inside : (rows, cols) bool
+        Cells that are not masked.
+
+    Raises
+    ------
+    SceneError
+        If the places are not those of these taxels, two of them are one, or they need a grid of too
+        many cells.
+    """
+
+    def __init__(
+        self,
+        positions: Sequence[tuple[float, float]],
+        taxels: Shape,
+        pitch: float | None = None,
+        dead: Sequence[tuple[int, int]] = (),
+    ) -> None:
+        places = checked_positions(positions, taxels[0] * taxels[1])
+        gone = {row * taxels[1] + col for row, col in dead}
+        lives = np.array([n not in gone for n in range(len(places))])
+        self.taxels = taxels
+        self._begin = places.min(axis=0)
+        extent = places.max(axis=0) - self._begin
+        counts = _counts(places, extent, None if pitch is None else 1e3 * pitch)
+        self._step = np.where(counts > 1, extent / np.maximum(counts - 1, 1), 0.0)
+        cols, rows = counts.tolist()
+        self.shape: Shape = (rows, cols)
+        known = self._step[self._step > 0.0]
+        self.pitch = float(1e-3 * known.mean()) if len(known) else pitch or 1e-3
+        y, x = (part.ravel() for part in np.indices(self.shape))
+        cells = self._begin + self._step * np.stack([x, y], axis=1)
+        self._weights, found = _weights(places, lives, cells)
+        self.inside: NDArray[np.bool_] = found.reshape(self.shape)
+        if not found.any():
+            raise SceneError("'dead' leaves too few taxels to find anything between them.")
+
+    def maps(self, values: Floats) -> Floats:
+        """Return (rows, cols, channels) of the grid for the values of the taxels."""
+        flat = values.reshape(-1, values.shape[-1])
+        return np.asarray(self._weights @ flat).reshape(*self.shape, values.shape[-1])
+
+    def marks(self, marks: NDArray[np.bool_] | None) -> NDArray[np.bool_] | None:
+        """Return the cells that a marked taxel has a part in."""
+        if marks is None:
+            return None
+        return np.asarray(self._weights @ marks.ravel().astype(float) > 0.0).reshape(self.shape)
+
+    def place(self, row: float, column: float) -> tuple[float, float]:
+        """Return x and y (mm) of a place on the grid, on the axes of the positions."""
+        x, y = self._begin + self._step * np.array([column, row])
+        return float(x), float(y)
+
+
+def checked_positions(positions: Sequence[tuple[float, float]], taxels: int) -> Floats:
+    """Return positions as (taxels, 2), mm.
+
+    Raises
+    ------
+    SceneError
+        If there are more or fewer than taxels, one is not finite, or two are the same.
+    """
+    places = np.asarray(positions, dtype=np.float64).reshape(-1, 2)
+    if len(places) != taxels:
+        raise SceneError(
+            f"'positions' must have a place [x, y] in mm for each of the {taxels} taxels, row by "
+            f"row, got {len(places)}."
+        )
+    if taxels > MOST_TAXELS:
+        raise SceneError(f"'positions' must be of {MOST_TAXELS} taxels at most, got {taxels}.")
+    if not np.isfinite(places).all() or np.abs(places).max() > FARTHEST:
+        raise SceneError(f"'positions' must be finite, and below {FARTHEST:g} mm.")
+    near, which = _nearest(places)
+    same = np.flatnonzero(near < 1e-6)
+    if len(same):
+        first, second = sorted((int(same[0]), int(which[same[0]])))
+        raise SceneError(
+            f"'positions': the taxels {first} and {second} lie at one place, "
+            f"{places[first].tolist()} mm: give each its own."
+        )
+    return places
+
+
+def _nearest(places: Floats) -> tuple[Floats, NDArray[np.intp]]:
+    """Return the distance of each taxel to the nearest other one, and which it is."""
+    from scipy.spatial import KDTree
+
+    if len(places) == 1:
+        return np.array([np.inf]), np.zeros(1, np.intp)
+    near, which = KDTree(places).query(places, k=2)
+    return np.asarray(near)[:, 1], np.asarray(which)[:, 1]
+
+
+def _counts(places: Floats, extent: Floats, pitch: float | None) -> NDArray[np.int64]:
+    """Return columns and rows of the grid."""
+    if len(places) == 1:
+        return np.ones(2, np.int64)
+    distance = float(np.median(_nearest(places)[0]))
+    counts = np.ones(2, np.int64)
+    for size in [pitch] if pitch else [distance / finer for finer in FINER]:
+        counts = np.maximum(np.rint(extent / size), extent > 1e-6).astype(np.int64) + 1
+        step = np.where(counts > 1, extent / np.maximum(counts - 1, 1), 1.0)
+        off = (places - places.min(axis=0)) / step
+        if np.abs(off - np.rint(off)).max() < ON:
+            break
+    if counts.prod() > MOST * len(places) + MOST:
+        raise SceneError(
+            f"The positions of {len(places)} taxels, {distance:.3g} mm apart, need a grid of "
+            f"{counts[1]}×{counts[0]} cells, expected {MOST} cells a taxel at most: give a larger "
+            "'pitch', m."
+        )
+    return counts
+
+
+def _weights(
+    places: Floats, lives: NDArray[np.bool_], cells: Floats
+) -> tuple[Any, NDArray[np.bool_]]:
+    """Return the weights (cells, taxels) of living taxels, and which cells have some."""
+    from scipy.interpolate import LinearNDInterpolator
+    from scipy.sparse import csr_array
+    from scipy.spatial import QhullError
+
+    each = np.flatnonzero(lives)
+    some = places[each]
+    span = some.max(axis=0) - some.min(axis=0) if len(some) else np.zeros(2)
+    if (span < 1e-6).any():  # one taxel, or a line along an axis
+        found = _on_line(some, span, cells)
+    else:
+        # cells on the rim are inside, whatever the rounding
+        middle = some.mean(axis=0)
+        within = middle + (cells - middle) * (1.0 - 1e-9)
+        try:
+            found = LinearNDInterpolator(some, np.eye(len(some)))(within)
+        except QhullError:
+            raise SceneError(
+                "'positions' lie on one slanted line, where no map can be made of them: turn them, "
+                "so that they follow each other in x or in y."
+            ) from None
+    inside: NDArray[np.bool_] = np.asarray(np.isfinite(found).all(axis=1))
+    near = np.where(inside[:, np.newaxis], np.round(found, 7), 0.0)
+    whole = np.zeros((len(cells), len(places)))
+    whole[:, each] = near
+    return csr_array(whole), inside
+
+
+def _on_line(some: Floats, span: Floats, cells: Floats) -> Floats:
+    """Return the weights of taxels in one line."""
+    along = int(span.argmax())
+    rank = np.argsort(some[:, along])
+    found = np.full((len(cells), len(some)), np.nan)
+    on = np.abs(cells[:, 1 - along] - some[:1, 1 - along].sum()) < 1e-6
+    for n, taxel in enumerate(rank.tolist()):
+        one = np.zeros(len(rank))
+        one[n] = 1.0
+        found[on, taxel] = np.interp(
+            cells[on, along], some[rank, along], one, left=np.nan, right=np.nan
+        )
+    return found
