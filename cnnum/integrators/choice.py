@@ -15,6 +15,7 @@ from cnnum.integrators.schemes import (
     CHEBYSHEV,
     LAYER_METHODS,
     MAX_STEPS,
+    WAVEFRONT,
     AdaptiveSteps,
     ChebyshevSteps,
     FixedSteps,
@@ -96,6 +97,11 @@ def choose(transient: Transient, shape: tuple[int, int]) -> Solver:
             return Solver("propagator", reason, exact, duration, settle, spec.rtol, spec.atol)
         if spec.method == "propagator":
             raise MethodError(f"Template '{transient.template.name}' has no propagator: {reason}.")
+    if spec.method == WAVEFRONT:
+        raise MethodError(
+            f"The method '{WAVEFRONT}' finds the end of a single run, without times on its way: "
+            "leave the method out."
+        )
     if spec.method == "propagator":
         raise MethodError("A propagator takes no steps: leave dt out.")
     asked = spec.method != "auto" or spec.dt is not None

@@ -24,6 +24,9 @@ NEARLY = 1.000001
 CHEBYSHEV = "runge-kutta-chebyshev"
 """The method whose stages are as many as a step's length needs."""
 
+WAVEFRONT = "wavefront"
+"""The method that finds where an array ends without the way there, for single runs alone."""
+
 
 LAYER_METHODS: dict[str, LayerMethod] = {m.name: m for m in (EXPONENTIAL_EULER, ETD_RK2)}
 """Integrators with numbers of their own in every layer: another one is a record here."""

@@ -22,6 +22,7 @@ from cnnum.runs.result import ROLES, Result, with_proof
 from cnnum.runs.settling import to_rest
 from cnnum.runs.single import by_implicit_steps, linearly, may_be_stiff, plainly
 from cnnum.runs.times import at_times
+from cnnum.runs.wavefront import skips, without_way
 from cnnum.templating.batch import TemplateBatch
 
 Down = Callable[[Any], Result]
@@ -55,7 +56,7 @@ def _checked(ask: Ask, down: Down) -> Result:
     spec = ask.spec
     check_spec(spec)
     result = down(Request(ask.engine, ask.template, given, shape, spec, ask.form, ask.ready))
-    if ask.engine.whole:
+    if ask.engine.whole or result.proof is not None:
         return result
     kept = {role: np.array(maps) for role, maps in given.items()}
     return with_proof(result, ask.template, kept, ask.duration, (spec.rtol, spec.atol))
@@ -71,6 +72,8 @@ LADDER = (
     Way("prepared", "a run that differs in its numbers alone was taken before",
         is_prepared, as_prepared),
     Way("checked", "arrays are looked at before they run", lambda ask: True, _checked),
+    Way("wavefront", "the order of events cannot change where a monotone array ends",
+        skips, without_way),
     Way("compared", "a state that grows far needs a finer run to know its error",
         follows, followed),
     Way("settling", "a run to equilibrium goes on until it is shown to rest",

@@ -21,6 +21,7 @@ from cnnum.runs.linear_range import may_stay_linear
 from cnnum.runs.request import Ask, Form, Request
 from cnnum.runs.result import Result, result_of, with_fallback, with_proof
 from cnnum.runs.settling import saturated
+from cnnum.runs.wavefront import begins_saturated, monotone
 from cnnum.templating.template import Template
 
 EXACT_TYPES = "df?"
@@ -95,10 +96,14 @@ class PreparedRun:
         Of its channels.
     """
 
-    __slots__ = ("_frame", "_one", "_plan", "_roles", "_solver", "_square", "_turn", "template")
+    __slots__ = (
+        *("_frame", "_one", "_plan", "_roles", "_solver", "_square", "_turn"),
+        *("monotone", "template"),
+    )
 
     def __init__(self, template: Template, plan: Plan, one: OneFrame, roles: Sequence[str]) -> None:
         self.template, self._plan, self._one = template, plan, one
+        self.monotone = monotone(template) is not None
         (self._solver,) = plan.solvers.values()
         self._roles = tuple(roles) if may_grow(template, self._solver) else ()
         schedule = plan.schedule
@@ -160,7 +165,10 @@ def is_prepared(ask: Ask) -> bool:
     if ask.form is None:
         return False
     ask.kept = ask.engine.prepared.get(ask.form)
-    return ask.kept is not None
+    if ask.kept is None:
+        return False
+    # another start may need no way
+    return not (ask.kept.monotone and begins_saturated(ask.template, ask.arrays))
 
 
 def as_prepared(ask: Ask, down: Callable[[Ask], Result]) -> Result:

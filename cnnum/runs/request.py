@@ -177,18 +177,11 @@ class Request:
         Whether it runs to equilibrium.
     exact : bool
         Whether an exact answer is taken where there is one.
-    linear : bool
-        Whether the array stays where it is linear.
-    ran : Template
-        That runs: the linear one where the array stays linear.
-    plan : Plan
-    solver : Solver
-        How it runs.
     """
 
     __slots__ = (
-        *("engine", "exact", "form", "given", "lead", "linear", "names", "plan", "ran", "ready"),
-        *("settles", "shape", "solver", "spec", "template"),
+        *("_linear", "_plan", "engine", "exact", "form", "given", "lead", "names", "ready"),
+        *("settles", "shape", "spec", "template"),
     )
 
     def __init__(
@@ -207,10 +200,32 @@ class Request:
         duration = spec.duration
         self.settles = (template.duration if duration is None else duration) == "settle"
         self.exact = spec.dt is None and spec.method in ("auto", "propagator")
-        self.linear = self.exact and stays_linear(template, given)
-        self.ran = as_linear(template) if self.linear else template
-        self.plan: Plan = engine.plan_for(self.ran, shape, self.names, spec)
-        self.solver: Solver = next(iter(self.plan.solvers.values()))
+        self._linear: bool | None = None
+        self._plan: Plan | None = None
+
+    @property
+    def linear(self) -> bool:
+        """Whether the array stays where it is linear."""
+        if self._linear is None:
+            self._linear = self.exact and stays_linear(self.template, self.given)
+        return self._linear
+
+    @property
+    def ran(self) -> Template:
+        """The template that runs: the linear one where the array stays linear."""
+        return as_linear(self.template) if self.linear else self.template
+
+    @property
+    def plan(self) -> Plan:
+        """Made where a way first needs it."""
+        if self._plan is None:
+            self._plan = self.engine.plan_for(self.ran, self.shape, self.names, self.spec)
+        return self._plan
+
+    @property
+    def solver(self) -> Solver:
+        """How it runs."""
+        return next(iter(self.plan.solvers.values()))
 
     def by(self, spec: RunSpec, given: Given | None = None) -> Request:
         """Return the same run by other options, perhaps of other frames."""

@@ -124,6 +124,43 @@ class Proof:
         return self._made
 
 
+class Proven:
+    """The proof of a run that was computed by one: what a `Certificate` would say of it.
+
+    Parameters
+    ----------
+    state : (..., rows, cols) float
+        Of a stable equilibrium, or close to it, with outputs that do not change any more.
+    error : (...) float
+    """
+
+    __slots__ = ("_error", "_state")
+
+    def __init__(self, state: Floats, error: Floats) -> None:
+        self._state, self._error = state, error
+
+    @property
+    def certified(self) -> NDArray[np.str_]:
+        """How each frame's error is known."""
+        return np.full(self._error.shape, "proven")
+
+    @property
+    def stability(self) -> NDArray[np.str_]:
+        """The stability of the equilibrium at each frame's state."""
+        return np.full(self._error.shape, "stable")
+
+    @property
+    def decision(self) -> Decision:
+        """What is proven of every cell."""
+        off = self._error[..., np.newaxis, np.newaxis]
+        at_rest = np.ones(self._error.shape, dtype=bool)
+        return Decision(self._state - off, self._state + off, at_rest)
+
+    def made(self) -> "Proven":
+        """Return the proof."""
+        return self
+
+
 ROLES = ("input", "previous", "state", "bias", "mask")
 """Of the maps of a run, in the order in which they are given."""
 
@@ -162,7 +199,7 @@ class Result(ByContent):
         it is exact or the steps were asked for.
     ways : tuple of str
         How the run was taken, from the outermost way to the innermost: "chip", "batch", "times",
-        "prepared", "compared", "settling", "halved", "implicit", "linear" and "plain".
+        "prepared", "wavefront", "compared", "settling", "halved", "implicit", "linear" and "plain".
     """
 
     output: Floats
@@ -174,7 +211,7 @@ class Result(ByContent):
     method: str
     reason: str
     times: tuple[float, ...] = ()
-    proof: Proof | None = field(default=None, repr=False, compare=False)
+    proof: Proof | Proven | None = field(default=None, repr=False, compare=False)
     ways: tuple[str, ...] = field(default=(), repr=False, compare=False)
 
     def __post_init__(self) -> None:

@@ -1,0 +1,208 @@
+"""Where a saturated array ends whose cells only pull each other along, cell after cell.
+
+A cell falls once what it sees no longer holds it; then its neighbours see less. In which order
+cells are looked at does not change which of them fall, so a list of those that have to is worked
+off (`cnnum.runs.wavefront` says why). An array that rises is the same with all signs reversed.
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cnnum.arrays import Floats
+from cnnum.engines.numba.compiling import ROOM, inlined, kept
+
+END, MIXED, GREY = 0, 1, 2
+"""Outcomes: the end is known; cells may go both ways, or too close to tell; the start is grey."""
+
+
+def front(
+    start: NDArray[np.floating],
+    held: NDArray[np.bool_],
+    drive: Floats,
+    feedback: tuple[NDArray[np.int64], NDArray[np.int64], Floats],
+    centre: float,
+    rim: tuple[int, float],
+    sign: float,
+    margin: float,
+) -> tuple[int, float, Floats]:
+    """Let every cell fall that the others no longer hold.
+
+    Parameters
+    ----------
+    start : (rows, cols) float
+        States, each at or beyond 1 or −1.
+    held : (rows, cols) bool, or (0, 0)
+        Cells that stay as they are.
+    drive : (rows, cols) float
+        Constant part of the rates: B ∗ u + z. It is overwritten.
+    feedback : (rows, columns and weights), each (couplings,)
+        Offsets and weights of the couplings to other cells; no weight is below 0.
+    centre : float
+        Weight of a cell's own output, above 1.
+    rim : (kind, value)
+        0: virtual cells have that output; 1: zero-flux; 2: periodic.
+    sign : float
+        1 for cells that fall, −1 for cells that rise.
+    margin : float
+        By which roundings may move a sum.
+
+    Returns
+    -------
+    outcome : int
+    time : float
+        Time constants after which all outputs are those at the end, at most.
+    state : (rows, cols) float
+        The equilibrium that the array comes to.
+    """
+    return _front(start, held, drive, *feedback, centre, *rim, sign, margin, ROOM)
+
+
+@inlined
+def _fall(total: float, centre: float, largest: float) -> float:
+    """Return the time constants in which a cell falls from the largest state to -1, at most.
+
+    Above 1 it decays towards `centre + total`, which is below 1; between 1 and -1 it moves away
+    from an equilibrium that lies above 1.
+    """
+    end = centre + total
+    slope = centre - 1.0
+    above = -total / slope
+    return math.log((largest - end) / (1.0 - end)) + math.log((above + 1.0) / (above - 1.0)) / slope
+
+
+@kept
+def _front(
+    start: NDArray[np.floating],
+    held: NDArray[np.bool_],
+    drive: Floats,
+    downs: NDArray[np.int64],
+    rights: NDArray[np.int64],
+    weights: Floats,
+    centre: float,
+    kind: int,
+    value: float,
+    sign: float,
+    margin: float,
+    room: int,
+) -> tuple[int, float, Floats]:
+    rows, cols = start.shape
+    couplings = weights.size
+    radius = 0
+    for k in range(couplings):
+        radius = max(radius, abs(downs[k]), abs(rights[k]))
+    wide = cols + 2 * radius
+    # outputs with virtual cells around them; those of constant rims are added below
+    y = np.zeros((rows + 2 * radius) * wide, np.int8)
+    largest = 1.0
+    grey = False
+    for r in range(rows):
+        row = y[(r + radius) * wide + radius : (r + radius) * wide + radius + cols]
+        for c in range(cols):
+            x = sign * start[r, c]
+            grey |= not (x >= 1.0 or x <= -1.0)
+            row[c] = 1 if x > 0.0 else -1
+            largest = max(largest, x)
+    if grey:
+        return GREY, 0.0, drive
+    if kind > 0:
+        for r in range(-radius, rows + radius):
+            for c in range(-radius, cols + radius):
+                if not (0 <= r < rows and 0 <= c < cols):
+                    if kind == 2:
+                        a, b = r % rows, c % cols
+                    else:
+                        a = -1 - r if r < 0 else 2 * rows - 1 - r if r >= rows else r
+                        b = -1 - c if c < 0 else 2 * cols - 1 - c if c >= cols else c
+                    y[(r + radius) * wide + c + radius] = y[(a + radius) * wide + b + radius]
+    s = drive
+    most = -math.inf
+    anywhere = held.size > 0
+    queue = np.empty(rows * cols, np.int32)
+    count = 0
+    mixed = False
+    level = -math.inf  # of the cells that fall next, the one that is held best
+    for r in range(rows):
+        for c in range(cols):
+            s[r, c] *= sign
+        for k in range(couplings):
+            seen = y[(r + radius + downs[k]) * wide + radius + rights[k] :]
+            w = weights[k]
+            for c in range(cols):
+                s[r, c] += w * seen[c]
+            if kind == 0 and value != 0.0:
+                a = r + downs[k]
+                if a < 0 or a >= rows:
+                    for c in range(cols):
+                        s[r, c] += w * (sign * value)
+                else:
+                    for c in range(min(cols, max(0, -rights[k]))):
+                        s[r, c] += w * (sign * value)
+                    for c in range(max(0, cols - max(0, rights[k])), cols):
+                        s[r, c] += w * (sign * value)
+        own = (r + radius) * wide + radius
+        for c in range(cols):
+            total = s[r, c]
+            most = max(most, total)
+            if anywhere and held[r, c]:
+                continue
+            if y[own + c] < 0:
+                mixed |= not (total - centre < -1.0 - margin)
+            elif centre + total < 1.0 - margin:
+                queue[count] = r * cols + c
+                count += 1
+                level = max(level, total)
+    if mixed:
+        return MIXED, 0.0, s
+    largest = max(largest, centre + most)
+    for k in range(count):
+        r, c = queue[k] // cols, queue[k] % cols
+        y[(r + radius) * wide + radius + c] = -2  # it falls, and its neighbours do not know yet
+    first, last, time = 0, count, 0.0
+    while first < last:
+        time += _fall(level, centre, largest)
+        level = -math.inf
+        for at in range(first, last):
+            r, c = queue[at] // cols, queue[at] % cols
+            deep = kind > 0 and not (radius <= r < rows - radius and radius <= c < cols - radius)
+            for i in range(-1 if deep else 0, 2 if deep else 1):
+                # the cell, and the virtual cells that copy it
+                if kind == 2:
+                    p = r + i * rows
+                else:
+                    p = r if i == 0 else -1 - r if i < 0 else 2 * rows - 1 - r
+                if p < -radius or p >= rows + radius:
+                    continue
+                for j in range(-1 if deep else 0, 2 if deep else 1):
+                    if kind == 2:
+                        q = c + j * cols
+                    else:
+                        q = c if j == 0 else -1 - c if j < 0 else 2 * cols - 1 - c
+                    if q < -radius or q >= cols + radius:
+                        continue
+                    for k in range(couplings):
+                        a, b = p - downs[k], q - rights[k]
+                        if 0 <= a < rows and 0 <= b < cols:
+                            total = s[a, b] - 2.0 * weights[k]
+                            s[a, b] = total
+                            place = (a + radius) * wide + radius + b
+                            if y[place] == 1 and centre + total < 1.0 - margin:
+                                if anywhere and held[a, b]:
+                                    continue
+                                y[place] = -2
+                                queue[count] = a * cols + b
+                                count += 1
+                                level = max(level, total)
+        first, last = last, count
+    for r in range(rows):
+        own = (r + radius) * wide + radius
+        for c in range(cols):
+            if anywhere and held[r, c]:
+                s[r, c] = start[r, c]
+            elif y[own + c] > 0:
+                mixed |= not (centre + s[r, c] > 1.0 + margin)
+                s[r, c] = sign * (centre + s[r, c])
+            else:
+                s[r, c] = sign * (s[r, c] - centre)
+    return (MIXED if mixed else END), time, s

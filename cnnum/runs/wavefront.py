@@ -1,0 +1,225 @@
+"""The end of a run without the way there, where the order of events cannot change it.
+
+It holds for one layer with the standard output where every cell holds itself (its own weight in A
+is above 1), all weights to other cells are 0 or more, and every state begins at or beyond 1 or −1.
+Such an array is monotone (cooperative): more output anywhere means no less anywhere later.
+
+Let cells fall, one after the other, where what they see now leaves no state at or above 1 to rest
+in. A cell that is left then sees enough to stay at 1 even after all these falls, and at the start
+no cell at −1 sees enough to rise. So the outputs stay between those of the start and those of the
+end, and each cell on the list does fall: above 1 it decays to a value below 1, and between 1 and −1
+its rate is negative. Outputs are then constant, and the states decay to A ∗ y + B ∗ u + z. The same
+holds with all signs reversed, for arrays that rise. Where cells go both ways, or a sum is as close
+to the edge as roundings are, nothing is said, and the run takes its way.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cnnum.arrays import Floats, Shape
+from cnnum.errors import MethodError
+from cnnum.integrators.schemes import WAVEFRONT
+from cnnum.runs.request import Request
+from cnnum.runs.result import ROLES, Proven, Result
+from cnnum.templating.boundary import Boundary
+from cnnum.templating.network import Tap, taps
+from cnnum.templating.template import Template
+
+Given = Mapping[str, NDArray[np.floating]]
+
+REASON = "the order of events cannot change where the array ends, so the way there is left out"
+
+SPARE = 4.0
+"""Roundings are taken to be so many times what the terms of a sum give."""
+
+EPSILON = float(np.finfo(np.float64).eps)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Monotone:
+    """What a monotone template does: weights of A and B apart, as they are added up.
+
+    Attributes
+    ----------
+    centre : float
+        Weight of a cell's own output.
+    feedback : (rows, columns, weights), each (couplings,)
+        Of the couplings to other cells.
+    control : tuple of Tap
+    rim : (kind, value)
+        Of the state's boundary, as `cnnum.engines.numba.wavefront.front` takes it.
+    """
+
+    centre: float
+    feedback: tuple[NDArray[np.int64], NDArray[np.int64], Floats]
+    control: tuple[Tap, ...]
+    rim: tuple[int, float]
+
+
+@lru_cache(maxsize=64)
+def monotone(template: object) -> Monotone | None:
+    """Return a template of the kind whose end needs no way, from a saturated start; else None."""
+    if not isinstance(template, Template) or template.layers != 1:
+        return None
+    plain = not (template.nonlinear or template.delayed or template.gains)
+    if not plain or template.output.name != "standard":
+        return None
+    others = [tap for tap in taps(template.A, 0) if tap.row or tap.col]
+    centre = float(template.A[0, 0].flat[template.A[0, 0].size // 2])
+    if not others or centre <= 1.0 + 16.0 * EPSILON or min(tap.weight for tap in others) < 0.0:
+        return None
+    places = (np.array([tap.row for tap in others]), np.array([tap.col for tap in others]))
+    weights = np.array([tap.weight for tap in others])
+    control = taps(template.B, 0) if template.inputs else ()
+    return Monotone(centre, (*places, weights), control, _rim(template.boundary))
+
+
+def begins_saturated(template: Template, arrays: Sequence[object]) -> bool:
+    """Return whether every cell begins at or beyond 1 or −1; maps are those of a run, unchecked."""
+    start = arrays[ROLES.index("state")]
+    if start is None:
+        start = arrays[0] if template.initial == "input" else template.initial
+    return start is not None and bool((np.abs(np.asarray(start)) >= 1.0).all())
+
+
+def skips(request: Request) -> bool:
+    """Return whether the way of a run may be left out, before its numbers are looked at."""
+    spec, engine = request.spec, request.engine
+    if spec.method == WAVEFRONT:
+        return True
+    asked = spec.method != "auto" or spec.dt is not None or spec.force or spec.estimate
+    # an engine that solves finely is what others are held against
+    if asked or engine.whole or not engine.record.takes_steps:
+        return False
+    return monotone(request.template) is not None
+
+
+def without_way(request: Request, down: Callable[[Request], Result]) -> Result:
+    """Take a run by the cells that fall, or rise, alone; below where that is not proven."""
+    found = _ends(request)
+    if not isinstance(found, str):
+        return found
+    if request.spec.method == WAVEFRONT:
+        raise MethodError(
+            f"The method '{WAVEFRONT}' cannot run template '{request.template.name}': {found}."
+        )
+    return down(request)
+
+
+def _ends(request: Request) -> Result | str:
+    """Return the result, or why there is none."""
+    template, spec, lead = request.template, request.spec, request.lead
+    known = monotone(template)
+    if known is None:
+        return (
+            "it takes one layer with the standard output and no nonlinear or delayed coupling or "
+            "gain, a centre of A above 1, and other weights of A from 0 up"
+        )
+    if spec.dt is not None or spec.force or spec.estimate or request.engine.whole:
+        return "it takes no steps and no whole numbers"
+    if template.radius > min(request.shape):
+        return f"its neighbourhood is wider than the array of {request.shape}"
+    duration = template.duration if spec.duration is None else spec.duration
+    ends = list[_End]()
+    for frame in np.ndindex(lead):
+        maps = {
+            role: np.broadcast_to(array, (*lead, *array.shape[-3:]))[frame][0]
+            for role, array in request.given.items()
+        }
+        end = _end(template, known, maps, request.shape)
+        if isinstance(end, str):
+            return end
+        ends.append(end)
+    times = np.array([end.time for end in ends])
+    errors = np.array([end.rounding for end in ends])
+    if duration != "settle":
+        left = (float(duration) - times) / float(template.tau[0])
+        if (left < 0.0).any():
+            return f"its outputs may change until {times.max():.4g}"
+        errors += np.array([end.largest for end in ends]) * 2.0 * np.exp(-left)
+        if spec.method != WAVEFRONT and (errors > spec.atol + spec.rtol).any():
+            return "its states still move at that time"
+        times = np.full(len(ends), float(duration))
+    state = ends[0].state if not lead else np.stack([end.state for end in ends])
+    state, errors = state.reshape(*lead, *request.shape), errors.reshape(lead)
+    result = Result(
+        output=np.clip(state, -1.0, 1.0),
+        state=state,
+        time=times.reshape(lead),
+        steps=np.zeros(lead, dtype=np.int64),
+        settled=np.ones(lead, dtype=bool),
+        error=errors,
+        method=WAVEFRONT,
+        reason=REASON,
+    )
+    object.__setattr__(result, "proof", Proven(state, errors))
+    return result
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _End:
+    """The end of one array: its state, when its outputs are there, and how large states get."""
+
+    state: Floats
+    time: float
+    rounding: float
+    largest: float
+
+
+def _end(template: Template, known: Monotone, maps: Given, shape: Shape) -> _End | str:
+    from cnnum.engines.numba.wavefront import END, GREY, front  # Numba takes its time
+
+    start = maps.get("state", maps.get("input") if template.initial == "input" else None)
+    if start is None:
+        start = np.broadcast_to(np.float64(template.initial), shape)
+    held = maps["mask"] != 0.0 if "mask" in maps else np.zeros((0, 0), dtype=bool)
+    weights = known.feedback[2]
+    # the other way where the first is none; which is first saves time where all begin alike
+    for sign in (1.0, -1.0) if start[0, 0] > 0.0 else (-1.0, 1.0):
+        drive, size, terms = _drive(template, known, maps, shape)
+        size += known.centre + float(weights.sum())
+        rounding = SPARE * (terms + 2 * weights.size) * EPSILON * size
+        about = (known.feedback, known.centre, known.rim, sign, rounding)
+        outcome, time, state = front(start, held, drive, *about)
+        if outcome == GREY:
+            return "a cell begins between −1 and 1"
+        if outcome == END:
+            largest = max(float(np.abs(start).max()), size)
+            own = rounding + EPSILON * largest
+            return _End(state, time * float(template.tau[0]), own, largest)
+    return "some of its cells rise and others fall, or a sum is too close to the edge to tell"
+
+
+def _rim(boundary: Boundary) -> tuple[int, float]:
+    if boundary.constant is not None:
+        return 0, min(max(float(boundary.constant), -1.0), 1.0)
+    return (1, 0.0) if boundary.pad_mode == "symmetric" else (2, 0.0)
+
+
+def _drive(
+    template: Template, known: Monotone, maps: Given, shape: Shape
+) -> tuple[Floats, float, int]:
+    """Return B ∗ u + z with the bias map, a bound on the sum of the sizes in it, and its terms."""
+    drive = np.full(shape, float(template.z[0]))
+    size = abs(float(template.z[0]))
+    if "bias" in maps:
+        drive += maps["bias"]
+        size += float(np.abs(maps["bias"]).max())
+    if known.control:
+        u, boundary = maps["input"], template.input_boundary
+        reach = max(max(abs(tap.row), abs(tap.col)) for tap in known.control)
+        constant = {} if boundary.constant is None else {"constant_values": boundary.constant}
+        wide = np.pad(u, reach, boundary.pad_mode, **cast(Any, constant)) if reach else u
+        product = np.empty(shape)
+        for tap in known.control:
+            top, left = reach + tap.row, reach + tap.col
+            seen = wide[top : top + shape[0], left : left + shape[1]]
+            drive += np.multiply(seen, tap.weight, out=product)
+        largest = max(float(u.max()), -float(u.min()), abs(boundary.constant or 0.0))
+        size += largest * sum(abs(tap.weight) for tap in known.control)
+    return drive, size, len(known.control) + 2
