@@ -215,7 +215,8 @@ class Engine(OfThisProcess):
         duration : float or "settle", optional
             In the unit of time in which the template's `tau` is; its own unless given.
         method : str
-            "auto", "propagator", or one of `cnnum.integrators.stability.METHODS`.
+            "auto", "propagator", "wavefront" (the end of an array whose order of events does not
+            matter), or one of `cnnum.integrators.stability.METHODS`.
         rtol, atol : float
             Wanted error of the state.
         dt : float, optional

@@ -100,78 +100,103 @@ def skips(request: Request) -> bool:
 
 
 def without_way(request: Request, down: Callable[[Request], Result]) -> Result:
-    """Take a run by the cells that fall, or rise, alone; below where that is not proven."""
-    found = _ends(request)
-    if not isinstance(found, str):
-        return found
-    if request.spec.method == WAVEFRONT:
-        raise MethodError(
-            f"The method '{WAVEFRONT}' cannot run template '{request.template.name}': {found}."
-        )
-    return down(request)
-
-
-def _ends(request: Request) -> Result | str:
-    """Return the result, or why there is none."""
-    template, spec, lead = request.template, request.spec, request.lead
+    """Take a run by the cells that fall, or rise, alone; frames without that proof go below."""
+    template, lead = request.template, request.lead
     known = monotone(template)
-    if known is None:
+    ends = (
+        [_refusal(request)]
+        if known is None or _refusal(request)
+        else [_End.of(request, known, frame) for frame in np.ndindex(lead)]
+    )
+    reasons = [end for end in ends if isinstance(end, str)]
+    if reasons and request.spec.method == WAVEFRONT:
+        raise MethodError(
+            f"The method '{WAVEFRONT}' cannot run template '{template.name}': {reasons[0]}."
+        )
+    if len(reasons) == len(ends):
+        return down(request)
+    way = np.array([isinstance(end, str) for end in ends])
+    below = None
+    if reasons:
+        below = down(request.by(request.spec, request.frames(np.flatnonzero(way))))
+    found = [end for end in ends if isinstance(end, _End)]
+
+    def together(of_ends: Sequence[Any], of_below: str) -> NDArray[Any]:
+        """Return a part of all frames; their own axes come last."""
+        known = np.stack([np.asarray(one) for one in of_ends])
+        if below is None:
+            return known.reshape((*lead, *known.shape[1:]))
+        parts = np.empty((len(ends), *known.shape[1:]), known.dtype)
+        parts[~way], parts[way] = known, getattr(below, of_below)
+        return parts.reshape((*lead, *known.shape[1:]))
+
+    state = together([end.state for end in found], "state")
+    result = Result(
+        output=np.clip(state, -1.0, 1.0),
+        state=state,
+        time=together([end.time for end in found], "time"),
+        steps=together([0] * len(found), "steps"),
+        settled=together([True] * len(found), "settled"),
+        error=together([end.error for end in found], "error"),
+        method=WAVEFRONT if below is None else below.method,
+        reason=REASON if below is None else f"{below.reason}; of {len(found)} frames, {REASON}",
+    )
+    if below is None:
+        object.__setattr__(result, "proof", Proven(result.state, result.error))
+    return result
+
+
+def _refusal(request: Request) -> str:
+    """Return why no run like this can go without its way, or nothing."""
+    if monotone(request.template) is None:
         return (
             "it takes one layer with the standard output and no nonlinear or delayed coupling or "
             "gain, a centre of A above 1, and other weights of A from 0 up"
         )
+    spec = request.spec
     if spec.dt is not None or spec.force or spec.estimate or request.engine.whole:
         return "it takes no steps and no whole numbers"
-    if template.radius > min(request.shape):
+    if request.template.radius > min(request.shape):
         return f"its neighbourhood is wider than the array of {request.shape}"
-    duration = template.duration if spec.duration is None else spec.duration
-    ends = list[_End]()
-    for frame in np.ndindex(lead):
-        maps = {
-            role: np.broadcast_to(array, (*lead, *array.shape[-3:]))[frame][0]
-            for role, array in request.given.items()
-        }
-        end = _end(template, known, maps, request.shape)
-        if isinstance(end, str):
-            return end
-        ends.append(end)
-    times = np.array([end.time for end in ends])
-    errors = np.array([end.rounding for end in ends])
-    if duration != "settle":
-        left = (float(duration) - times) / float(template.tau[0])
-        if (left < 0.0).any():
-            return f"its outputs may change until {times.max():.4g}"
-        errors += np.array([end.largest for end in ends]) * 2.0 * np.exp(-left)
-        if spec.method != WAVEFRONT and (errors > spec.atol + spec.rtol).any():
-            return "its states still move at that time"
-        times = np.full(len(ends), float(duration))
-    state = ends[0].state if not lead else np.stack([end.state for end in ends])
-    state, errors = state.reshape(*lead, *request.shape), errors.reshape(lead)
-    result = Result(
-        output=np.clip(state, -1.0, 1.0),
-        state=state,
-        time=times.reshape(lead),
-        steps=np.zeros(lead, dtype=np.int64),
-        settled=np.ones(lead, dtype=bool),
-        error=errors,
-        method=WAVEFRONT,
-        reason=REASON,
-    )
-    object.__setattr__(result, "proof", Proven(state, errors))
-    return result
+    return ""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _End:
-    """The end of one array: its state, when its outputs are there, and how large states get."""
+    """The end of one array: its state, the time when that is reached, and how far it is off."""
 
     state: Floats
     time: float
-    rounding: float
-    largest: float
+    error: float
+
+    @classmethod
+    def of(cls, request: Request, known: Monotone, frame: tuple[int, ...]) -> "_End | str":
+        """Return the end of a frame; why there is none, where there is none."""
+        template, spec, lead = request.template, request.spec, request.lead
+        maps = {
+            role: np.broadcast_to(array, (*lead, *array.shape[-3:]))[frame][0]
+            for role, array in request.given.items()
+        }
+        end = _rest(template, known, maps, request.shape)
+        if isinstance(end, str):
+            return end
+        state, time, error, largest = end
+        duration = template.duration if spec.duration is None else spec.duration
+        if duration == "settle":
+            return cls(state, time, error)
+        left = float(duration) - time
+        if left < 0.0:
+            return f"its outputs may change until {time:.4g}"
+        error += 2.0 * largest * float(np.exp(-left / float(template.tau[0])))
+        if spec.method != WAVEFRONT and error > spec.atol + spec.rtol:  # all states are beyond 1
+            return "its states still move at that time"
+        return cls(state, float(duration), error)
 
 
-def _end(template: Template, known: Monotone, maps: Given, shape: Shape) -> _End | str:
+def _rest(
+    template: Template, known: Monotone, maps: Given, shape: Shape
+) -> tuple[Floats, float, float, float] | str:
+    """Return the equilibrium, the time to it, its error, and the size of states; or why not."""
     from cnnum.engines.numba.wavefront import END, GREY, front  # Numba takes its time
 
     start = maps.get("state", maps.get("input") if template.initial == "input" else None)
@@ -191,7 +216,7 @@ def _end(template: Template, known: Monotone, maps: Given, shape: Shape) -> _End
         if outcome == END:
             largest = max(float(np.abs(start).max()), size)
             own = rounding + EPSILON * largest
-            return _End(state, time * float(template.tau[0]), own, largest)
+            return state, time * float(template.tau[0]), own, largest
     return "some of its cells rise and others fall, or a sum is too close to the edge to tell"
 
 

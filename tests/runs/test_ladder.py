@@ -31,6 +31,7 @@ CASES = {
     "batch": (BATCH, {"input": X}),
     "times": ("HOLE", {"input": X, "state": X, "at": [0.5, 1.0]}),
     "prepared": ("HOLE", {"input": X, "state": X, "duration": 2.0}),
+    "wavefront": ("HOLE", {"input": np.sign(X)}),
     "compared": (GROWING, {"state": 1e-6 * X}),
     "settling": ("HOLE", {"input": X, "state": X, "duration": "settle"}),
     "halved": (DELAYED, {"input": X}),
