@@ -116,7 +116,7 @@ def _front(
                         a = -1 - r if r < 0 else 2 * rows - 1 - r if r >= rows else r
                         b = -1 - c if c < 0 else 2 * cols - 1 - c if c >= cols else c
                     y[(r + radius) * wide + c + radius] = y[(a + radius) * wide + b + radius]
-    s = drive
+    s = np.empty(y.size)  # what every cell sees, where its output lies in `y`
     most = -math.inf
     anywhere = held.size > 0
     queue = np.empty(rows * cols, np.int32)
@@ -124,74 +124,88 @@ def _front(
     mixed = False
     level = -math.inf  # of the cells that fall next, the one that is held best
     for r in range(rows):
-        for c in range(cols):
-            s[r, c] *= sign
-        for k in range(couplings):
-            seen = y[(r + radius + downs[k]) * wide + radius + rights[k] :]
-            w = weights[k]
-            for c in range(cols):
-                s[r, c] += w * seen[c]
-            if kind == 0 and value != 0.0:
-                a = r + downs[k]
-                if a < 0 or a >= rows:
-                    for c in range(cols):
-                        s[r, c] += w * (sign * value)
-                else:
-                    for c in range(min(cols, max(0, -rights[k]))):
-                        s[r, c] += w * (sign * value)
-                    for c in range(max(0, cols - max(0, rights[k])), cols):
-                        s[r, c] += w * (sign * value)
         own = (r + radius) * wide + radius
         for c in range(cols):
-            total = s[r, c]
+            s[own + c] = sign * drive[r, c]
+        for k in range(couplings):
+            seen = y[own + downs[k] * wide + rights[k] :]
+            w = weights[k]
+            for c in range(cols):
+                s[own + c] += w * seen[c]
+            if kind == 0 and value != 0.0:
+                a = r + downs[k]
+                out = a < 0 or a >= rows
+                for c in range(cols if out else min(cols, max(0, -rights[k]))):
+                    s[own + c] += w * (sign * value)
+                if not out:
+                    for c in range(max(0, cols - max(0, rights[k])), cols):
+                        s[own + c] += w * (sign * value)
+        for c in range(cols):
+            total = s[own + c]
             most = max(most, total)
             if anywhere and held[r, c]:
                 continue
             if y[own + c] < 0:
                 mixed |= not (total - centre < -1.0 - margin)
             elif centre + total < 1.0 - margin:
-                queue[count] = r * cols + c
+                queue[count] = own + c
                 count += 1
                 level = max(level, total)
     if mixed:
-        return MIXED, 0.0, s
+        return MIXED, 0.0, drive
     largest = max(largest, centre + most)
+    flat = downs * wide + rights
+    lost = 2.0 * weights
+    edge = 1.0 - margin - centre
     for k in range(count):
-        r, c = queue[k] // cols, queue[k] % cols
-        y[(r + radius) * wide + radius + c] = -2  # it falls, and its neighbours do not know yet
+        y[queue[k]] = -1
+    # from here on, 1 says that a cell may still fall
+    for r in range(-radius, rows + radius):
+        for c in range(-radius, cols + radius):
+            if not (0 <= r < rows and 0 <= c < cols):
+                y[(r + radius) * wide + radius + c] = 0
+            elif anywhere and held[r, c]:
+                y[(r + radius) * wide + radius + c] *= 2
     first, last, time = 0, count, 0.0
     while first < last:
         time += _fall(level, centre, largest)
         level = -math.inf
         for at in range(first, last):
-            r, c = queue[at] // cols, queue[at] % cols
-            deep = kind > 0 and not (radius <= r < rows - radius and radius <= c < cols - radius)
-            for i in range(-1 if deep else 0, 2 if deep else 1):
-                # the cell, and the virtual cells that copy it
-                if kind == 2:
-                    p = r + i * rows
-                else:
-                    p = r if i == 0 else -1 - r if i < 0 else 2 * rows - 1 - r
-                if p < -radius or p >= rows + radius:
-                    continue
-                for j in range(-1 if deep else 0, 2 if deep else 1):
+            place = queue[at]
+            for k in range(couplings):
+                seer = place - flat[k]
+                total = s[seer] - lost[k]
+                s[seer] = total
+                if y[seer] == 1 and total < edge:
+                    y[seer] = -1
+                    queue[count] = seer
+                    count += 1
+                    level = max(level, total)
+            if kind == 0:
+                continue
+            r, c = place // wide - radius, place % wide - radius
+            if radius <= r < rows - radius and radius <= c < cols - radius:
+                continue
+            for i in range(-1, 2):  # the virtual cells that copy it
+                for j in range(-1, 2):
                     if kind == 2:
-                        q = c + j * cols
+                        p, q = r + i * rows, c + j * cols
                     else:
+                        p = r if i == 0 else -1 - r if i < 0 else 2 * rows - 1 - r
                         q = c if j == 0 else -1 - c if j < 0 else 2 * cols - 1 - c
-                    if q < -radius or q >= cols + radius:
+                    here = i == 0 and j == 0
+                    beyond = not (-radius <= p < rows + radius and -radius <= q < cols + radius)
+                    if here or beyond:
                         continue
                     for k in range(couplings):
                         a, b = p - downs[k], q - rights[k]
                         if 0 <= a < rows and 0 <= b < cols:
-                            total = s[a, b] - 2.0 * weights[k]
-                            s[a, b] = total
-                            place = (a + radius) * wide + radius + b
-                            if y[place] == 1 and centre + total < 1.0 - margin:
-                                if anywhere and held[a, b]:
-                                    continue
-                                y[place] = -2
-                                queue[count] = a * cols + b
+                            seer = (a + radius) * wide + radius + b
+                            total = s[seer] - lost[k]
+                            s[seer] = total
+                            if y[seer] == 1 and total < edge:
+                                y[seer] = -1
+                                queue[count] = seer
                                 count += 1
                                 level = max(level, total)
         first, last = last, count
@@ -199,10 +213,10 @@ def _front(
         own = (r + radius) * wide + radius
         for c in range(cols):
             if anywhere and held[r, c]:
-                s[r, c] = start[r, c]
+                drive[r, c] = start[r, c]
             elif y[own + c] > 0:
-                mixed |= not (centre + s[r, c] > 1.0 + margin)
-                s[r, c] = sign * (centre + s[r, c])
+                mixed |= not (centre + s[own + c] > 1.0 + margin)
+                drive[r, c] = sign * (centre + s[own + c])
             else:
-                s[r, c] = sign * (s[r, c] - centre)
-    return (MIXED if mixed else END), time, s
+                drive[r, c] = sign * (s[own + c] - centre)
+    return (MIXED if mixed else END), time, drive

@@ -318,6 +318,7 @@ CHARTS: Mapping[str, Callable[[Sequence[Row]], Picture]] = {
     "fusing": fusing,
     "scaling": scaling,
     "peers": peers,
+    "answers": peers,
     "embedded": embedded,
     "truth": true_error,
     "design": peers,

@@ -505,6 +505,17 @@ def peers(device: str | None, quick: bool, out: Path | None, force: bool, as_jso
     return _report("peers", found, None, engine.device, out, force, as_json)
 
 
+@command.command("answers")
+@_options
+def answers(device: str | None, quick: bool, out: Path | None, force: bool, as_json: bool) -> int:
+    """Time to the same picture: templates against what OpenCV and SciPy have for it."""
+    from cnnum.lab.bench.answers import COUNT, measure_answers
+
+    engine = _engine(device)
+    found = measure_answers(engine, quick=quick)
+    return _report("answers", found, COUNT, engine.device, out, force, as_json)
+
+
 @command.command("design")
 @_options
 def design(device: str | None, quick: bool, out: Path | None, force: bool, as_json: bool) -> int:

@@ -1,0 +1,198 @@
+"""Time to the answer: whole runs of templates against the functions that a user would take instead.
+
+Each side gets a picture in the form that it takes (arrays of float32 here, bool or bytes there),
+and gives a picture; what is counted is the call, from array to array. Both pictures are compared.
+"""
+
+import importlib
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from cnnum.arrays import Floats
+from cnnum.engine import Engine
+from cnnum.errors import MissingExtraError, missing_extra
+from cnnum.lab.bench.timing import interleaved
+
+CROSS = ndimage.generate_binary_structure(2, 1)
+SQUARE = ndimage.generate_binary_structure(2, 2)
+LAPLACE = np.array([[-1.0, -1.0, -1.0], [-1.0, 8.0, -1.0], [-1.0, -1.0, -1.0]], np.float32)
+"""EDGE's B; a black cell with a white neighbour is above 1."""
+
+Blacks = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """A row of `cnnum bench answers`.
+
+    Attributes
+    ----------
+    case, peer, device : str
+    method : str
+        Of the engine.
+    peer_seconds, seconds : float
+        Medians of calls in turns, array to array, s.
+    ratio : float
+        Theirs over ours: above 1 the engine is ahead.
+    spread : float
+        Of our time, s.
+    wrong : int
+        Cells in which the two pictures differ.
+    """
+
+    case: str
+    peer: str
+    device: str
+    method: str
+    peer_seconds: float
+    seconds: float
+    ratio: float
+    spread: float
+    wrong: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Case:
+    """A template on pictures of a shape, and who else gives the answer.
+
+    Attributes
+    ----------
+    template : str
+    shape : tuple of int
+        (..., rows, cols) of the picture.
+    peers : mapping of str to callable
+        Each prepares its own form of the pictures, and returns the call that gives the answer.
+    """
+
+    template: str
+    shape: tuple[int, ...]
+    peers: dict[str, Callable[[Blacks, Blacks], Callable[[], Any]]]
+
+    @property
+    def name(self) -> str:
+        """The case in words."""
+        rows, cols = self.shape[-2:]
+        many = f"{self.shape[0]:,} of " if len(self.shape) == 3 else ""
+        return f"{self.template}, {many}{rows}×{cols}"
+
+
+def _frames(work: Callable[[Any], Any], pictures: NDArray[Any]) -> Callable[[], Any]:
+    if pictures.ndim == 2:
+        return lambda: work(pictures)
+    return lambda: np.stack([work(one) for one in pictures])
+
+
+def _opencv_edge(black: Blacks, _: Blacks) -> Callable[[], Any]:
+    cv2 = _opencv()
+
+    def edge(picture: Floats) -> Any:
+        found = cv2.filter2D(picture, -1, LAPLACE, borderType=cv2.BORDER_REPLICATE)
+        return cv2.threshold(found, 1.0, 1.0, cv2.THRESH_BINARY)[1]
+
+    return _frames(edge, np.where(black, np.float32(1.0), np.float32(-1.0)))
+
+
+def _opencv() -> Any:
+    try:
+        return importlib.import_module("cv2")
+    except ImportError:
+        raise missing_extra("the peer OpenCV", "opencv-python-headless", "peers") from None
+
+
+def _scipy_edge(black: Blacks, _: Blacks) -> Callable[[], Any]:
+    def edge(picture: Floats) -> Any:
+        return ndimage.correlate(picture, LAPLACE, mode="nearest") > 1.0
+
+    return _frames(edge, np.where(black, np.float32(1.0), np.float32(-1.0)))
+
+
+def _scipy_holes(black: Blacks, _: Blacks) -> Callable[[], Any]:
+    return _frames(partial(ndimage.binary_fill_holes, structure=CROSS), black)
+
+
+def _scipy_recall(black: Blacks, marks: Blacks) -> Callable[[], Any]:
+    return lambda: ndimage.binary_propagation(marks, SQUARE, mask=black)
+
+
+EDGES = {"OpenCV": _opencv_edge, "SciPy": _scipy_edge}
+HOLES = {"SciPy": _scipy_holes}
+RECALL = {"SciPy": _scipy_recall}
+
+CASES = (
+    Case("EDGE", (1000, 64, 64), EDGES),
+    Case("EDGE", (1024, 1024), EDGES),
+    *(Case("HOLE", (size, size), HOLES) for size in (64, 256, 1024)),
+    *(Case("RECALL", (size, size), RECALL) for size in (64, 256, 1024)),
+)
+
+COUNT = sum(len(case.peers) for case in CASES)
+"""Rows, where nothing is missing."""
+
+
+def measure_answers(engine: Engine, *, quick: bool = False) -> Iterator[Answer | str]:
+    """Yield a row for each case and peer, or a sentence where a peer is missing or left out."""
+    for case in CASES:
+        for peer, prepare in case.peers.items():
+            if quick and int(np.prod(case.shape)) > 100_000:
+                yield f"{case.name}: takes seconds, left out by --quick"
+                continue
+            try:
+                yield measure(engine, case, peer, prepare, 0.2 if quick else 3.0)
+            except MissingExtraError as error:
+                yield str(error)
+
+
+def pictures(case: Case) -> tuple[Blacks, Blacks]:
+    """Return the black cells of random blobs, half of all cells, and marks in one of a hundred."""
+    rng = np.random.default_rng(11)
+    noise = rng.normal(size=case.shape)
+    black = np.asarray(ndimage.gaussian_filter(noise, (0, 1, 1)[-len(case.shape) :]) > 0.0)
+    return black, black & (rng.random(case.shape) < 0.01)
+
+
+def measure(
+    engine: Engine,
+    case: Case,
+    peer: str,
+    prepare: Callable[[Blacks, Blacks], Callable[[], Any]],
+    budget: float,
+) -> Answer:
+    """Return the row of a case and a peer.
+
+    Parameters
+    ----------
+    engine : Engine
+    case : Case
+    peer : str
+    prepare : callable
+        Of the peer.
+    budget : float
+        s for the turns of both.
+    """
+    black, marks = pictures(case)
+    theirs = prepare(black, marks)
+    picture = np.where(black, np.float32(1.0), np.float32(-1.0))
+    maps = {"input": picture}
+    if case.template == "RECALL":
+        maps["state"] = np.where(marks, np.float32(1.0), np.float32(-1.0))
+    ours = partial(engine.run, case.template, **maps)
+    found = ours()
+    wrong = int(((found.output > 0.0) != (np.asarray(theirs()) > 0)).sum())
+    peer_time, own = interleaved([theirs, ours], budget=budget, runs=31)
+    return Answer(
+        case=case.name,
+        peer=peer,
+        device=engine.device,
+        method=found.method,
+        peer_seconds=peer_time.median,
+        seconds=own.median,
+        ratio=peer_time.median / own.median,
+        spread=own.spread,
+        wrong=wrong,
+    )

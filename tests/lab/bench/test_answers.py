@@ -1,0 +1,30 @@
+"""The race to the answer compares both pictures, and says where they differ."""
+
+import numpy as np
+import pytest
+
+import cnnum
+from cnnum.lab.bench import answers
+
+
+@pytest.mark.parametrize("template", ["EDGE", "HOLE", "RECALL"])
+def test_both_sides_give_one_picture(template):
+    peers = {"EDGE": answers.EDGES, "HOLE": answers.HOLES, "RECALL": answers.RECALL}[template]
+    shape = (3, 20, 17) if template != "RECALL" else (40, 33)
+    case = answers.Case(template, shape, peers)
+    for peer, prepare in peers.items():
+        if peer == "OpenCV":
+            pytest.importorskip("cv2")
+        row = answers.measure(cnnum.Engine("numba"), case, peer, prepare, 0.01)
+        assert row.wrong == 0
+        assert row.ratio == pytest.approx(row.peer_seconds / row.seconds)
+        black = answers.pictures(case)[0]
+        assert 0.3 < black.mean() < 0.7
+
+
+def test_a_peer_that_gives_another_picture_is_seen():
+    case = answers.Case("HOLE", (12, 12), {})
+    row = answers.measure(cnnum.Engine("numba"), case, "none", lambda b, _: lambda: 0 * b, 0.01)
+    black, _ = answers.pictures(case)
+    assert row.wrong >= black.sum() > 0
+    assert np.isfinite(row.ratio)
