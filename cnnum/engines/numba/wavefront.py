@@ -100,7 +100,7 @@ def _front(
     for r in range(rows):
         row = y[(r + radius) * wide + radius : (r + radius) * wide + radius + cols]
         for c in range(cols):
-            x = sign * start[r, c]
+            x = float(sign * start[r, c])
             grey |= not (x >= 1.0 or x <= -1.0)
             row[c] = 1 if x > 0.0 else -1
             largest = max(largest, x)
@@ -141,7 +141,7 @@ def _front(
                     for c in range(max(0, cols - max(0, rights[k])), cols):
                         s[own + c] += w * (sign * value)
         for c in range(cols):
-            total = s[own + c]
+            total = float(s[own + c])
             most = max(most, total)
             if anywhere and held[r, c]:
                 continue
@@ -174,7 +174,7 @@ def _front(
             place = queue[at]
             for k in range(couplings):
                 seer = place - flat[k]
-                total = s[seer] - lost[k]
+                total = float(s[seer] - lost[k])
                 s[seer] = total
                 if y[seer] == 1 and total < edge:
                     y[seer] = -1
@@ -201,7 +201,7 @@ def _front(
                         a, b = p - downs[k], q - rights[k]
                         if 0 <= a < rows and 0 <= b < cols:
                             seer = (a + radius) * wide + radius + b
-                            total = s[seer] - lost[k]
+                            total = float(s[seer] - lost[k])
                             s[seer] = total
                             if y[seer] == 1 and total < edge:
                                 y[seer] = -1

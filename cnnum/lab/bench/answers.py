@@ -5,7 +5,7 @@ and gives a picture; what is counted is the call, from array to array. Both pict
 """
 
 import importlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -25,6 +25,8 @@ LAPLACE = np.array([[-1.0, -1.0, -1.0], [-1.0, 8.0, -1.0], [-1.0, -1.0, -1.0]], 
 """EDGE's B; a black cell with a white neighbour is above 1."""
 
 Blacks = NDArray[np.bool_]
+Prepare = Callable[[Blacks, Blacks], Callable[[], Any]]
+"""Brings black cells and marks into a library's form, and returns the call that answers."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +74,7 @@ class Case:
 
     template: str
     shape: tuple[int, ...]
-    peers: dict[str, Callable[[Blacks, Blacks], Callable[[], Any]]]
+    peers: Mapping[str, Prepare]
 
     @property
     def name(self) -> str:
@@ -120,9 +122,9 @@ def _scipy_recall(black: Blacks, marks: Blacks) -> Callable[[], Any]:
     return lambda: ndimage.binary_propagation(marks, SQUARE, mask=black)
 
 
-EDGES = {"OpenCV": _opencv_edge, "SciPy": _scipy_edge}
-HOLES = {"SciPy": _scipy_holes}
-RECALL = {"SciPy": _scipy_recall}
+EDGES: Mapping[str, Prepare] = {"OpenCV": _opencv_edge, "SciPy": _scipy_edge}
+HOLES: Mapping[str, Prepare] = {"SciPy": _scipy_holes}
+RECALL: Mapping[str, Prepare] = {"SciPy": _scipy_recall}
 
 CASES = (
     Case("EDGE", (1000, 64, 64), EDGES),
@@ -160,7 +162,7 @@ def measure(
     engine: Engine,
     case: Case,
     peer: str,
-    prepare: Callable[[Blacks, Blacks], Callable[[], Any]],
+    prepare: Prepare,
     budget: float,
 ) -> Answer:
     """Return the row of a case and a peer.
@@ -178,7 +180,7 @@ def measure(
     black, marks = pictures(case)
     theirs = prepare(black, marks)
     picture = np.where(black, np.float32(1.0), np.float32(-1.0))
-    maps = {"input": picture}
+    maps: dict[str, Any] = {"input": picture}
     if case.template == "RECALL":
         maps["state"] = np.where(marks, np.float32(1.0), np.float32(-1.0))
     ours = partial(engine.run, case.template, **maps)
