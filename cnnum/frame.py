@@ -130,6 +130,30 @@ def unit_fault(times: NDArray[np.float64]) -> str:
     return ""
 
 
+Limits = tuple[float, float] | tuple[tuple[float, float], ...]
+"""The least and the largest raw value that a sound taxel gives: of all channels, or of each."""
+
+
+def limits_of(limits: Limits, channels: int) -> NDArray[np.float64]:
+    """Return the least and the largest raw value of each channel, (2, channels).
+
+    Raises
+    ------
+    ArrayError
+        If they are no pair, nor one a channel, or a least one is not below its largest.
+    """
+    found = np.asarray(limits, dtype=np.float64)
+    if found.shape == (2,):
+        found = np.tile(found, (channels, 1))
+    if found.shape != (channels, 2) or not (found[:, 0] < found[:, 1]).all():
+        raise ArrayError(
+            "'limits' must be the least and the largest raw value of a sound taxel, as in [1, "
+            f"65534], or such a pair for each of the {channels} channels, got "
+            f"{np.asarray(limits).tolist()}."
+        )
+    return found.T
+
+
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Frame(ByContent):
     """One scan of an array.

@@ -65,7 +65,8 @@ class Driver(Protocol):
     taxels, mm, where these lie on no square grid. ``bumps`` is the
     `cnnum.tactile.cover.BumpCover` over the taxels, whose geometry goes to the programs that undo
     it. ``full_scale`` is the largest magnitude that a value can have. A frame with a larger one is
-    a bad frame. ``limits`` are the least and the largest value of a sound taxel. ``live`` is true
+    a bad frame. ``limits`` are the least and the largest value of a sound taxel, a pair of all
+    channels or one of each. ``live`` is true
     where frames that were taken are gone, so that a second pass over
     a scene is refused; without it each call of `frames` begins at the first frame. ``total_frames``
     is the number of frames to come, for a bar of progress. ``verified`` is false where the packets

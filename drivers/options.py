@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Literal, TypeVar, Union, cast, get_args, get_origin, get_type_hints
 
 from cnnum.errors import ArrayError, SceneError, unreadable
+from cnnum.frame import Limits, limits_of
 from cnnum.recordings.recording import channel_names
 from cnnum.renamed import by_new_names
 from cnnum.safety.names import shown
@@ -173,6 +174,15 @@ def _items(key: str, value: object, kinds: tuple[Any, ...], base: Path) -> tuple
 
 def _wrong(key: str, expected: str, value: object) -> SceneError:
     return SceneError(f"The option '{key}' must be {expected}, got {shown(value)}.")
+
+
+def require_limits(limits: Limits | None, channels: int) -> None:
+    """Refuse limits that are no pair of raw values, nor one a channel; raises as `require`."""
+    if limits is not None:
+        try:
+            limits_of(limits, channels)
+        except ArrayError as error:
+            raise SceneError(str(error)) from None
 
 
 def require(key: str, holds: bool, expected: str, value: object) -> None:

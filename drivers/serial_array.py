@@ -151,7 +151,8 @@ class SerialArray(Closing):
         self.shape: Shape = (rows, cols)
         self.channels = first.channels
         self.unit = first.unit
-        self.positions = options.wire.positions
+        known = options.wire
+        self.positions, self.limits = known.positions, known.limits
         self.rate = 1e6 / first.period_us if first.period_us else 0.0
 
     @property

@@ -9,8 +9,8 @@ from pathlib import Path
 from cnnum.drivers.driver import Driver
 from cnnum.drivers.geometry import Grid
 from cnnum.drivers.outside import module_of
-from cnnum.errors import SceneError, UnknownNameError, name_error
-from cnnum.frame import differ
+from cnnum.errors import ArrayError, SceneError, UnknownNameError, name_error
+from cnnum.frame import differ, limits_of
 from cnnum.programs import Program
 from cnnum.programs.library import get_program, load_program
 from cnnum.programs.parameters import RATE
@@ -72,6 +72,15 @@ def named(program: str, base: Path = Path()) -> Program:
             f"the module '{place}'."
         )
     return found
+
+
+def refuse_other_limits(spec: SceneSpec, driver: Driver) -> None:
+    """Raise if a scene has limits for other channels than its array."""
+    try:
+        if spec.limits is not None:
+            limits_of(spec.limits, len(driver.channels))
+    except ArrayError as error:
+        raise SceneError(f"Scene '{spec.name}': 'frames.limits': {error}") from None
 
 
 def grid_of(spec: SceneSpec, driver: Driver) -> Grid | None:

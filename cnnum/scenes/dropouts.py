@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from cnnum.arrays import Floats, Shape
 from cnnum.errors import FrameError
-from cnnum.frame import Frame
+from cnnum.frame import Frame, Limits, limits_of
 from cnnum.programs.machine import BEGINS, ENOUGH
 from cnnum.scenes.events import Event
 from cnnum.scenes.saturation import Mask
@@ -53,9 +53,6 @@ LISTED = 8
 
 TINY = 1e-30
 
-Limits = tuple[float, float]
-"""The least and the largest raw value that a sound taxel gives."""
-
 
 class Dropouts:
     """Masks the taxels of a scene that are lost.
@@ -63,7 +60,7 @@ class Dropouts:
     Parameters
     ----------
     shape : (rows, cols)
-    limits : (low, high), optional
+    limits : (low, high), or a pair a channel, optional
         In the driver's unit; a taxel with a value beyond them is lost.
     dead : sequence of (row, column)
         Taxels that are not looked at.
@@ -90,6 +87,7 @@ class Dropouts:
         quiet: bool = False,
     ) -> None:
         self._limits, self._end, self._quiet = limits, end, quiet
+        self._ends: Floats | None = None  # (2, channels): of the limits
         self._looked_at = np.ones(shape, dtype=np.bool_)
         for row, col in dead:
             self._looked_at[row, col] = False
@@ -133,9 +131,12 @@ class Dropouts:
 
         No number is a fault of the frame, which costs it, until the taxel has had none for a while.
         """
-        low, high = self._limits or (-np.inf, np.inf)
         least, most = float(values.min()), float(values.max())
-        if low <= least and most <= high and np.isfinite(most - least):
+        low, high = self._low_and_high(values.shape[2])
+        if np.isfinite(most - least) and (
+            (low.max() <= least and most <= high.min())
+            or bool(((values >= low) & (values <= high)).all())
+        ):
             self._odd = self._none
             return None
         numbers = np.isfinite(values).all(axis=2) | ~self._looked_at
@@ -151,6 +152,13 @@ class Dropouts:
         self._odd = faults
         lasts = time - self._odd_since >= STEADY
         return np.asarray(~within | ~numbers) if lasts else None
+
+    def _low_and_high(self, channels: int) -> Floats:
+        """Return the limits of each channel."""
+        if self._ends is None:
+            known = (-np.inf, np.inf) if self._limits is None else self._limits
+            self._ends = limits_of(known, channels)
+        return self._ends
 
     def _jumps(self, values: Floats, time: float) -> bool:
         """Return whether a reading has jumped, and take in one that has not."""

@@ -26,7 +26,7 @@ from cnnum.errors import (
     SceneError,
     name_error,
 )
-from cnnum.frame import Frame, Quality, contradicted
+from cnnum.frame import Frame, Limits, Quality, contradicted
 from cnnum.graph.graph import Graph
 from cnnum.graph.nodes import Input
 from cnnum.graph.tracing import TraceStep, trace_steps
@@ -38,6 +38,7 @@ from cnnum.scenes.arrangement import (
     events_of_everything,
     grid_of,
     program_of,
+    refuse_other_limits,
     refuse_unfit,
     unknown_want,
     warn_of_no_bumps,
@@ -292,6 +293,7 @@ class Scene(OfThisProcess):
         driver = open_driver(spec.driver, spec.driver_options, base=spec.base)
         try:
             conversion = conversion_for(spec.calibration, driver, spec.base, spec.scale)
+            refuse_other_limits(spec, driver)
             grid = grid_of(spec, driver)
             program = bound(program_of(spec), spec, driver, grid)
             refuse_unfit(program, spec, driver, unit_of(conversion, driver))
@@ -484,9 +486,9 @@ class Scene(OfThisProcess):
             lives, self.grid,
         )  # fmt: skip
 
-    def _limits(self) -> tuple[float, float] | None:
+    def _limits(self) -> Limits | None:
         """Return the limits of raw values: the scene's own, else those that the driver knows."""
-        known = cast(tuple[float, float] | None, getattr(self.driver, "limits", None))
+        known = cast(Limits | None, getattr(self.driver, "limits", None))
         return self.spec.limits or known
 
     def _count(self, moment: FrameResult, way: FramePath) -> None:

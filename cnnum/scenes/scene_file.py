@@ -9,7 +9,8 @@ from typing import Any, cast
 
 from cnnum.drivers.geometry import Positions
 from cnnum.drivers.options import convert
-from cnnum.errors import SceneError, missing_file, name_error, unreadable
+from cnnum.errors import ArrayError, SceneError, missing_file, name_error, unreadable
+from cnnum.frame import Limits, limits_of
 from cnnum.programs import Program
 from cnnum.renamed import by_new_names
 from cnnum.safety.names import LONGEST, checked_name, shown, tidied
@@ -47,7 +48,7 @@ class SceneSpec:
         Largest magnitude of a good frame's values, in the driver's unit, where the scene says so.
     dead : tuple of (row, column)
         Taxels whose values come from their neighbours.
-    limits : (low, high) or None
+    limits : (low, high), or a pair a channel, or None
         Raw values beyond which a taxel has dropped out, in the driver's unit.
     tares : tuple of float, s
         Times after the first frame from which on rest and noise are learned anew.
@@ -95,7 +96,7 @@ class SceneSpec:
     fallback: str | None = None
     base: Path = Path()
     events: tuple[EventRule, ...] = ()
-    limits: tuple[float, float] | None = None
+    limits: Limits | None = None
     tares: tuple[float, ...] = ()
     positions: Positions = ()
     pitch: float | None = None
@@ -336,18 +337,19 @@ def _range(scene: str, value: object) -> float | None:
     return float(cast(float, value))
 
 
-def _limits(scene: str, value: object) -> tuple[float, float] | None:
+def _limits(scene: str, value: object) -> Limits | None:
     """Return the limits of raw values, None where a scene says nothing."""
-    if value is None:
-        return None
-    pair = cast(list[object], value if isinstance(value, list) else [])
-    numbers = [float(n) for n in pair if isinstance(n, int | float) and not isinstance(n, bool)]
-    if len(pair) != 2 or len(numbers) != 2 or not numbers[0] < numbers[1]:
+    try:
+        found = cast(Limits | None, convert("frames.limits", value, Limits | None, Path()))
+        several = found is not None and (not found or isinstance(found[0], tuple))
+        if found is not None:
+            limits_of(found, len(found) if several else 1)
+    except (SceneError, ArrayError):
         raise SceneError(
             f"Scene '{scene}': 'frames.limits' must be the least and the largest raw value of a "
-            f"sound taxel, as in [1, 65534], got {value!r}."
-        )
-    return numbers[0], numbers[1]
+            f"sound taxel, as in [1, 65534], or such a pair a channel, got {value!r}."
+        ) from None
+    return found
 
 
 def _tares(scene: str, value: object) -> tuple[float, ...]:

@@ -11,8 +11,14 @@ from numpy.typing import NDArray
 from cnnum.arrays import Floats, Shape
 from cnnum.drivers.codecs.checksums import CHECKS
 from cnnum.drivers.geometry import Positions, checked_positions
-from cnnum.drivers.options import read_options_file, require, require_channels
+from cnnum.drivers.options import (
+    read_options_file,
+    require,
+    require_channels,
+    require_limits,
+)
 from cnnum.errors import CodecError
+from cnnum.frame import Limits, limits_of
 from cnnum.recordings.recording import channel_names
 
 CELLS = ("u8", "i8", "u16", "i16", "u32", "i32", "f32", "text")
@@ -55,8 +61,9 @@ class Descriptor:
     scale : float
         The factor of a raw number.
     unit : str
-    limits : (low, high), optional
-        Raw numbers outside are a sign that the bytes are no packet.
+    limits : (low, high), or a pair a channel, optional
+        Of raw numbers. One outside is a sign that the bytes are no packet, where no check says that
+        they are; of a packet with a check the taxel has dropped out.
     full : float, optional
         A raw number at which, and beyond which, a cell is at the end of its range.
     rate : float
@@ -86,7 +93,7 @@ class Descriptor:
     request: str = ""
     scale: float = 1.0
     unit: str = "count"
-    limits: tuple[float, float] | None = None
+    limits: Limits | None = None
     full: float | None = None
     rate: float = 0.0
     baud: int = 115_200
@@ -104,8 +111,7 @@ class Descriptor:
         require("scale", holds, "a number other than 0", self.scale)
         require("baud", 0 < self.baud <= 10**8, "bits a second, 1 to 100000000", self.baud)
         require("rate", 0.0 <= self.rate < 1e6, "Hz, below 1e6, or 0", self.rate)
-        require("limits", self.limits is None or self.limits[0] < self.limits[1],
-                "a low and a high number", self.limits)  # fmt: skip
+        require_limits(self.limits, len(self.channels))
         if self.positions:
             checked_positions(self.positions, rows * cols)
         found = bool(self.header or self.tail or self.request) or self.cell == "text"
@@ -119,6 +125,15 @@ class Descriptor:
         if self.full is None or not (raw >= self.full).any():
             return None
         return np.asarray((raw >= self.full).any(axis=-1))
+
+    @property
+    def sound(self) -> Limits | None:
+        """The limits of the values of sound taxels, where the packets do not go by them."""
+        if self.limits is None or self.check == "none":
+            return None
+        low, high = self.scale * limits_of(self.limits, len(self.channels))
+        ends = zip(np.minimum(low, high).tolist(), np.maximum(low, high).tolist(), strict=True)
+        return tuple(ends)
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -1,6 +1,5 @@
 """A scan: the numbers that an array sent, before the host gives them a place in its run."""
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
@@ -9,6 +8,7 @@ from numpy.typing import NDArray
 
 from cnnum.arrays import Floats
 from cnnum.errors import CodecError
+from cnnum.frame import Limits, limits_of
 
 U16, U32, U64 = 1 << 16, 1 << 32, 1 << 64
 
@@ -27,9 +27,11 @@ def numbers_or_none(values: Floats) -> bool:
     return bool((whole | lost).all()) and 2 * int(lost.sum()) < lost.size
 
 
-def within(values: Floats, limits: tuple[float, float] | None) -> bool:
-    """Return whether no number is beyond some limits."""
-    low, high = limits or (-math.inf, math.inf)
+def within(values: Floats, limits: Limits | None) -> bool:
+    """Return whether no number, (…, channels), is beyond some limits."""
+    if limits is None:
+        return True
+    low, high = limits_of(limits, values.shape[-1])
     return not ((values < low) | (values > high)).any()
 
 

@@ -10,6 +10,7 @@ from cnnum.arrays import Shape
 from cnnum.drivers.codecs.scan import Scan
 from cnnum.drivers.geometry import Positions
 from cnnum.errors import SceneError, name_error
+from cnnum.frame import Limits
 
 ROOM = "cnnum.drivers.codecs"
 
@@ -117,6 +118,8 @@ class Wire:
         The scans that `encode` takes; None where it takes any scan.
     positions : sequence of (x, y), mm
         Of the taxels, where these lie on no square grid.
+    limits : (low, high), or a pair a channel, or None
+        Of the values of a sound taxel.
     verified : bool
         Whether packets carry a check of their numbers. Without one, scans are held against their
         neighbours; damage that is no jump goes unseen, and a jump of one scan is taken for damage.
@@ -133,6 +136,7 @@ class Wire:
     form: Form | None = None
     verified: bool = True
     positions: Positions = ()
+    limits: Limits | None = None
 
 
 def protocol_names() -> tuple[str, ...]:
@@ -192,6 +196,7 @@ def described_wire(path: Path, asked: Asked) -> Wire:
         form=Form(known.shape, known.names, known.unit, 0.0, full),
         verified=verified,
         positions=known.positions,
+        limits=known.sound,
     )
 
 

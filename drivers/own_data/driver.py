@@ -219,6 +219,8 @@ class DataFile(Counting):
         Pads side by side, where the layout says so.
     pitch : float or None
         Distance of the taxels, m, where the layout says so.
+    limits : (low, high), or a pair a channel, or None
+        Of the values of sound taxels, where the layout has them.
     positions : sequence of (x, y), mm
         Of the taxels, where the layout has them; empty where not.
     calibration, total_frames
@@ -240,6 +242,7 @@ class DataFile(Counting):
         self.calibration = calibration
         self.pads = None if layout is None else layout.pads
         self.pitch = None if layout is None else layout.pitch
+        self.limits = None if layout is None else layout.sound
         self.positions = () if layout is None else layout.positions
         self.total_frames = len(recording)
 

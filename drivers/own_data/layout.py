@@ -7,9 +7,15 @@ from pathlib import Path
 from typing import ClassVar, Literal
 
 from cnnum.drivers.geometry import Positions, checked_positions
-from cnnum.drivers.options import read_options_file, require, require_channels
+from cnnum.drivers.options import (
+    read_options_file,
+    require,
+    require_channels,
+    require_limits,
+)
 from cnnum.drivers.text_table import TextForm
 from cnnum.errors import SceneError
+from cnnum.frame import Limits, limits_of
 from cnnum.recordings.recording import channel_names
 from cnnum.recordings.times import FASTEST
 
@@ -74,6 +80,9 @@ class DataLayout:
         Pads that lie side by side in the columns.
     pitch : float, optional
         Distance of the taxels, m; of taxels at positions, the size of a cell of their grid.
+    limits : (low, high), or a pair a channel, optional
+        The least and the largest number of a sound taxel, as the file has them: one beyond has
+        dropped out.
     positions : sequence of (x, y)
         Places of the taxels, mm, row by row, where these lie on no square grid
         (`cnnum.drivers.geometry`).
@@ -117,6 +126,7 @@ class DataLayout:
     pads: int = 1
     pitch: float | None = None
     positions: Positions = ()
+    limits: Limits | None = None
     separator: str = ","
     decimal: Literal[".", ","] = "."
     header: bool = True
@@ -145,6 +155,7 @@ class DataLayout:
         require("separator", holds, "one sign, which no number has", self.separator)
         require("skip", 0 <= self.skip <= MOST_SKIPPED, f"0 to {MOST_SKIPPED}", self.skip)
         require_channels(self.plain)
+        require_limits(self.limits, len(self.channels))
         holds = len(self.names) in (0, len(self.channels))
         require("names", holds, "a word a channel", list(self.names))
         parts = self.order.split()
@@ -163,6 +174,15 @@ class DataLayout:
     def signs(self) -> tuple[float, ...]:
         """1 or -1 for each channel."""
         return tuple(-1.0 if name.startswith("-") else 1.0 for name in self.channels)
+
+    @property
+    def sound(self) -> Limits | None:
+        """The limits of the values of sound taxels, with the signs of the channels."""
+        if self.limits is None:
+            return None
+        pairs = limits_of(self.limits, len(self.channels)).T.tolist()
+        signed = zip(pairs, self.signs, strict=True)
+        return tuple((low, high) if sign > 0.0 else (-high, -low) for (low, high), sign in signed)
 
     @property
     def full_names(self) -> tuple[str, ...]:

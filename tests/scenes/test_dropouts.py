@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 
 import cnnum
+from cnnum.drivers.codecs.scan import Scan
 from cnnum.drivers.codecs.wire import Asked, wire
+from cnnum.drivers.codecs.wire import described_wire as wire_of
 from cnnum.errors import SceneError
 from cnnum.frame import FORCE_AXES, Frame
 from cnnum.scenes.dropouts import Dropouts, Liveness
@@ -86,6 +88,75 @@ def test_contact_and_twist_hold_meanwhile(tmp_path, program):
     column(values)
     _, events = played(tmp_path, values, program)
     assert [kind for kind, _ in events] == (["contact"] if program == "contact" else [])
+
+
+EACH = [[15_000.0, 17_000.0], [0.0, 65_535.0], [12_000.0, 30_000.0]]
+"""Limits of x, y and z; a reading of x that is fine for z is none of x."""
+
+
+def lost_in_x(seed=1):
+    """A quiet grip in which two taxels read 20,000 in x, where z may, and 14,000 in y."""
+    values = grip(seed)
+    values[LOST, 2, 2:4, 0] = 20_000.0
+    values[LOST, 5, 2:4, 1] = 14_000.0
+    return values
+
+
+def of_a_layout(folder, values, limits):
+    values = values * [-1.0, 1.0, 1.0]  # the layout turns x around: its limits are of the file
+    np.save(folder / "grip.npy", values)
+    (folder / "grip.toml").write_text(
+        f'shape = [8, 8]\nchannels = ["-x", "y", "z"]\nrate = {RATE}\nlimits = '
+        f"{[[-limits[0][1], -limits[0][0]], *limits[1:]]}\n"
+    )
+    return {"driver": "file", "path": str(folder / "grip.npy")}, {}
+
+
+def of_a_scene(folder, values, limits):
+    cnnum.Recording(values, rate=RATE).save(folder / "grip.npz", force=True)
+    return {"driver": "npz", "path": str(folder / "grip.npz")}, {"frames.limits": limits}
+
+
+@pytest.mark.parametrize("said_by", [of_a_layout, of_a_scene])
+def test_every_channel_may_have_limits_of_its_own(tmp_path, said_by):
+    array, more = said_by(tmp_path, lost_in_x(), EACH)
+    (tmp_path / "scene.toml").write_text(
+        'needs = ["slip"]\n[array]\ndriver = "npz"\n[program]\nname = "slip"\n'
+        "[program.parameters]\npush = 1.0\n"
+    )
+    scene = cnnum.load_scene(tmp_path / "scene.toml", changes={"array": array, **more})
+    masks = [one.masked for one in scene.results() if LOST.start + 5 < one.number < LOST.stop]
+    assert scene.summary().dropouts == 2
+    for mask in masks:
+        assert np.argwhere(mask).tolist() == [[2, 2], [2, 3]]
+
+
+def test_limits_of_a_descriptor_mask_taxels_of_packets_with_a_check(tmp_path):
+    text = (
+        'name = "m"\nshape = [2, 2]\nchannels = ["x", "z"]\nheader = "5a a5"\ncell = "u16"\n'
+        "scale = 0.5\nlimits = [[100, 40000], [1, 65000]]\n"
+    )
+    values = np.full((2, 2, 2), 8_000.0)
+    values[0, 1, 0] = 30_000.0  # 60,000 in x
+    for check, comes in (("crc16-modbus", True), ("none", False)):
+        (tmp_path / "m.toml").write_text(f'{text}check = "{check}"\n')
+        known = wire_of(tmp_path / "m.toml", Asked())
+        scans = known.decoder().feed(3 * known.encode(Scan(values, ("shear_x", "normal"), "count")))
+        assert bool(scans) == comes
+        assert known.limits == (((50.0, 20_000.0), (0.5, 32_500.0)) if comes else None)
+    looks = Dropouts((2, 2), ((50.0, 20_000.0), (0.5, 32_500.0)))
+    frame = Frame(values, ("shear_x", "normal"), "count", 0, 0.0)
+    assert np.argwhere((looks.look(frame), looks.masked)[1]).tolist() == [[0, 1]]
+
+
+@pytest.mark.parametrize("limits", [[[1, 2], [3, 4]], [[2, 1], [3, 4], [5, 6]], [1], "high", [[]]])
+def test_limits_of_other_channels_are_refused(tmp_path, limits):
+    array, more = of_a_scene(tmp_path, grip(frames=40), limits)
+    (tmp_path / "scene.toml").write_text(
+        'needs = ["contact"]\n[array]\ndriver = "npz"\n[program]\nname = "contact"\n'
+    )
+    with pytest.raises(SceneError, match=r"'frames.limits'.* the least and the largest"):
+        cnnum.load_scene(tmp_path / "scene.toml", changes={"array": array, **more})
 
 
 def test_limits_are_the_scenes(tmp_path):
