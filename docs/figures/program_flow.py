@@ -133,23 +133,23 @@ def slip_flow() -> tuple[Traced, list[Drawn]]:
     recent, (pad,) = traced.recent, traced.recent.pads
     load = inspect.signature(slip_file.slip.function).parameters["load"].default
     made = recent.frame.once(slip_file.read_outs, recent=recent, load=load)
-    shows = {name: [field.node] for name, field in made.items()}
-    changes = [*nodes_of([recent.jolt]), *traced.memory("trend")]
+    signs = {name: [field.node] for name, field in made.items()}
+    changes = [*nodes_of([recent.load_rate]), *traced.memory("trend")]
     return traced, [
         *start_of(traced),
         ("shear a moment ago", traced.held(recent.old_shear), (4, 2), "templates"),
         ("slip_x, slip_y", nodes_of([pad.x, pad.y]), (3, 3), "read-outs"),
-        ("grows", shows["grows"], (4, 3), "read-outs"),
+        ("ratio rate", signs["ratio_rate"], (4, 3), "read-outs"),
         ("largest load", nodes_of([recent.z.max()]), (5, 3), "read-outs"),
         ("slopes of the load", traced.run_by("gradient_x", "gradient_y"), (1, 4), "templates"),
         ("local mean of its change", traced.run_by("tactile_diffusion"), (4, 4), "templates"),
         ("cells come loose", traced.memory("loose"), (5, 4), "templates"),
-        ("jolt, trend", changes, (0, 5), "read-outs"),
-        ("moves", shows["moves"], (1, 5), "read-outs"),
-        ("along the shear", shows["along"], (2, 5), "read-outs"),
-        ("lies under the load", shows["lies"], (3, 5), "read-outs"),
-        ("loosens", shows["loosens"], (4, 5), "read-outs"),
-        ("sticks", shows["sticks"], (5, 5), "read-outs"),
+        ("load rate, trend", changes, (0, 5), "read-outs"),
+        ("pattern speed", signs["pattern_speed"], (1, 5), "read-outs"),
+        ("along the shear", signs["motion_cosine"], (2, 5), "read-outs"),
+        ("aligned with the load", signs["alignment"], (3, 5), "read-outs"),
+        ("incoherent shear", signs["incoherent_shear"], (4, 5), "read-outs"),
+        ("stick share", signs["stick_share"], (5, 5), "read-outs"),
         ("slip_strength", traced.unmasked("slip_strength"), (2, 6), "decision"),
         ("gross_slip", nodes_of([traced.outputs["gross_slip"]]), (3, 6), "decision"),
     ]
@@ -166,7 +166,7 @@ def twist_flow() -> tuple[Traced, list[Drawn]]:
         *start_of(traced),
         ("curl of the shear", traced.run_by("shear_curl"), (4, 2), "templates"),
         ("twist_row, twist_column", place, (0, 4), "read-outs"),
-        ("jolt", nodes_of([traced.recent.jolt]), (1, 4), "read-outs"),
+        ("jolt", nodes_of([traced.recent.load_rate]), (1, 4), "read-outs"),
         ("divergence of the shear", traced.run_by("shear_divergence"), (5, 2), "templates"),
         ("curl over load", [turned.arguments[0]], (4, 3), "read-outs"),
         ("divergence over load", [before[1].arguments[1]], (5, 3), "read-outs"),

@@ -4,7 +4,8 @@ Slip is a contact whose pattern moves and whose shear rearranges, under a shear 
 move a pattern, too: a load that changes, and a ratio of shear to normal load that still grows. Slip
 counts as far as it exceeds their effect, once less than half of the contact sticks:
 
-    slip_strength = (moves² · loosens)^⅓ · ratio / (still + |trend| + swing · jolt + pull · grows)
+    strength = (pattern_speed² · incoherent_shear)^⅓ · ratio
+               / (still + |trend| + swing · load_rate + pull · ratio_rate)
 
 All of these are rates in 1/s, but for `ratio`, which is shear over normal load. Where the axes are
 known, the strength is weighed by how far the pattern moves along the shear. It is weighed, too, by
@@ -32,7 +33,7 @@ LOOSE, STIRS = 0.25, 0.05  # a cell is loose from that change of its shear off t
 TOUCHED, STICKS = 0.1, 0.5  # load of a cell in contact, over the largest; share that sticks at most
 ALONG = 0.75  # weight of a motion over 1 plus its cosine to the shear: 1 at a third
 WAVE = RunSpec(method="euler")  # of a time constant: no cell turns back, so the picture is the same
-LIES = 0.3  # cosine of the shear's map to the load's, from which a shear can be that of a slip
+ALIGNED = 0.3  # cosine of the shear's map to the load's, from which a shear can be that of a slip
 LEVELS = (
     (0.5, 0.60), (1.2, 0.50), (2.0, 0.40), (3.2, 0.36), (4.7, 0.32), (5.9, 0.28), (6.4, 0.25),
     (11.6, 0.20),
@@ -93,15 +94,18 @@ def slip(
         RecentLoads, push=push, shear_gain=shear_gain, pads=pads, rest=rest, look=look,
         floor=floor,
     )  # fmt: skip
-    shows = frame.once(read_outs, recent=recent, load=load)
+    signs = frame.once(read_outs, recent=recent, load=load)
     _, x, y = most([(pad.ratio * pad.load, pad.x, pad.y) for pad in recent.pads])
     # decision
-    explained = abs(shows["trend"]) + swing * recent.jolt + pull * shows["grows"]
-    strength = (shows["moves"] * shows["moves"] * shows["loosens"]) ** (1 / 3) * recent.ratio
-    strength = where(shows["sticks"] < STICKS, strength / (still + explained), 0.0)
+    explained = abs(signs["trend"]) + swing * recent.load_rate + pull * signs["ratio_rate"]
+    speed = signs["pattern_speed"]
+    strength = (speed * speed * signs["incoherent_shear"]) ** (1 / 3) * recent.ratio
+    strength = where(signs["stick_share"] < STICKS, strength / (still + explained), 0.0)
     if axes:  # an object slides along its shear, which is μ times the load
-        counts = ALONG * maximum(1.0 + shows["along"], 0.0)
-        strength = strength * (counts * counts * minimum(maximum(shows["lies"], 0.0) / LIES, 1.0))
+        counts = ALONG * maximum(1.0 + signs["motion_cosine"], 0.0)
+        strength = strength * (
+            counts * counts * minimum(maximum(signs["alignment"], 0.0) / ALIGNED, 1.0)
+        )
     shown = recent.shown(slip_x=x, slip_y=y, slip_strength=strength)
     level, frames = level_of(false_reports, LEVELS), hold_time * frame.rate
     return {"gross_slip": report(frame, shown["slip_strength"], level, frames), **shown}
@@ -146,16 +150,16 @@ def _of_pad(recent: RecentLoads, pad: Pad, rests: list[Field], stick: Field) -> 
     now, old = recent.z / pad.load, recent.old_z / pad.before
     right, down = (apply(get_template(f"gradient_{axis}"), input=mean([now, old])) for axis in "xy")
     # read-outs
-    moves, size = root_sum(pad.total, [now - old]), sqrt(pad.power + pad.even)
+    motion, size = root_sum(pad.total, [now - old]), sqrt(pad.power + pad.even)
     along = pad.inner((old - now) * (pad.x * right + pad.y * down))
     shear = pad.x * recent.shear[0] + pad.y * recent.shear[1]
     was = [pad.total(each) / pad.before for each in recent.old_shear]
     x, y = pad.ratio * pad.x - was[0], pad.ratio * pad.y - was[1]
     return {
-        "moves": recent.per_s * moves * pad.load / size,
-        "loosens": root_sum(pad.total, rests) / size,
-        "sticks": pad.total(where(stick, recent.z, 0.0)) / pad.load,
-        "grows": recent.per_s * length([x, y]),
-        "along": along / (moves * root_sum(pad.inner, [right, down])),
-        "lies": pad.total(recent.z * shear) / (sqrt(pad.power) * root_sum(pad.total, [shear])),
+        "pattern_speed": recent.per_s * motion * pad.load / size,
+        "incoherent_shear": root_sum(pad.total, rests) / size,
+        "stick_share": pad.total(where(stick, recent.z, 0.0)) / pad.load,
+        "ratio_rate": recent.per_s * length([x, y]),
+        "motion_cosine": along / (motion * root_sum(pad.inner, [right, down])),
+        "alignment": pad.total(recent.z * shear) / (sqrt(pad.power) * root_sum(pad.total, [shear])),
     }

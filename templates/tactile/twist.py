@@ -16,7 +16,7 @@ from cnnum.programs.transients import apply
 from cnnum.templates.tactile.shared.recent_loads import Pad, RecentLoads
 from cnnum.templating.library import get_template
 
-APART = 0.2  # curl at least, over the divergence, beyond the ratio of shear to normal load
+DIVERGING = 0.2  # curl at least, over the divergence, beyond the ratio of shear to normal load
 LEVELS = ((0.3, 0.1), (0.5, 0.03), (0.7, 0.02), (5.0, 0.01))
 """As in `slip`."""
 
@@ -56,16 +56,16 @@ def twist(
         RecentLoads, push=push, shear_gain=shear_gain, pads=pads, rest=rest, look=look,
         floor=floor,
     )  # fmt: skip
-    shows = frame.once(read_outs, recent=recent, still=still)
+    signs = frame.once(read_outs, recent=recent, still=still)
     row, column = frame.centroid(square(recent.z))
     # decision
-    strength, turned = abs(shows["turned"]), shows["turned"]
-    counts = ~recent.resting & (strength > recent.ratio + APART * shows["apart"])
+    strength, curl = abs(signs["curl"]), signs["curl"]
+    counts = ~recent.resting & (strength > recent.ratio + DIVERGING * signs["divergence"])
     level, frames = level_of(false_reports, LEVELS), hold_time * frame.rate
     flag = report(frame, where(counts, strength, 0.0), level, frames)
     return {
         "twist": flag,
-        "twist_sense": where(flag, where(turned > 0.0, 1.0, -1.0), 0.0),
+        "twist_sense": where(flag, where(curl > 0.0, 1.0, -1.0), 0.0),
         **recent.shown(twist_strength=strength, twist_row=row, twist_column=column),
     }
 
@@ -80,13 +80,11 @@ def read_outs(frame: FrameFields, *, recent: RecentLoads, still: float) -> dict[
     curls, parts = (
         [_over_load(recent, pad, each) for pad in recent.pads] for each in (curl, divergence)
     )
-    changes = recent.jolt > still
+    changes = recent.load_rate > still
     turns = [_since(recent, "curl", each, changes) for each in curls]
-    opens = [abs(_since(recent, "divergence", each, changes)) for each in parts]
-    _, turned, apart = most(
-        [(abs(turn), turn, each) for turn, each in zip(turns, opens, strict=True)]
-    )
-    return {"turned": turned, "apart": apart}
+    parts = [abs(_since(recent, "divergence", each, changes)) for each in parts]
+    _, turn, part = most([(abs(one), one, other) for one, other in zip(turns, parts, strict=True)])
+    return {"curl": turn, "divergence": part}
 
 
 def _over_load(recent: RecentLoads, pad: Pad, slope: Field) -> Field:

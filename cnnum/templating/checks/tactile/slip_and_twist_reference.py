@@ -14,7 +14,7 @@ from cnnum.arrays import Floats
 FAST, SPREAD, HOLD = 0.02, 4.0, 0.5
 """Smoothing, s; diffusion time, cells²; share of a level below which a report ends."""
 
-LOOSE, STIRS, TOUCHED, STICKS, LIES, APART = 0.25, 0.05, 0.1, 0.5, 0.3, 0.2
+LOOSE, STIRS, TOUCHED, STICKS, ALIGNED, DIVERGING = 0.25, 0.05, 0.1, 0.5, 0.3, 0.2
 """As in the programs."""
 
 
@@ -22,7 +22,7 @@ LOOSE, STIRS, TOUCHED, STICKS, LIES, APART = 0.25, 0.05, 0.1, 0.5, 0.3, 0.2
 class Constants:
     """Parameters of the programs under the same names; times in s, rates in 1/s.
 
-    `jolts` is `still` of `twist`; `level` and `turn` are those that `false_reports` lead to.
+    `most_load_rate` is `still` of `twist`; `false_reports` leads to `level` and `turn`.
     """
 
     push: float = -1.0
@@ -39,7 +39,7 @@ class Constants:
     swing: float = 0.3
     level: float = 0.40
     turn: float = 0.1
-    jolts: float = 0.25
+    most_load_rate: float = 0.25
     hold_time: float = 0.1
 
     @property
@@ -168,18 +168,20 @@ class MovingContact:
             heavy = (z**2).sum() + least**2 / (16.0 * z.size)
             along = -((share - was)[:, inner] * slope).sum() / max(moved * steep, 1e-300)
             found.append({
-                "moves": per_s * moved * mass / size,
-                "loosens": np.sqrt(sum((loose[a][:, cols] ** 2).sum() for a in "xy")) / size,
+                "pattern_speed": per_s * moved * mass / size,
+                "incoherent_shear": np.sqrt(
+                    sum((loose[a][:, cols] ** 2).sum() for a in "xy")
+                ) / size,
                 "ratio": force / mass,
-                "grows": per_s * np.hypot(
+                "ratio_rate": per_s * np.hypot(
                     x.sum() / mass - was_x / (before.sum() + least),
                     y.sum() / mass - was_y / (before.sum() + least),
                 ),
-                "sticks": z[stick[:, cols]].sum() / mass,
-                "lies": (z * pulled).sum() / max(lengths, 1e-300),
+                "stick_share": z[stick[:, cols]].sum() / mass,
+                "alignment": (z * pulled).sum() / max(lengths, 1e-300),
                 "mass": mass,
-                "jolt": per_s * (z.sum() - before.sum()),
-                "along": along,
+                "load_rate": per_s * (z.sum() - before.sum()),
+                "motion_cosine": along,
                 "x": x.sum(),
                 "y": y.sum(),
                 "curl": (now["z"] * curl)[:, inner].sum() / heavy,
@@ -202,22 +204,22 @@ class MovingContact:
     def _decided(self, now: dict[str, Floats], pads: list[dict[str, float]]) -> dict[str, float]:
         c = self.c
         mean = {name: float(np.mean([pad[name] for pad in pads])) for name in pads[0]}
-        mass, jolt = mean["mass"], abs(mean["jolt"]) / mean["mass"]
+        mass, load_rate = mean["mass"], abs(mean["load_rate"]) / mean["mass"]
         growth = c.rate * (mass - self.mass) / mass
         self.trend, self.mass = self.trend + c.step(c.load) * (growth - self.trend), mass
-        strength = np.cbrt(mean["moves"] ** 2 * mean["loosens"]) * mean["ratio"]
-        strength /= c.still + abs(self.trend) + c.swing * jolt + c.pull * mean["grows"]
-        strength *= mean["sticks"] < STICKS
+        strength = np.cbrt(mean["pattern_speed"] ** 2 * mean["incoherent_shear"]) * mean["ratio"]
+        strength /= c.still + abs(self.trend) + c.swing * load_rate + c.pull * mean["ratio_rate"]
+        strength *= mean["stick_share"] < STICKS
         if c.axes:
-            strength *= (0.75 * max(0.0, 1.0 + mean["along"])) ** 2
-            strength *= min(max(mean["lies"], 0.0) / LIES, 1.0)
+            strength *= (0.75 * max(0.0, 1.0 + mean["motion_cosine"])) ** 2
+            strength *= min(max(mean["alignment"], 0.0) / ALIGNED, 1.0)
         curls, parts = (np.array([pad[n] for pad in pads]) for n in ("curl", "divergence"))
-        if jolt > c.jolts:
+        if load_rate > c.most_load_rate:
             self.offsets, self.opened = curls, parts
         where = int(np.argmax(np.abs(curls - self.offsets)))
         turned, apart = float((curls - self.offsets)[where]), float((parts - self.opened)[where])
         slips = self.slips.step(strength)
-        pulled = mean["ratio"] + APART * abs(apart)
+        pulled = mean["ratio"] + DIVERGING * abs(apart)
         turns = self.turns.step(abs(turned) if abs(turned) > pulled else 0.0)
         most = max(pads, key=lambda pad: float(np.hypot(pad["x"], pad["y"])))
         force = max(float(np.hypot(most["x"], most["y"])), 1e-300)
