@@ -1,12 +1,14 @@
 """What is proven of a run: an enclosure of the true end, and what follows for every cell.
 
 The proof shares nothing with the run but the template and the maps. It is made when it is asked
-for, as it takes longer than the run: `cnnum.runs.enclosure` follows the array from its start. A run
+for, as it takes longer than the run: `cnnum.runs.enclosure` follows the array from its start, and
+`cnnum.runs.order` bounds it from below and above where its couplings keep the order. A run
 to equilibrium is proven where the enclosure comes into a region of contraction
 (`cnnum.runs.contraction`), in which an equilibrium is then enclosed.
 """
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from threading import RLock
@@ -19,10 +21,16 @@ from cnnum.runs.cells import EPSILON, Cells, Frame, own_output
 from cnnum.runs.contraction import region
 from cnnum.runs.enclosure import Enclosure, encloses
 from cnnum.runs.equilibrium import NEAR, Stability, newton, verdict
+from cnnum.runs.order import Between, keeps_order
 from cnnum.runs.result import Decision, Proof
 
 BUDGET = 60.0
-"""Seconds that the proof of one frame may take."""
+"""Seconds of the processor that the proof of one frame may take, or of so many cells of it:"""
+
+CELLS = 10_000
+
+FEW = 1024
+"""Cells up to which a trajectory is followed closely, though bounds below and above are quicker."""
 
 FIRST_LOOK, LATER = 0.5, 1.3
 """Time constants after which a region is looked for, and the factor between two looks."""
@@ -100,11 +108,22 @@ class Certificate:
             return self._to_rest(frame, start, state) or nothing
         if not encloses(frame):
             return nothing
-        way = Enclosure(frame, start, budget=BUDGET)
-        if not way.advance(self._duration):
-            return nothing
-        rests = self._outputs_rest(frame, way.x, way.off)
-        return Known(way.x - way.off, way.x + way.off, rests)
+        for way in self._ways(frame, start, close=True):
+            if way.advance(self._duration):
+                rests = self._outputs_rest(frame, way.x, way.off)
+                return Known(way.x - way.off, way.x + way.off, rests)
+        return nothing
+
+    def _ways(self, frame: Frame, start: Floats, *, close: bool) -> Iterator[Enclosure | Between]:
+        """Yield the enclosures of a trajectory; those come first that are `close`, or quick."""
+        budget = BUDGET * max(1.0, frame.cells.count / CELLS)
+        ordered, few = keeps_order(frame), frame.cells.count <= FEW
+        if ordered and not (close and few):
+            yield Between(frame, start, budget=budget)
+        if few or not ordered:
+            yield Enclosure(frame, start, budget=budget)
+        if ordered and close and few:
+            yield Between(frame, start, budget=budget)
 
     def _to_rest(self, frame: Frame, start: Floats, state: Floats) -> Known | None:
         """Return the enclosed equilibrium that the array comes to from its start."""
@@ -115,16 +134,13 @@ class Certificate:
         at = np.where(frame.moving, state, start)
         found = _rest(frame, at, anywhere)
         if found is None and encloses(frame):
-            way = Enclosure(frame, start, budget=BUDGET)
-            look, slowest = FIRST_LOOK, float(frame.cells.tau.max())
             rate, rounded = frame.rates(start)
             if bool((np.abs(rate) <= rounded).all()):
                 return None  # it starts on an equilibrium from which nothing contracts
-            while found is None and look < LATEST * slowest:
-                if not way.advance(look * slowest):
-                    return None
-                found = _rest(frame, way.x, way.off)
-                look *= LATER
+            for way in self._ways(frame, start, close=False):
+                found = _followed_to_rest(frame, way)
+                if found is not None:
+                    break
         if found is None:
             return None
         rest, off = found
@@ -220,6 +236,17 @@ class Certificate:
         lower = np.stack([one.lower for one in known]).reshape(self._state.shape)
         upper = np.stack([one.upper for one in known]).reshape(self._state.shape)
         return Decision(lower, upper, np.array([k.at_rest for k in known]).reshape(self._lead))
+
+
+def _followed_to_rest(frame: Frame, way: Enclosure | Between) -> tuple[Floats, Floats] | None:
+    """Return the equilibrium to which an enclosure leads, and how far off it may be."""
+    look, slowest = FIRST_LOOK, float(frame.cells.tau.max())
+    while look < LATEST * slowest and way.advance(look * slowest):
+        found = _rest(frame, way.x, way.off)
+        if found is not None:
+            return found
+        look *= LATER
+    return None
 
 
 def _rest(frame: Frame, x: Floats, off: Floats) -> tuple[Floats, Floats] | None:

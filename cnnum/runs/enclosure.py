@@ -59,7 +59,7 @@ class Enclosure:
         How far the true state is from it at most.
     time : float
     budget : float
-        Seconds after which it gives up.
+        Seconds of the processor after which it gives up.
     """
 
     frame: Frame
@@ -72,14 +72,14 @@ class Enclosure:
     def __post_init__(self) -> None:
         self.x = np.array(self.x, dtype=np.float64)
         self.off = np.zeros_like(self.x)
-        self.budget += clock.perf_counter()
+        self.budget += clock.thread_time()
         self._stuck = np.zeros(len(self.x), dtype=bool)
 
     def advance(self, until: float) -> bool:
         """Go on to a time; return whether the true state is still known to be near."""
         with np.errstate(all="ignore"):
             while self.time < until:
-                if clock.perf_counter() > self.budget or not self._step(until - self.time):
+                if clock.thread_time() > self.budget or not self._step(until - self.time):
                     return False
         return True
 

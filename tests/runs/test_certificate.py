@@ -5,11 +5,13 @@ import pickle
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.ndimage import binary_fill_holes
 
 import cnnum
 from cnnum import Template
 from cnnum.runs.cells import Cells, Frame
 from cnnum.runs.enclosure import Enclosure
+from cnnum.runs.order import Between, keeps_order
 from cnnum.templating.couplings import NonlinearCoupling
 from cnnum.templating.function_tables import Table
 from cnnum.templating.output_functions import OutputFunction
@@ -169,3 +171,54 @@ def test_enclosures_hold_the_way(case):
     # SciPy misses corners by some 1e-9
     assert (off <= way.off + (1e-2 if limited else 1e-8)).all()
     assert off.max() < (1e-2 if limited else 1e-6)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_bounds_of_an_array_that_keeps_the_order_hold_it_between_them(seed):
+    """Held to small Runge-Kutta steps on a matrix that is written here."""
+    rng = np.random.default_rng(seed)
+    A = np.abs(rng.normal(size=(3, 3))) * (rng.random((3, 3)) < 0.7)
+    A[1, 1] = rng.uniform(-1.0, 3.0)
+    template = cnnum.Template("kept", A, z=rng.normal(), tau=rng.uniform(0.3, 3.0))
+    start = rng.uniform(-2.0, 2.0, (1, 5, 6))
+    held = rng.random((5, 6)) < 0.2
+    frame = Frame(Cells(template, (5, 6)), {"state": start, "mask": held[np.newaxis] * 1.0})
+    assert keeps_order(frame)
+    way, x, time = Between(frame, frame.start()), start[0].copy(), 3.0
+
+    def rate(x):
+        y = np.pad(np.clip(x, -1.0, 1.0), 1)
+        total = template.z[0] - x
+        for row, col in np.ndindex(3, 3):
+            total = total + A[row, col] * y[row : row + 5, col : col + 6]
+        return np.where(held, 0.0, total / template.tau[0])
+
+    assert way.advance(time)
+    h = time / 6000
+    for _ in range(6000):
+        middle = x + 0.5 * h * rate(x)
+        x = x + h * rate(middle)
+    # steps of the midpoint rule are off by h² times some e³
+    assert (np.abs(x.ravel() - way.x) <= way.off + 1e-5).all()
+    assert np.median(way.off[~held.ravel()]) < 0.5
+    assert (way.off[held.ravel()] == 0.0).all()
+
+
+def test_an_array_with_a_negative_weight_between_cells_keeps_no_order():
+    kernel = np.array([[0.0, 0.0, 0.0], [0.0, -2.0, -0.1], [0.0, 0.0, 0.0]])
+    cells = Cells(cnnum.Template("falls", kernel), (3, 3))
+    assert not keeps_order(Frame(cells, {}))
+    kernel[1, 2] = 0.1
+    cells = Cells(cnnum.Template("rises", kernel), (3, 3))
+    assert keeps_order(Frame(cells, {}))
+
+
+def test_all_cells_of_a_large_picture_are_proven_where_the_error_says_nothing():
+    """HOLE's wave passes 48×48 cells, and an error may grow in each of them."""
+    picture = np.where(np.random.default_rng(1).random((48, 48)) < 0.4, 1.0, -1.0)
+    found = cnnum.Engine("numba").run("HOLE", input=picture)
+    filled = np.where(binary_fill_holes(picture > 0.0), 1, -1)
+    assert not np.isfinite(found.error)
+    np.testing.assert_array_equal(found.decision.sign, filled)
+    assert found.decision.at_rest
+    assert found.decision.saturated.all()
