@@ -93,7 +93,9 @@ def _real(name: str, value: ArrayLike, dtype: type[np.floating]) -> NDArray[np.f
             f"'{name}' must be an array of real numbers, got {_in_words(value)}."
         ) from None
     if is_complex:
-        raise ArrayError(f"'{name}' must hold real numbers, got complex ones: give a part of them.")
+        raise ArrayError(
+            f"'{name}' must be real, got complex numbers: pass their real or imaginary part."
+        )
     return array
 
 

@@ -35,15 +35,16 @@ class Engine(OfThisProcess):
     Parameters
     ----------
     name : str, optional
-        "opencl", "numba" or "reference". Unless given, "opencl" where a device works; else "numba",
-        with one sentence on standard error.
+        "opencl", "numba" or "reference". The default is "opencl" if a device works, and otherwise
+        "numba", with one sentence on standard error.
     device : str, optional
-        Part of a device's or platform's name; the fastest unless given.
+        Part of the name of a device or platform. The default is the fastest device.
     precision : str, optional
-        "float32" or "float64"; or whole numbers: "q15", "q7", or "qM.N" of up to 32 bits, on the
-        engines "opencl" and "reference". The engine's own unless given.
+        "float32" or "float64", or, on the engines "opencl" and "reference", whole numbers: "q15",
+        "q7", or "qM.N" of up to 32 bits. The default is that of the engine.
     fallback : str, optional
-        "numba" goes on where a device is lost or out of memory; `Result.reason` says so.
+        "numba" to continue on the host if the device is lost or out of memory; `Result.reason`
+        then says so.
 
     Raises
     ------
@@ -73,7 +74,7 @@ class Engine(OfThisProcess):
 
     @property
     def device(self) -> str:
-        """The device in words."""
+        """Description of the device."""
         return self._open.backend.device
 
     @property
@@ -112,44 +113,44 @@ class Engine(OfThisProcess):
         like: ArrayLike | None = None,
         chip: Chip | None = None,
     ) -> Plan:
-        """Return a plan that runs the operations of the wanted outputs alone.
+        """Compile a program into a plan that runs only what the requested outputs need.
 
         Parameters
         ----------
         program : Program or str
-            A function decorated with `cnnum.program`, or one of the library's by its name.
+            A function decorated with `cnnum.program`, or the name of a program of the library.
         shape : (rows, cols)
         needs : sequence of str, optional
-            Names of wanted outputs; all unless given.
+            Names of the requested outputs. The default is all.
         channels : sequence of str
             Channels of a frame, in the order of its last axis.
         method, rtol, atol, dt : optional
-            As in `run`, for every transient of the program; each one's own unless given.
+            As in `run`, for every transient of the program. The default is that of each transient.
         like : (frames, ..., rows, cols, channels) float, optional
-            Of whole numbers: streams like those to come, on which the range of every value is
-            measured. Those of each batch itself unless given; a stream with memories needs it.
+            For whole numbers: typical streams, on which the range of every value is measured. The
+            default is each batch itself. A stream with memories requires it.
         chip : Chip, optional
-            As on an analogue array of that accuracy; on the engine "reference".
+            Emulate an analogue array of limited accuracy (engine "reference" only).
 
         Raises
         ------
         MethodError
             If a transient cannot run by that method, or not in such steps.
         ProgramError
-            If it is no program, or cannot be traced; or if `like` is given to real numbers.
+            If it is not a program or cannot be traced, or if `like` is given with real numbers.
         UnknownNameError
             If a need is not among its outputs.
         NotSupportedError
-            If this engine does not do something in it.
+            If this engine does not support something in it.
         SizeError
-            If the machine has less memory than one frame needs.
+            If the memory of the machine is too small for one frame.
         """
         if isinstance(program, str):
             program = get_program(program)
         if not isinstance(cast(object, program), Program):
             raise ProgramError(
-                f"An engine compiles a program, got {type(program).__name__}: put @cnnum.program "
-                "above the function, and run a template with engine.run."
+                f"Expected a program to compile, got {type(program).__name__}: decorate the "
+                "function with @cnnum.program; templates are run with engine.run."
             )
         asked: dict[str, Any] = {"method": method, "rtol": rtol, "atol": atol, "dt": dt}
         asked = {name: value for name, value in asked.items() if value is not None}
@@ -191,54 +192,53 @@ class Engine(OfThisProcess):
         at: ArrayLike | None = None,
         chip: Chip | None = None,
     ) -> Result:
-        """Run one template's transient.
+        """Run the transient of a template.
 
-        Input, start and weights may keep every cell within the linear range of the standard output.
-        The array then counts as linear, and may be exact.
+        If input, initial state and weights keep every cell within the linear range of the standard
+        output, the array counts as linear and may be solved exactly.
 
         Parameters
         ----------
         template : Template, TemplateBatch or str
-            One of the library's by its name, one of your own, or many that share a launch: they
-            are the first axis of the batch.
+            A template, the name of one of the library, or a batch of templates, which become the
+            first axis of the result.
         input : (..., rows, cols) or (..., inputs, rows, cols) float, optional
-            Where the template has no control template and starts from its input, this is the
-            initial state.
+            Input maps. For a template without a control template that starts from its input, this
+            is the initial state.
         previous : like `input`, optional
-            The inputs before the start, which a template with delays sees; `input` unless given.
+            Inputs before the start, for a template with delays. The default is `input`.
         state : (..., rows, cols) or (..., layers, rows, cols) float, optional
-            Initial state; the template's own unless given.
+            Initial state. The default is that of the template.
         bias : like `state`, optional
-            Space-variant bias map, added to z.
+            Bias map, added to z.
         mask : (..., rows, cols) bool, optional
             Fixed-state mask: the state keeps its value where it is true.
         duration : float or "settle", optional
-            In the unit of time in which the template's `tau` is; its own unless given.
+            In the unit of `tau`. The default is that of the template.
         method : str
             "auto", "propagator", "wavefront" (the end of an array whose order of events does not
             matter), or one of `cnnum.integrators.stability.METHODS`.
         rtol, atol : float
-            Wanted error of the state.
+            Relative and absolute tolerance of the state.
         dt : float, optional
-            Fixed step, in that unit; Euler's method unless `method` says otherwise.
+            Fixed step in the unit of `tau`, by Euler's method unless `method` says otherwise.
         force : bool
-            Take a fixed step outside the stability bound all the same. The result is marked: not
-            settled, error infinite.
+            Allow a fixed step outside the stability bound. The result is then not settled and its
+            error infinite.
         estimate : bool
-            Follow the error of fixed steps as that of others is: a step takes at least one more
-            evaluation of the rates, and there are at most 100,000.
+            Also estimate the error of fixed steps, which takes at least one more evaluation of the
+            rates per step and allows at most 100,000 steps.
         at : sequence of float, optional
-            Times in that unit, each after the one before, instead of a duration: one run to the
-            last of them, looked at on its way. State and error are those of a run which ends there,
-            and the times change nothing else. The engine "reference", implicit steps and whole
-            numbers run anew to each time.
+            Increasing times in the unit of `tau`, instead of a duration. One run to the last of
+            them returns the state at each; state and error are those of a run that ends there. The
+            engine "reference", implicit steps and whole numbers run anew to each time.
         chip : Chip, optional
-            As on an analogue array of that accuracy: weights, maps, noise and mismatch.
+            Emulate an analogue array of limited accuracy: weights, maps, noise and mismatch.
 
         Returns
         -------
         Result
-            Leading axes are the batch that the arguments broadcast to; with `at`, the times come
+            Leading axes are the batch to which the arguments broadcast. With `at`, the times come
             first: (times, ..., rows, cols).
 
         Raises
@@ -246,10 +246,10 @@ class Engine(OfThisProcess):
         ArrayError
             If shapes do not fit, or values are not real and finite, or too large for the precision.
         MethodError
-            If the duration, a tolerance or the step is not a number of its range. Or if the method
-            cannot run this template, or does not reach the end.
+            If the duration, a tolerance or the step is out of range, or if the method cannot run
+            this template or does not reach the end.
         SizeError
-            If the machine or the device has less memory than the array needs.
+            If the memory of the machine or the device is too small for the array.
         """
         if not isinstance(template, TemplateBatch):
             template = as_template(template)

@@ -47,8 +47,9 @@ def as_picture(pixels: ArrayLike) -> Floats:
         array = np.zeros(0)
     if array.ndim < 2 or array.dtype not in (np.dtype(bool), np.dtype(np.uint8)):
         raise ArrayError(
-            "A picture is made of (..., rows, cols) pixels of type bool or uint8, got the shape "
-            f"{array.shape} of type {array.dtype}; give others as numbers from −1 to 1."
+            "A picture must consist of (..., rows, cols) pixels of type bool or uint8, got "
+            f"the shape {array.shape} of type {array.dtype}; pass other pictures as numbers "
+            "from −1 to 1."
         )
     if array.dtype == bool:
         return np.where(array, 1.0, -1.0)
@@ -124,7 +125,7 @@ def save_picture(
     scale : int
         Pixels of a cell's side.
     force : bool
-        Whether a file that is there is replaced.
+        Whether an existing file is replaced.
 
     Raises
     ------
@@ -139,20 +140,20 @@ def save_picture(
     whole = isinstance(cast(object, scale), int | np.integer)
     if pixels.ndim != 2 or not pixels.size or not whole or scale < 1:
         raise ArrayError(
-            f"A picture file holds (rows, cols) and a scale from 1 up, got {pixels.shape} and "
-            f"{scale!r:.60}."
+            "A picture file needs (rows, cols) pixels and a scale of at least 1, got "
+            f"{pixels.shape} and {scale!r:.60}."
         )
     if pixels.size * int(scale) ** 2 > MOST_PIXELS:
         raise ArrayError(
-            f"A picture file has up to {MOST_PIXELS:,} pixels, got "
-            f"{pixels.size * int(scale) ** 2:,}: take a smaller scale."
+            f"A picture file can have up to {MOST_PIXELS:,} pixels, got "
+            f"{pixels.size * int(scale) ** 2:,}: use a smaller scale."
         )
     image, made = pillow("picture files"), io.BytesIO()
     kind = image.registered_extensions().get(target.suffix.lower())
     if kind is None:
         raise PictureError(
-            f"'{path}' cannot be written as a picture: '{target.suffix}' names no kind of picture; "
-            "take .png."
+            f"'{path}' cannot be written as a picture: '{target.suffix}' is not a picture "
+            "format; use .png."
         )
     try:
         image.fromarray(pixels.repeat(scale, axis=0).repeat(scale, axis=1)).save(made, kind)

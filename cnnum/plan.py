@@ -126,7 +126,7 @@ _FOR_USERS = (
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Plan(OfThisProcess):
-    """A compiled program; call it with a frame or a batch of frames.
+    """Compiled program; call it with a frame or a batch of frames.
 
     Attributes
     ----------
@@ -141,9 +141,9 @@ class Plan(OfThisProcess):
     backend : Backend
         The builder, which can build the plan again to be traced.
     rate : float or None, Hz
-        Frames a second of its streams; None where nothing has said it.
+        Frame rate of its streams; None if it is not known.
     at_rate : callable or None
-        Compiles the program again for a rate, where it depends on one that nothing has said.
+        Compiles the program for a rate, if it depends on one that is not known.
     """
 
     program: str
@@ -196,7 +196,7 @@ class Plan(OfThisProcess):
 
     @property
     def fallen(self) -> str:
-        """Why the plan runs on the host and not on its device, in words; empty where it does."""
+        """Reason why the plan runs on the host instead of its device; empty if it does not."""
         executable = self.executable
         return executable.why if isinstance(executable, FallbackExecutable) else ""
 
@@ -262,15 +262,14 @@ class Plan(OfThisProcess):
         return {n: values.reshape((*lead, *values.shape[1:])) for n, values in outputs.items()}
 
     def stream(self, batch: Sequence[int] = (), *, rate: float | None = None) -> Stream:
-        """Return a stream of frames whose memories outlive each frame.
+        """Return a stream, which keeps memories from frame to frame.
 
         Parameters
         ----------
         batch : sequence of int
-            Leading axes: the arrays streamed side by side.
+            Leading axes of the arrays that are streamed together.
         rate : float, optional
-            Frames a second, Hz, where the program is not bound to them. A program that does
-            nothing in time needs none.
+            Frame rate in Hz, for a program that has times and is not bound to a rate.
 
         Raises
         ------
@@ -280,20 +279,21 @@ class Plan(OfThisProcess):
         if self.at_rate is not None:
             if rate is None:
                 raise ProgramError(
-                    f"Program '{self.program}' has times in seconds, and nothing says how many "
-                    "frames a second its stream has: give plan.stream(rate=100.0), or compile "
-                    f"cnnum.get_program('{self.program}').bind(rate=100.0), with your array's rate."
+                    f"Program '{self.program}' contains times in seconds, but the frame rate "
+                    "of the stream is not known: pass the rate of your array as "
+                    "plan.stream(rate=100.0), or compile "
+                    f"cnnum.get_program('{self.program}').bind(rate=100.0)."
                 )
             return self.at_rate(rate).stream(batch)
         if rate is not None and self.rate is not None and rate != self.rate:
             raise ProgramError(
-                f"The plan of '{self.program}' is for {self.rate:g} frames a second, got a stream "
-                f"of {rate:g}: compile the program for that rate."
+                f"The plan of '{self.program}' is for {self.rate:g} frames per second, got a "
+                f"stream of {rate:g}: compile the program for that rate."
             )
         return Stream(self, tuple(batch))
 
     def warm_up(self) -> None:
-        """Build the kernels now, by running an empty frame, so that the first one is no slower."""
+        """Build the kernels by running an empty frame, so that the first frame is not slower."""
         read = len(self.schedule.channels_read)
         empty = np.zeros((*self.schedule.shape, read))
         # the result of an empty frame is of no use, and its loops may not end
@@ -385,12 +385,12 @@ class Plan(OfThisProcess):
         return replace(self, schedule=kept).unfused()
 
     def unfused(self) -> Plan:
-        """Return the plan built once more with every operation on its own, to compare with."""
+        """Return the same plan with every operation separate, for comparison."""
         executable = self.backend.build(self.schedule, self.solvers)
         return replace(self, built=self.schedule, executable=executable)
 
     def explain(self) -> Explanation:
-        """Return the operations that run, those left out with the reason, and the cost."""
+        """Return the operations that run, those left out and why, and the cost."""
         schedule, cells = self.built, self.built.cells
         done = work(schedule.nodes, self.solvers, schedule.shape)
         maps = tuple(name for name, node in schedule.outputs.items() if not node.scalar)
@@ -436,7 +436,7 @@ def _largest_held(array: Floats, precision: str) -> float:
     size = largest(finite("frame", array))
     if size > held(precision):
         raise FrameError(
-            f"A frame in {precision} holds numbers up to {held(precision):.3g}, got {size:.3g}: "
-            "leave that frame out, or scale its values."
+            f"A frame in {precision} can hold numbers up to {held(precision):.3g}, got "
+            f"{size:.3g}: leave out that frame, or scale its values."
         )
     return size

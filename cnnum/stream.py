@@ -27,14 +27,14 @@ kept: a memory that it has filled with huge numbers overflows in the next frames
 
 @dataclass(slots=True, eq=False, repr=False)
 class Stream(OfThisProcess):
-    """Frames of one array (or of a batch of arrays) in time; owns their memories.
+    """Frames of one array, or of a batch of arrays, over time; owns their memories.
 
-    A frame with which something overflows is refused, and leaves the memories as they were. Only
-    frames that are unusual are looked after: those with numbers more than twice as large as any
-    before, or so large that their fourth power overflows. Memories that an ordinary frame has made
-    infinite begin anew.
+    A frame that makes something overflow is refused and leaves the memories unchanged. To save
+    time, only unusual frames are examined: those with numbers more than twice as large as any
+    before, or so large that their fourth power overflows. If an ordinary frame makes memories
+    infinite, they begin anew.
 
-    Threads that push to one stream take turns; streams of one plan know nothing of each other.
+    Threads that push to one stream take turns. Streams of one plan are independent.
     """
 
     plan: Plan
@@ -70,12 +70,12 @@ class Stream(OfThisProcess):
             self._clear()
 
     def tare(self) -> None:
-        """Begin anew with the next frame: rest and noise are learned from it on."""
+        """Restart with the next frame, from which rest and noise are learned again."""
         with self._turn:
             self._clear()
 
     def push(self, frame: ArrayLike) -> dict[str, Floats]:
-        """Run the program on the next frame of every array and bring the memories up to date.
+        """Run the program on the next frame of every array and update the memories.
 
         Raises
         ------
@@ -91,7 +91,7 @@ class Stream(OfThisProcess):
         frames, lead = self.plan.read(array)
         if lead != self.batch:
             raise ArrayError(
-                f"A frame of this stream has the leading axes {self.batch}, got {lead}."
+                f"A frame of this stream must have the leading axes {self.batch}, got {lead}."
             )
         if lead:
             with self._turn:

@@ -54,7 +54,7 @@ def read_options(record: type[Record], table: Mapping[str, object], base: Path) 
     for name, field in known.items():
         required = field.default is MISSING and field.default_factory is MISSING
         if required and name not in table:
-            raise SceneError(f"The option '{name}' is missing: this driver cannot do without it.")
+            raise SceneError(f"The option '{name}' is missing, and this driver requires it.")
     values = {key: convert(key, value, hints[key], base) for key, value in table.items()}
     return record(**values)
 

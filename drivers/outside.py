@@ -74,7 +74,7 @@ def module_of(what: str, name: str, base: Path | None) -> ModuleType:
     """
     parts = name.split(".")
     if not all(part.isidentifier() for part in parts):
-        raise SceneError(f"The {what} module {shown(name)} is no name of a module.")
+        raise SceneError(f"The {what} module {shown(name)} is not a valid module name.")
     try:
         known = name in sys.modules or find_spec(name) is not None
     except ModuleNotFoundError:

@@ -71,8 +71,8 @@ def _refuse_others(file: Path) -> None:
     if found:
         some = ", ".join(f"'{name}'" for name in found[:LISTED])
         raise RecordingError(
-            f"'{file}' holds messages of others ({some}), which need a layout: 'cnnum layout "
-            f"{file.name} --topic {found[0]}' proposes one."
+            f"'{file}' contains messages of other programs ({some}), which need a layout: "
+            f"'cnnum layout {file.name} --topic {found[0]}' proposes one."
         )
 
 
@@ -99,9 +99,9 @@ def load_recording(path: str | Path, *, budget: float = 1.0, topic: str = "") ->
         A file of `cnnum record` or `Recording.save` (.mcap, .npz, .csv), or a data file of your own
         with its layout. It may be the folder of a uSkin trial, too.
     budget : float
-        How many times as much time, unpacked bytes and frames as usual an MCAP file may take.
+        Factor by which the limits of time, unpacked bytes and frames of an MCAP file are raised.
     topic : str
-        Of an MCAP file or a bag of others, in place of that of its layout.
+        Topic of an MCAP file or a bag, instead of the one in its layout.
 
     Returns
     -------

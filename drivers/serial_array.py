@@ -196,7 +196,7 @@ class SerialArray(Closing):
             yield frame
 
     def tap(self, take: Take | None) -> None:
-        """Hand the bytes to `take` as they come, from the first one on; None for no one.
+        """Pass the bytes of the port to `take` as they arrive; with None, stop doing so.
 
         Those that came before are kept until then, 1 MiB at most; none are once frames are taken.
         """

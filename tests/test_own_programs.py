@@ -47,7 +47,7 @@ def test_a_file_without_the_program_is_one_sentence(tmp_path, text, name, kind, 
 
 def test_a_file_that_is_no_python_file_or_missing(tmp_path):
     (tmp_path / "own.txt").write_text(ONE)
-    with pytest.raises(ProgramError, match="no Python file"):
+    with pytest.raises(ProgramError, match="not a Python file"):
         cnnum.load_program(tmp_path / "own.txt")
     with pytest.raises(FileNotFoundError):
         cnnum.load_program(tmp_path / "none.py")

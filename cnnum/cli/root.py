@@ -44,7 +44,7 @@ class Root(click.Group):
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Refuse arguments that no shell can pass on, then read the options."""
         if any("\0" in argument for argument in args):
-            raise click.UsageError("Expected arguments without a NUL in them.", ctx)
+            raise click.UsageError("Arguments must not contain a NUL character.", ctx)
         return super().parse_args(ctx, args)
 
     def list_commands(self, ctx: click.Context) -> list[str]:

@@ -49,7 +49,7 @@ class FieldSaver:
         Nothing is kept without one.
     scene : Scene
     force : bool
-        Whether a file that is there is replaced.
+        Whether an existing file is replaced.
 
     Raises
     ------

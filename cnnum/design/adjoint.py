@@ -506,7 +506,9 @@ def _refused(form: Template, duration: object, step: float, method: str) -> floa
             "[search]."
         )
     if method not in METHODS:
-        raise TemplateError(f"A gradient is of {', '.join(METHODS)}, got {method!r:.40}.")
+        raise TemplateError(
+            f"Gradients exist for the methods {', '.join(METHODS)}, got {method!r:.40}."
+        )
     if not isinstance(duration, int | float) or not 0.0 < duration < np.inf or not step > 0.0:
         raise TemplateError(
             f"A gradient of '{form.name}' needs a duration and a step above 0 in time constants, "

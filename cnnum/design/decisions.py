@@ -40,7 +40,9 @@ def unscaled(template: Template, middle: Floats, width: Floats) -> Template:
         If a kernel of B has neighbours: the boundary has no such scaling.
     """
     if template.B.shape[-2:] != (1, 1):
-        raise TemplateError(f"The inputs of '{template.name}' have neighbours: scale them before.")
+        raise TemplateError(
+            f"The inputs of '{template.name}' read neighbouring cells: scale them beforehand."
+        )
     B = template.B / width[:, np.newaxis, np.newaxis]
     return replace(template, B=B, z=template.z - (B[0, :, 0, 0] * middle).sum())
 
@@ -83,8 +85,8 @@ def decision_entry(
     """
     if template.B.shape[-2:] != (1, 1) or template.initial != 0.0:
         raise TemplateError(
-            f"'{template.name}' does not decide by its drive alone: it needs a B of one cell, and "
-            "0 as its initial state."
+            f"'{template.name}' does not decide by its drive alone: it needs a 1×1 B and the "
+            "initial state 0."
         )
     wanted = np.where(labels > 0, 1.0, -1.0)
     sums = inputs[:, :, 0, 0] * template.B[0, :, 0, 0]

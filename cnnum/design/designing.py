@@ -48,15 +48,14 @@ def sequence(table: Table) -> tuple[tuple[Weights, Table], ...]:
     """
     if any(seen.source != "u" for seen in table.seen):
         raise TemplateError(
-            "A rule of the outputs or of the state before cannot be split: its templates would "
-            "need the state to carry their results; write it as rules of the input."
+            "A rule that reads outputs or the previous state cannot be split, because its "
+            "templates would need the state to pass on their results: write it as rules of "
+            "the input."
         )
     # a rule that a turn leaves as it is may need planes that it does not
     ways = [way for even in (True, False) if (way := _peeled(table, symmetric=even)) is not None]
     if not ways:
-        raise TemplateError(
-            f"The rule takes more than {MOST} templates: look for steps of it by hand."
-        )
+        raise TemplateError(f"The rule needs more than {MOST} templates: split it by hand.")
     return min(ways, key=len)
 
 

@@ -122,8 +122,8 @@ class Experiment:
             raise name_error("engine", self.engine, backend_names())
         if min(self.draws, self.pictures) < 1 or self.runs > MOST_RUNS:
             raise TemplateError(
-                f"An experiment has 1 to {MOST_RUNS:,} runs, and at least one draw and one "
-                f"picture, got {self.runs:,} runs."
+                f"An experiment must have 1 to {MOST_RUNS:,} runs, with at least one draw and "
+                f"one picture, got {self.runs:,} runs."
             )
         if is_real(self.duration):
             object.__setattr__(self, "duration", float(self.duration))
@@ -132,14 +132,14 @@ class Experiment:
             right = self.duration is None or self.duration == "settle"
         if not right:
             raise TemplateError(
-                "The duration of an experiment is a number above 0 or 'settle', got "
+                "The duration of an experiment must be a number above 0 or 'settle', got "
                 f"{self.duration!r:.40}."
             )
         form_of(self.base)  # refuses a template without a check
         if not self.base.plain and (own := self.axes.keys() & set(COARSE)):
             raise TemplateError(
-                f"The axis '{min(own)}' is of chips, which have linear couplings, at once and "
-                f"constant in time: '{self.base.name}' has others."
+                f"The axis '{min(own)}' belongs to chips, which need linear couplings without "
+                f"delay that are constant in time; '{self.base.name}' has others."
             )
         for name in axes:
             _refuse_missing_weight(self.base, name)
@@ -303,7 +303,7 @@ def _whole(part: str, value: Any) -> int:
     except TypeError:
         number = -1
     if isinstance(value, bool) or number < 0:
-        raise TemplateError(f"'{part}' is a whole number from 0, got {value!r:.40}.")
+        raise TemplateError(f"'{part}' must be a whole number of at least 0, got {value!r:.40}.")
     return number
 
 
@@ -313,7 +313,7 @@ def _refuse_missing_weight(template: Template, name: str) -> None:
         return
     kernels = template.A if name[0] == "A" else template.B
     if not kernels.size:
-        raise TemplateError(f"The axis '{name}' is of inputs, and '{template.name}' has none.")
+        raise TemplateError(f"The axis '{name}' changes inputs, but '{template.name}' has none.")
     size = kernels.shape[-1]
     if name[1:] and max(int(number) for number in name[2:-1].split(",")) >= size:
         raise TemplateError(

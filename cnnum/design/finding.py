@@ -171,12 +171,12 @@ def find_by_example(
     inputs, signs = np.asarray(given, np.float64), np.asarray(wanted, np.float64)
     if inputs.shape != signs.shape or inputs.ndim not in (2, 3):
         raise ArrayError(
-            "An example is an input and the wanted output of the same shape, (rows, cols) or "
+            "An example must be an input and an output of the same shape, (rows, cols) or "
             f"(pictures, rows, cols), got {inputs.shape} and {signs.shape}."
         )
     matter = np.isfinite(signs) & (signs != 0.0)
     if not matter.any():
-        raise ArrayError("No cell of the wanted output is above or below 0: nothing is asked for.")
+        raise ArrayError("The desired output has no cell above or below 0, so it asks for nothing.")
     used, found = engine or Engine("numba"), list[Match]()
     for name in names if names is not None else template_names():
         entry = get_entry(name)
@@ -237,8 +237,9 @@ def compare(first: Template, second: Template, *, engine: Engine | None = None) 
     for template in (first, second):
         if template.layers != 1 or template.inputs > 1:
             raise ArrayError(
-                f"Template '{template.name}' has {template.layers} layers and {template.inputs} "
-                "inputs: answers are compared of templates with one of each."
+                f"Template '{template.name}' has {template.layers} layers and "
+                f"{template.inputs} inputs: only answers of templates with one of each can be "
+                "compared."
             )
     used = engine or Engine("numba")
     whole = all(_alone(template) and template.radius <= 1 for template in (first, second))

@@ -194,7 +194,7 @@ def learn(
             break
     if best[0] >= LARGEST:
         raise TemplateError(
-            f"Every start of '{lesson.form.name}' diverges: take a shorter duration or step."
+            f"Every start of '{lesson.form.name}' diverges: use a shorter duration or step."
         )
     return Learned(with_weights(lesson.form, loss.groups, best[1]), best[0], evaluations)
 

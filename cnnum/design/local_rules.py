@@ -90,8 +90,8 @@ class Table:
         """Raise if one configuration has both colours."""
         if wrong := _contradictions(self):
             raise TemplateError(
-                f"{wrong} neighbourhoods are black in one example and white in another: no local "
-                "rule does that; look at a larger neighbourhood, or mend the examples."
+                f"{wrong} neighbourhoods are black in one example and white in another, so no "
+                "local rule fits: use a larger neighbourhood, or correct the examples."
             )
 
 
@@ -124,11 +124,11 @@ def rule_table(
         If the text is no rule, or holds everywhere or nowhere, or reads too many cells.
     """
     if reads_wide(rule):
-        raise TemplateError(f"The rule '{rule}' reads 5×5 cells: a design takes 3×3 of them.")
+        raise TemplateError(f"The rule '{rule}' reads 5×5 cells, but a design supports only 3×3.")
     if "u_ring" in rule:
         raise TemplateError(
-            f"The rule '{rule}' counts black cells of the input around: a design takes the cell "
-            "'u' alone, apart from the outputs."
+            f"The rule '{rule}' counts black input cells in the neighbourhood, but a design "
+            "can read only the cell 'u' itself, apart from the outputs."
         )
     cells: Source = "y" if still else "u"
     second = Seen("u" if still else "before")

@@ -74,7 +74,7 @@ class Spec:
         checked_name("a template", self.name, TemplateError)
         if self.search and self.learn:
             raise TemplateError(
-                f"The design '{self.name}' has the tables 'search' and 'learn': take one of them."
+                f"The design '{self.name}' has both tables 'search' and 'learn': keep one of them."
             )
         if self.search or self.learn:
             return
@@ -164,7 +164,9 @@ def _options(
     measures = dict.fromkeys(("mismatch", "step", "duration", "enough"), toml.number)
     readers = dict.fromkeys(keys, toml.whole) | {"like": toml.text} | measures
     if "like" not in found:
-        raise TemplateError(f"'{file}': the key '{job}.like' is missing: name a form's template.")
+        raise TemplateError(
+            f"'{file}': the key '{job}.like' is missing: name the template whose form is used."
+        )
     return {key: readers[key](file, f"{job}.{key}", value) for key, value in found.items()}
 
 
@@ -186,7 +188,7 @@ def _example(file: str, found: dict[str, object]) -> tuple[Floats, Floats | None
             raise TemplateError(f"'{file}': an [[example]] needs the key '{key}'.")
     given = {key: _picture(file, f"example.{key}", value) for key, value in found.items()}
     if len({picture.shape for picture in given.values()}) > 1:
-        raise TemplateError(f"'{file}': the pictures of an [[example]] must be of one size.")
+        raise TemplateError(f"'{file}': the pictures of an [[example]] must have the same size.")
     return given["input"], given.get("state"), given["output"]
 
 

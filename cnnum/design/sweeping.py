@@ -63,15 +63,14 @@ class ChunkStore:
                     not path.name.startswith(DRAFT) for path in self.folder.iterdir()
                 ):
                     raise TemplateFileError(
-                        f"The folder '{self.folder}' holds other files than a sweep's results: "
-                        "give another --output."
+                        f"The folder '{self.folder}' holds other files: choose another --output."
                     )
             return None
         key, chunk = self._noted(manifest)
         if key != self.key:
             raise TemplateFileError(
-                f"The folder '{self.folder}' holds another experiment's results: give another "
-                "--output, or remove it."
+                f"The folder '{self.folder}' contains the results of another experiment: "
+                "choose another --output, or remove it."
             )
         return chunk
 
@@ -84,8 +83,8 @@ class ChunkStore:
             key = chunk = None
         if not isinstance(key, str) or type(chunk) is not int or not 0 < chunk < 1 << 40:
             raise TemplateFileError(
-                f"'{manifest}' is damaged, so the results beside it cannot be used: give another "
-                "--output, or remove that folder."
+                f"'{manifest}' is damaged, so the results next to it cannot be used: choose "
+                "another --output, or remove that folder."
             )
         return key, chunk
 
@@ -359,9 +358,7 @@ def failures(results: Any) -> dict[str, int]:
 
 def _target(path: Path) -> Path:
     if path.suffix not in (".nc", ".zarr"):
-        raise TemplateFileError(
-            f"'{path}' must be a NetCDF file (.nc) or a Zarr folder (.zarr): name it so."
-        )
+        raise TemplateFileError(f"'{path}' must be a NetCDF file (.nc) or a Zarr folder (.zarr).")
     return path
 
 

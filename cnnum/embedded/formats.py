@@ -137,8 +137,8 @@ def precision_named(name: str) -> Precision:
         if 4 <= word <= LONGEST:
             return Precision(name, word, int(found[2]))
     raise UnknownNameError(
-        f"Unknown precision {name!r:.60}: expected 'float32', 'q15', 'q7', another 'qN' or a "
-        "'qM.N', where M and N come to 3 up to 31."
+        f"Unknown precision {name!r:.60}: expected 'float32', 'q15', 'q7', another 'qN', or a "
+        "'qM.N' with M + N from 3 to 31."
     )
 
 

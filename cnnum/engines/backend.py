@@ -225,7 +225,7 @@ class Backend(Protocol):
 
     @property
     def device(self) -> str:
-        """The device in words."""
+        """Description of the device."""
         ...
 
     @property

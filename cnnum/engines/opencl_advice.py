@@ -15,7 +15,7 @@ _WHEEL = "'pip install \"pyopencl[pocl]\"', "
 
 
 def how_to_get_opencl(system: str = sys.platform, machine: str = platform.machine()) -> str:
-    """Return it as a part of a sentence.
+    """Return the advice as part of a sentence.
 
     Parameters
     ----------

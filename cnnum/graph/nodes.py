@@ -89,12 +89,12 @@ class Read:
 
 @dataclass(frozen=True, slots=True)
 class RunSpec:
-    """How long and how exactly a template runs; `None` leaves it to the template or the engine.
+    """Duration, method and tolerances of a run; None leaves them to the template or the engine.
 
     Attributes
     ----------
     duration : float, "settle" or None
-        In the unit of time in which the template's τ is.
+        In the unit of the template's τ.
     method : str
         Name of an integration method, or "auto".
     rtol, atol : float

@@ -59,10 +59,10 @@ def stability_bound(
     Parameters
     ----------
     template : Template or str
-        One of your own, or one of the library's by its name.
+        A template, or the name of one of the library.
     shape : (rows, cols)
     method : str
-        One of `METHODS`. Runge–Kutta–Chebyshev is taken at its most stages.
+        One of `METHODS`. Runge–Kutta–Chebyshev is taken with its largest number of stages.
 
     Raises
     ------

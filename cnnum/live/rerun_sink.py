@@ -33,7 +33,7 @@ class RerunSink:
     target : str
         A file that ends in .rrd, or the address of a viewer ("rerun+http://127.0.0.1:9876/proxy").
     force : bool
-        Whether a file that is there is replaced.
+        Whether an existing file is replaced.
 
     Raises
     ------

@@ -76,7 +76,7 @@ class Place:
             self.token.encode()
         except UnicodeEncodeError:
             raise SceneError(
-                "The token has bytes that are no text: take letters, digits and signs."
+                "The token must be text: use letters, digits and punctuation."
             ) from None
 
     def address(self, port: int) -> str:

@@ -29,7 +29,7 @@ Traced = Callable[..., Mapping[str, Field]]
 
 @dataclass(frozen=True, slots=True)
 class Program:
-    """An analogic program: a function of a frame's maps that names its outputs.
+    """Analogic program: a function of the maps of a frame that returns named outputs.
 
     Attributes
     ----------
@@ -55,10 +55,10 @@ class Program:
     def bind(self, **parameters: object) -> "Program":
         """Return the program with keyword parameters of its function set.
 
-        Every program takes ``rate``, the frames a second of its stream (`FrameFields.rate`); a
-        scene gives that of its array. A length, rate, load or modulus may be a text with its unit:
-        ``rate="100 Hz"``. A depth counts pitches of the array; as a length it takes the pitch with
-        it: ``depth="1 mm", pitch="1.5 mm"``.
+        Every program accepts ``rate``, the frame rate of its stream (`FrameFields.rate`), which a
+        scene takes from its array. A length, rate, load or modulus may be a text with a unit, such
+        as ``rate="100 Hz"``. A depth is in pitches of the array; given as a length, it needs the
+        pitch as well: ``depth="1 mm", pitch="1.5 mm"``.
 
         Raises
         ------
@@ -81,9 +81,9 @@ class Program:
         """
         if not isinstance(cast(object, frame), FrameFields):
             raise ProgramError(
-                f"Program '{self.name}' was called on {type(frame).__name__}, and runs on no frame "
-                f"by itself: make plan = engine.compile({self.name}, shape=(rows, cols)), and call "
-                "plan(frame)."
+                f"Program '{self.name}' was called on {type(frame).__name__}, but a program "
+                f"does not run by itself: build plan = engine.compile({self.name}, "
+                "shape=(rows, cols)) and call plan(frame)."
             )
         given = dict(self.parameters)
         rate = given.get(RATE)
@@ -152,8 +152,8 @@ class Program:
         for name, field in fields.items():
             if field.maps > 1:
                 raise ProgramError(
-                    f"Output '{name}' of program '{self.name}' is a stack of {field.maps} maps: "
-                    "outputs are maps and numbers."
+                    f"Output '{name}' of program '{self.name}' is a stack of {field.maps} "
+                    "maps, but outputs must be maps or numbers."
                 )
         graph.outputs.update({name: field.node for name, field in fields.items()})
         return graph
@@ -172,7 +172,7 @@ def _again(
 
 
 def program(function: Traced) -> Program:
-    """Make an analogic program of a function; it is traced when an engine compiles it.
+    """Make a function an analogic program, which is traced when an engine compiles it.
 
     Raises
     ------
@@ -180,13 +180,10 @@ def program(function: Traced) -> Program:
         If it is no function, or a lambda, which has no name of its own.
     """
     if not callable(function):
-        raise ProgramError(
-            f"cnnum.program makes a program of a function, got {type(function).__name__}."
-        )
+        raise ProgramError(f"cnnum.program expects a function, got {type(function).__name__}.")
     name = getattr(function, "__name__", "program")
     if name == "<lambda>":
         raise ProgramError(
-            "A lambda has no name that a program could go by: write 'def' with a name, and "
-            "@cnnum.program above it."
+            "A lambda has no name for a program: use 'def' with @cnnum.program above it."
         )
     return Program(function, name)

@@ -257,7 +257,7 @@ class Field:
             Of a stack.
         """
         if self.maps > 1:
-            raise ProgramError(f"'argmax' names a cell of one map, got a stack of {self.maps}.")
+            raise ProgramError(f"'argmax' needs a single map, got a stack of {self.maps}.")
         rows, cols = self._graph.shape
         number = constant(self._graph, np.arange(rows * cols, dtype=float).reshape(rows, cols))
         first = where(self.equals(self.max()), number, float(rows * cols)).min()
@@ -275,9 +275,9 @@ class Field:
 
     def _reduce(self, function: op.ReduceOp) -> "Field":
         if self.scalar:
-            raise ProgramError(f"'{function.name}' reads a whole map, got one number a frame.")
+            raise ProgramError(f"'{function.name}' needs a whole map, got one number per frame.")
         if function.logic and not self.logic:
-            raise ProgramError(f"'{function.name}' reads a logic map; compare the values first.")
+            raise ProgramError(f"'{function.name}' needs a logic map; compare the values first.")
         return Field(self._graph, self._graph.reduce(function, self._node))
 
 
@@ -314,11 +314,12 @@ def combine(function: op.ElementOp, *operands: object) -> Field:
     graph = graph_of(operands)
     nodes = [as_field(graph, operand).node for operand in operands]
     if function.name in ("and", "or", "xor", "not") and not all(node.logic for node in nodes):
-        raise ProgramError(f"'{function.name}' joins logic values; compare the numbers first.")
+        raise ProgramError(f"'{function.name}' combines logic values; compare the numbers first.")
     stacks = sorted({node.maps for node in nodes if not node.scalar})
     if len(stacks) > 1:
         raise ProgramError(
-            f"'{function.name}' joins stacks of as many maps, got {stacks[0]} and {stacks[1]}."
+            f"'{function.name}' combines stacks of equally many maps, got {stacks[0]} and "
+            f"{stacks[1]}."
         )
     return Field(graph, graph.apply(function, *nodes))
 
@@ -348,7 +349,7 @@ def maximum(a: object, b: object) -> Field:
 
 
 def sqrt(a: Field) -> Field:
-    """Return the root of every cell, 0 where it is below 0."""
+    """Return the square root of every cell, 0 for negative values."""
     return combine(op.ROOT, a)
 
 
@@ -363,7 +364,7 @@ def exp(a: Field) -> Field:
 
 
 def log(a: Field) -> Field:
-    """Return the natural logarithm of every cell, 0 where it is not above 0."""
+    """Return the natural logarithm of every cell, 0 for values that are not positive."""
     return combine(op.LOGARITHM, a)
 
 
@@ -385,7 +386,8 @@ def constant(graph: Graph, values: object) -> Field:
         return Field(graph, graph.constant(float(array)))
     if array.shape[-2:] != graph.shape or array.ndim > 3 or array.size == 0:
         raise ArrayError(
-            f"A constant map must be {graph.shape}, or a stack of such, got {array.shape}."
+            f"A constant map must have the shape {graph.shape}, or be a stack of such maps, "
+            f"got {array.shape}."
         )
     below = array.reshape(-1, array.shape[-1])
     return Field(graph, graph.add(ConstantMap.of(below), maps=len(below) // graph.shape[0]))
@@ -437,6 +439,6 @@ def _no_values(instead: str) -> ProgramError:
 def _unknown_to_fields(asked: str) -> ProgramError:
     known = ", ".join(sorted(ufunc.__name__ for ufunc in _UFUNCS))
     return ProgramError(
-        f"NumPy's '{asked}' does not take a field of a program: expected one of {known}, or "
+        f"NumPy's '{asked}' does not accept a field of a program: expected one of {known}, or "
         "cnnum.where and the field's own sum, mean, max, min, any, all."
     )

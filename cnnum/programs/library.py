@@ -67,14 +67,14 @@ def get_program(name: str) -> Program:
 
 
 def load_program(path: str | PathLike[str], name: str | None = None) -> Program:
-    """Return a program that a Python file defines. The file is code, and it is run.
+    """Return a program that a Python file defines. The file is executed.
 
     Parameters
     ----------
     path : str or Path
         A file that ends in ``.py``.
     name : str, optional
-        Which one, where the file has several.
+        Name of the program, if the file has several.
 
     Raises
     ------
@@ -92,7 +92,7 @@ def load_program(path: str | PathLike[str], name: str | None = None) -> Program:
         raise unreadable(ProgramError, f"'{file}'", error) from None
     spec = spec_from_file_location(file.stem, file)
     if spec is None or spec.loader is None:
-        raise ProgramError(f"'{file}' is no Python file: programs are read from '.py'.")
+        raise ProgramError(f"'{file}' is not a Python file: programs must be in a '.py' file.")
     module = module_from_spec(spec)
     try:
         spec.loader.exec_module(module)

@@ -23,7 +23,9 @@ def logic(table: str, a: Field, b: Field) -> Field:
     for name, value, kind in (("table", table, str), ("a", a, Field), ("b", b, Field)):
         expect(name, value, kind, ProgramError)
     if len(table) != 4 or set(table) - {"0", "1"}:
-        raise ProgramError(f"A logic table is four of 0 and 1, such as '0110', got {table!r:.60}.")
+        raise ProgramError(
+            f"A logic table must be four digits of 0 and 1, such as '0110', got {table!r:.60}."
+        )
     minterms = [~a & ~b, ~a & b, a & ~b, a & b]
     wanted = [term for term, value in zip(minterms, table, strict=True) if value == "1"]
     total = a & ~a

@@ -53,7 +53,7 @@ class Looped:
 
 
 def loop(body: Body, *values: Field, limit: int, until: Until | None = None) -> Looped:
-    """Run a body again and again on its own results, at most `limit` times.
+    """Run a body repeatedly on its own results, at most `limit` times.
 
     Parameters
     ----------
@@ -79,10 +79,9 @@ def loop(body: Body, *values: Field, limit: int, until: Until | None = None) -> 
 
 
 def branch(flag: Field, body: Body, *values: Field) -> tuple[Field, ...]:
-    """Return the body's results in the frames where a flag holds, else the values.
+    """Return the results of the body in the frames where a flag holds, and the values elsewhere.
 
-    In the other frames the values stay; where no frame of a batch needs it, the
-    body does not run.
+    The body does not run if no frame of a batch needs it.
 
     Raises
     ------
@@ -91,7 +90,7 @@ def branch(flag: Field, body: Body, *values: Field) -> tuple[Field, ...]:
     """
     expect("flag", flag, Field, ProgramError)
     if not (flag.scalar and flag.logic):
-        raise ProgramError("A branch needs a flag: one logic value a frame.")
+        raise ProgramError("A branch needs a flag, one logic value per frame.")
     graph = graph_of((flag, *values)).innermost
     carried = [as_field(graph, value) for value in values]
     looped = _loop(graph, as_field(graph, flag).node, body, carried, 1, _at_once)
@@ -137,7 +136,7 @@ def _again(inner: Graph, until: Until | None, results: list[Field]) -> Node | No
         return None
     ends = as_field(inner, until(*results))
     if not ends.scalar:
-        raise ProgramError("A loop ends by a flag: one logic value a frame.")
+        raise ProgramError("The end of a loop needs a flag, one logic value per frame.")
     return (~ends).node if ends.logic else inner.constant(0.0)
 
 
@@ -152,7 +151,8 @@ def _results(inner: Graph, returned: Field | Sequence[Field], values: list[Field
     for was, becomes in zip(values, results, strict=True):
         if (was.scalar, was.maps) != (becomes.scalar, becomes.maps):
             raise ProgramError(
-                "A carried value of a loop must stay a map, a stack of as many, or one number."
+                "A carried value of a loop must remain a map, a stack of equally many maps, "
+                "or one number."
             )
         if was.logic and not becomes.logic:
             raise ProgramError(

@@ -32,7 +32,7 @@ stream begins at it."""
 
 
 class LocalMemory:
-    """A local memory of every cell (or of the frame, for a number) that outlives the frame."""
+    """Local memory of every cell, or of the frame for a number, kept from frame to frame."""
 
     __slots__ = ("_graph", "_number", "value")
 
@@ -49,7 +49,7 @@ class LocalMemory:
         """The value stored at the end of the frame before; 0 on the first frame."""
 
     def store(self, value: Field) -> None:
-        """Set the memory's value at the end of the frame.
+        """Set the value of the memory at the end of the frame.
 
         Raises
         ------
@@ -58,7 +58,7 @@ class LocalMemory:
             logic values are.
         """
         if value.graph is not self._graph:
-            raise ProgramError("A memory is stored once a frame, outside of loops.")
+            raise ProgramError("A memory must be stored once per frame, outside loops.")
         memory = self._graph.memories[self._number]
         if memory.store is not memory.read:
             raise ProgramError(f"Memory {self._number} is stored twice in one frame.")
@@ -76,7 +76,7 @@ class LocalMemory:
         self._graph.memories[self._number] = Memory(memory.read, value.node)
 
     def latch(self, sets: Field, stays: Field) -> Field:
-        """Store and return a flag or logic map: on with `sets`, and kept on while `stays` holds."""
+        """Store and return a flag or logic map that `sets` turns on and `stays` keeps on."""
         return self._now(sets | (self.value & stays))
 
     def hold(self, value: Field, when: Field) -> Field:
@@ -84,11 +84,11 @@ class LocalMemory:
         return self._now(where(when, value, self.value))
 
     def count(self, when: Field) -> Field:
-        """Store and return how many frames in a row `when` has held, this one included."""
+        """Store and return the number of consecutive frames in which `when` has held."""
         return self._now(where(when, self.value + 1.0, 0.0))
 
     def mean(self, value: Field, share: Field | float) -> Field:
-        """Store and return a mean in which this frame's value has a share.
+        """Store and return a running mean in which the value of this frame has a given share.
 
         A constant share makes a leaky mean, one of 1/n in the n-th frame the plain one.
         """
@@ -106,14 +106,14 @@ def _kind(node: Node) -> str:
 
 
 class FrameFields:
-    """The frame inside a program: its channels as attributes, its geometry and its memories."""
+    """Frame inside a program, with its channels as attributes, its geometry and its memories."""
 
     def __init__(self, graph: Graph, channels: Sequence[str], rate: float | None = None) -> None:
         self._graph = graph
         graph.rate = rate
         if isinstance(channels, str) or not isinstance(cast(object, channels), Sequence):
             raise ProgramError(
-                f"Channels are a sequence of names, as in ('normal',), got {channels!r:.60}."
+                f"Channels must be a sequence of names, as in ('normal',), got {channels!r:.60}."
             )
         given = tuple(checked_name("a channel", c, ProgramError) for c in channels)
         # no reading of the array: programs that go through all channels do not meet it
@@ -133,10 +133,10 @@ class FrameFields:
         return Field(self._graph, self._graph.add(Input(name)))
 
     def within_range(self, marks: Field) -> Field:
-        """Return a logic map without the taxels that stand at an end of their range.
+        """Return a logic map without the taxels that are at an end of their range.
 
-        A flag is off while there is any such taxel. A scene marks them in a channel of its own,
-        "saturated"; without it nothing is taken off.
+        A flag is off while there is any such taxel. A scene marks them in the channel "saturated";
+        without that channel nothing is removed.
         """
         if not self._marked:
             return marks
@@ -145,11 +145,11 @@ class FrameFields:
 
     @property
     def rate(self) -> float:
-        """Frames a second, Hz: of the scene's array, else as the program is bound to.
+        """Frame rate in Hz: that of the scene's array, or the one the program is bound to.
 
-        A program turns times into weights and durations by it: a leaky mean over a time T takes a
-        share of ``1 - exp(-1 / (frame.rate * T))`` of each frame. Where nothing says the rate, the
-        program can be compiled and looked at, and its first stream asks for it.
+        A program uses it to convert times to weights and durations: a leaky mean over a time T
+        takes a share of ``1 - exp(-1 / (frame.rate * T))`` of each frame. If the rate is not known,
+        the program can be compiled and inspected, but its first stream requires it.
         """
         self._graph.timed = True
         return NOMINAL if self._graph.rate is None else self._graph.rate
@@ -174,8 +174,9 @@ class FrameFields:
             self._graph.rate = rate
         elif self._graph.rate != rate:
             raise ProgramError(
-                f"Program '{program}' is bound to {rate:g} Hz inside a program of {self.rate:g} "
-                "Hz: bind the outer program to the rate, and it holds in all of it."
+                f"Program '{program}' is bound to {rate:g} Hz inside a program of "
+                f"{self.rate:g} Hz: bind the outer program to the rate, which then applies to "
+                "all of it."
             )
         self._graph.timed = self._graph.timed or uses
 
@@ -216,7 +217,7 @@ class FrameFields:
 
     @property
     def age(self) -> Field:
-        """Number of frames before this one, up to 2²⁴, as far as float32 counts."""
+        """Number of frames before this one, up to 2²⁴, the limit of float32."""
         return self.once(_age)
 
     @property
@@ -241,18 +242,18 @@ class FrameFields:
     def memory(
         self, name: str = "", *, scalar: bool = False, logic: bool = False, maps: int = 1
     ) -> LocalMemory:
-        """Return a new memory that outlives the frame; it holds 0 before the first store.
+        """Return a new memory that is kept from frame to frame and begins with 0.
 
         Parameters
         ----------
         name : str
             Its name in traces.
         scalar : bool
-            It holds one number a frame, not a map.
+            Whether it holds one number instead of a map.
         logic : bool
-            It is a local logic memory: 0 or 1.
+            Whether it is a local logic memory (0 or 1).
         maps : int
-            How many maps it holds: more than one for a stack.
+            Number of maps; more than one makes a stack.
 
         Raises
         ------
@@ -260,7 +261,7 @@ class FrameFields:
             If the name is not one line of plain signs, or `maps` not a whole number from 1 up.
         """
         if not isinstance(maps, Integral) or maps < 1:
-            raise ProgramError(f"A memory holds 1 map or more, a whole number, got {maps!r:.60}.")
+            raise ProgramError(f"A memory must hold at least 1 map, got {maps!r:.60}.")
         return LocalMemory(self._graph, name, scalar=scalar, logic=logic, maps=int(maps))
 
     def once(self, make: Callable[..., Made], **settings: Hashable) -> Made:

@@ -70,8 +70,8 @@ def refuse_outside(**ranges: tuple[float, float, float]) -> None:
     for name, (value, least, most) in ranges.items():
         if not least <= value <= most:
             raise ProgramError(
-                f"'{name}': expected {least:g} to {most:g}, got {shown(value)}; other numbers are "
-                "none that the program can compute with."
+                f"'{name}': expected {least:g} to {most:g}, got {shown(value)}; the program "
+                "cannot compute with other numbers."
             )
 
 

@@ -54,22 +54,22 @@ def transient(
     weights: Sequence[Field] = (),
     spec: RunSpec | None = None,
 ) -> Applied:
-    """Run a template inside a program and return all that can be read of it.
+    """Run a template inside a program and return its results.
 
     Parameters
     ----------
     template : Template or str
-        One of your own, or one of the library's by its name.
+        A template, or the name of one of the library.
     input : Field or sequence of Field, optional
-        One map an input of the template. A template that has none and starts from its input
+        One map per input of the template. A template without inputs that starts from its input
         takes it as the initial state.
     previous : Field or sequence of Field, optional
-        The inputs before the start, which a template with delays sees; the inputs unless given.
+        Inputs before the start, for a template with delays. The default is `input`.
     state : Field or sequence of Field, optional
-        Initial state, one map a layer; the template's own where it is left out. Where the output
-        function limits the state, states beyond ±1 begin there.
+        Initial state, one map per layer. The default is that of the template. If the output
+        function limits the state, states beyond ±1 begin at ±1.
     bias : Field or sequence of Field, optional
-        Space-variant bias added to z, one map a layer.
+        Bias map added to z, one map per layer.
     mask : logic Field, optional
         Fixed-state mask: where it holds, the state keeps its value.
     weights : sequence of Field
@@ -97,7 +97,7 @@ def transient(
     if not given and mask is None:
         raise ProgramError(f"Template '{template.name}' needs at least one map of the frame.")
     if template.initial == "input" and input is None and state is None:
-        raise ProgramError(f"Template '{template.name}' starts from its input: give it.")
+        raise ProgramError(f"Template '{template.name}' starts from its input: pass an input.")
     if template.inputs and input is None:
         raise ProgramError(f"Template '{template.name}' needs {template.inputs} input map(s).")
     if mask is not None:
@@ -185,8 +185,8 @@ def apply(
 ) -> Field:
     """Run a template of one layer inside a program and return its output map.
 
-    The template is one of your own, or one of the library's by its name. Other arguments are those
-    of `transient`, which also gives states, layers and figures of the run.
+    The arguments are those of `transient`, which also returns states, layers and figures of the
+    run.
 
     Raises
     ------
@@ -208,7 +208,7 @@ def apply(
 def _template(template: object) -> Template:
     if not isinstance(template, Template | str):
         raise ProgramError(
-            f"A program runs a template or the name of one, got {type(template).__name__}."
+            f"Expected a template or the name of one, got {type(template).__name__}."
         )
     return as_template(template)
 

@@ -67,10 +67,10 @@ def packed(recording: Recording, fps: float, pictures: int | None = None) -> Pac
         If the rate is none, or a picture would hold too many frames.
     """
     if not 0.0 < fps < 1e4:
-        raise ArrayError(f"The rate of pictures is above 0 Hz, below 10 kHz, got {fps!r}.")
+        raise ArrayError(f"The picture rate must be above 0 Hz and below 10 kHz, got {fps!r}.")
     each = max(1, int(np.ceil(recording.rate / fps - 1e-9)))
     if each > MOST_FRAMES:
-        raise ArrayError(f"A picture holds at most {MOST_FRAMES} taxel frames, got {each}.")
+        raise ArrayError(f"A picture can hold at most {MOST_FRAMES} taxel frames, got {each}.")
     since = recording.times - recording.times[0]
     count = int(since[-1] * fps + 1e-9) + 1 if pictures is None else pictures
     times = np.arange(count) / fps

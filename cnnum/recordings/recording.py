@@ -35,7 +35,7 @@ AXES = {"x": "shear_x", "y": "shear_y", "z": "normal"}
 
 @dataclass(frozen=True, slots=True, eq=False, init=False, repr=False)
 class Recording(ByContent):
-    """Frames of an array in memory, with all that a scene needs to know of them.
+    """Frames of an array in memory, with everything that a scene needs.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ class Recording(ByContent):
     times : (frames,) float, s, optional
         Frame n is at n / rate unless given.
     truth : mapping of str to (frames,) float, optional
-        The facts of every frame, by name.
+        Ground truth of every frame, by name.
     quality : (frames,) int, optional
         Flags of `cnnum.Quality`.
     saturated : (frames, rows, cols) bool, optional
@@ -98,11 +98,13 @@ class Recording(ByContent):
         array = array[..., np.newaxis] if array.ndim == 3 else array
         if array.ndim != 4 or 0 in array.shape:
             raise ArrayError(
-                "The values of a recording are (frames, rows, cols, channels) with one of each at "
-                f"least, got {array.shape}."
+                "The values of a recording must be (frames, rows, cols, channels), with at "
+                f"least one of each, got {array.shape}."
             )
         if not (is_real(rate) and 0.0 < rate < FASTEST):
-            raise ArrayError(f"The rate of a recording is above 0 Hz, below 1 MHz, got {rate!r}.")
+            raise ArrayError(
+                f"The rate of a recording must be above 0 Hz and below 1 MHz, got {rate!r}."
+            )
         frames = len(array)
         given = np.zeros(frames) if quality is None else numbers("quality", quality)
         flags: NDArray[np.int64] = _per_frame("quality", given, frames).astype(np.int64)
@@ -113,8 +115,8 @@ class Recording(ByContent):
         seen = None if times is None else contradicted(float(rate), at)
         if seen is not None:
             raise ArrayError(
-                f"The rate of a recording is {rate:g} Hz, and its times have {seen:.4g} frames a "
-                "second: give the rate that they have, or other times."
+                f"The rate of a recording is {rate:g} Hz, but its times have {seen:.4g} "
+                "frames per second: give that rate, or other times."
             )
         if sequence is not None:
             scans = _whole("sequence", sequence, frames)
@@ -276,7 +278,7 @@ class Recording(ByContent):
         path : str or Path
             Its suffix says the kind: ".mcap", ".npz", ".csv" or ".h5".
         force : bool
-            Whether a file that is there is replaced.
+            Whether an existing file is replaced.
 
         Raises
         ------
@@ -363,5 +365,5 @@ def _marks(saturated: ArrayLike | None, shape: tuple[int, ...]) -> NDArray[np.bo
         return None
     found = numbers("saturated", saturated)
     if found.shape != shape:
-        raise ArrayError(f"'saturated' must be a mark a taxel, {shape}, got {found.shape}.")
+        raise ArrayError(f"'saturated' must be one mark per taxel, {shape}, got {found.shape}.")
     return read_only(found != 0.0) if found.any() else None

@@ -34,7 +34,7 @@ def draw(
     marked : iterable of (row, col)
         Cells that get a cross.
     force : bool
-        Whether a file that is there is replaced.
+        Whether an existing file is replaced.
 
     Raises
     ------

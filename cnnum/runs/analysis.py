@@ -41,18 +41,18 @@ ROUNDINGS = 1e-13
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Analysis(ByContent):
-    """The figures of a template on an array of given size, before anything runs.
+    """Properties of a template on an array of a given size, known before it runs.
 
     Attributes
     ----------
     template : str
     shape : (rows, cols)
     kind : StabilityClass
-        Whether transients come to rest, with the theorem.
+        Whether transients come to rest, and by which theorem.
     source : str
-        Where the rates are from: "the modes of its boundary", Gershgorin's discs, and so on.
+        Origin of the rates, such as "the modes of its boundary" or Gershgorin's discs.
     exact : bool
-        `fastest` is that of the eigenvalues of the array, not of a bound on them.
+        Whether `fastest` comes from the eigenvalues of the array and not from a bound on them.
     fastest : float
         Largest |λ| of the array, whatever cells saturate, 1/time. With a delay, of the modes that
         do not decay.
@@ -64,18 +64,18 @@ class Analysis(ByContent):
     stiffness : float
         Largest rate of decay over the smallest; NaN as `slowest`.
     condition : float
-        Of the matrix 1 − A that gives the state at rest while no cell saturates, whatever time
-        constants the layers have: by how much more an error of the drive may count there than the
-        drive itself. Infinite where 1 − A is singular; NaN where it is not known.
+        Condition of the matrix 1 − A, which gives the state at rest while no cell saturates: how
+        much more an error of the drive may count than the drive itself. Infinite where 1 − A is
+        singular, NaN where it is not known.
     saturation : str
-        The effect of cells that saturate, in a sentence.
+        Effect of saturating cells, as a sentence.
     largest : float
         Bound on |x| for inputs within [−1, 1], beyond the rim those of the boundary, and for starts
         within [−1, 1] or at the template's initial state; infinite where none is known.
     bounds : mapping of str to StabilityBound
-        The longest stable step of every method.
+        Longest stable step of every method.
     method, reason : str
-        Those of method="auto".
+        What method="auto" chooses, and why.
     """
 
     template: str
@@ -109,7 +109,7 @@ def analyse(template: Template | str, shape: Sequence[int] = (8, 8)) -> Analysis
     Parameters
     ----------
     template : Template or str
-        One of your own, or one of the library's by its name.
+        A template, or the name of one of the library.
     shape : (rows, cols)
 
     Raises
@@ -123,10 +123,11 @@ def analyse(template: Template | str, shape: Sequence[int] = (8, 8)) -> Analysis
 
     Notes
     -----
-    Rates are exact in the modes of the boundary, or by the eigenvalues of up to 256 states. Else
-    Gershgorin's discs bound them. Rates "while no cell saturates" are those of f(x) = x, and so not
-    known of an output function of one's own. Where samples of such a function show slopes beyond
-    those that it declares, the figures are those of the sampled slopes, and no theorem is named.
+    Rates are exact if they come from the modes of the boundary or from the eigenvalues of up to
+    256 states; otherwise Gershgorin's discs bound them. Rates "while no cell saturates" assume
+    f(x) = x and are therefore not known for your own output functions. If samples of such a
+    function exceed the slopes that it declares, the figures use the sampled slopes and no theorem
+    is named.
     """
     known = as_template(template)
     names = [f"input {n}" for n in range(known.inputs)]
@@ -139,7 +140,7 @@ def analyse(template: Template | str, shape: Sequence[int] = (8, 8)) -> Analysis
 def analyse_program(
     program: Program, shape: Sequence[int] = (8, 8), *, channels: Sequence[str] = FORCE_AXES
 ) -> tuple[Analysis, ...]:
-    """Return the analysis of every template that a program runs, each once.
+    """Return the analysis of each template that a program runs.
 
     Parameters
     ----------

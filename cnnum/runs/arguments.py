@@ -59,16 +59,17 @@ def refuse_signed_mask(array: NDArray[np.floating]) -> None:
     """
     if array.size and float(array.min()) < 0.0:
         raise ArrayError(
-            f"'mask' holds the state where it is not 0, got numbers down to {array.min():g}: give "
-            "an array of bool; of one of MatCNN, whose −1 stands for cells that are held, "
-            "it is mask < 0."
+            "'mask' holds the state of cells where it is not 0, got numbers down to "
+            f"{array.min():g}: pass a bool array; for a mask of MatCNN, in which −1 marks the "
+            "held cells, pass mask < 0."
         )
 
 
 def _refusal(template: Template, role: str, got: str) -> ArrayError:
     return ArrayError(
-        f"'{role}' of template '{template.name}' is a picture of numbers from −1 (white) to 1 "
-        f"(black), got {got}: cnnum.as_picture makes one of pixels (True or level 0 is black)."
+        f"'{role}' of template '{template.name}' must be a picture with numbers from −1 "
+        f"(white) to 1 (black), got {got}: use cnnum.as_picture to convert pixels (True or "
+        "level 0 is black)."
     )
 
 
@@ -97,7 +98,9 @@ def maps_by_role(
     if template.inputs == 0 and template.initial == "input" and values["state"] is None:
         values = {**values, "state": values["input"], "input": None}
     if template.inputs == 0 and values["input"] is not None:
-        raise ArrayError(f"Template '{template.name}' has no control template: give no input.")
+        raise ArrayError(
+            f"Template '{template.name}' has no control template: leave out the input."
+        )
     if template.inputs and values["input"] is None:
         raise ArrayError(f"Template '{template.name}' needs an input.")
     if template.initial == "input" and values["input"] is None and values["state"] is None:

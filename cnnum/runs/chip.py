@@ -35,38 +35,38 @@ STREAMS = {"A": 0, "B": 1, "z": 2, "noise": 3, "A of cells": 4}
 
 @dataclass(frozen=True, slots=True)
 class Chip:
-    """An analogue array as `Engine.run` takes it: a model of its limited accuracy.
+    """Model of an analogue array and its limited accuracy, for `Engine.run` and `Engine.compile`.
 
-    A number of b bits is a whole multiple of the largest one over 2^(b − 1) − 1. Weights are
-    rounded by the largest of A, B and z together. Inputs, the initial state and the output have
-    `full_scale` as their largest number, and saturate there. A bias map has its own. The output
-    gets its noise first, and is rounded then.
+    Numbers of b bits are whole multiples of the largest one divided by 2^(b − 1) − 1. Weights are
+    rounded relative to the largest of A, B and z. Inputs, the initial state and the output are
+    rounded relative to `full_scale` and saturate there; a bias map has its own scale. Noise is
+    added to the output before it is rounded.
 
-    The weights of B and z are multiplied by 1 + ε, with an ε of its own in every cell. Those of A
-    are, too. In `Engine.run` cells share their ε, as most engines have no feedback that differs
-    from cell to cell. In a program, `Engine("reference").compile(..., chip=...)`, they have their
-    own. There, each map has its largest number as its full scale, and noise is a share of that.
+    Each weight is multiplied by 1 + ε. For B and z, ε differs from cell to cell. For A, all cells
+    share it in `Engine.run`, since most engines have no feedback that differs from cell to cell;
+    in a program, `Engine("reference").compile(..., chip=...)`, each cell has its own. In a
+    program, the full scale of a map is its largest number, and noise is a share of that.
 
     ACE16k has weights of 8 bits and an accuracy of 7 to 8 bits: Rodríguez-Vázquez et al. 2004,
     "ACE16k: the third generation of mixed-signal SIMD-CNN ACE chips toward VSoCs", IEEE
-    Transactions on Circuits and Systems I 51(5). The defaults follow it, but for noise and
-    mismatch: those are of an array at hand.
+    Transactions on Circuits and Systems I 51(5). The defaults follow it, except for noise and
+    mismatch, which depend on the array at hand.
 
-    Not modelled: mismatch of τ, multipliers that are not linear,
-    noise during the transient, memories that leak, and temperature. The state during the transient
-    is not rounded, and its output function is the template's. Fixed boundaries are exact.
+    Mismatch of τ, nonlinear multipliers, noise during the transient, leaking memories and
+    temperature are not modelled. The state is not rounded during the transient, and its output
+    function is that of the template. Fixed boundaries are exact.
 
     Attributes
     ----------
     weight_bits, state_bits : int
         2 to 32.
     noise : float
-        Standard deviation of the output's noise, in the unit of the output.
+        Standard deviation of the noise of the output, in its unit.
     mismatch : float
         Standard deviation of ε, as a share of the weight.
     seed : int
-        The same mismatch for all of a batch, and for all templates of the same size. Noise is
-        drawn for each map of a batch. Every engine has the same random numbers.
+        Selects the mismatch, which is the same for a whole batch and for all templates of the
+        same size. Noise is drawn for each map of a batch. All engines use the same random numbers.
     full_scale : float
         Largest magnitude of inputs, initial states and outputs, in their unit.
 
@@ -91,7 +91,9 @@ class Chip:
             value = getattr(self, name)
             least = "above 0" if name == "full_scale" else "from 0 up"
             if not is_real(value) or value < 0.0 or (value == 0.0 and name == "full_scale"):
-                raise MethodError(f"'{name}' of a chip is a number {least}, got {value!r:.60}.")
+                raise MethodError(
+                    f"'{name}' of a chip must be a number {least}, got {value!r:.60}."
+                )
 
     def stored(self, values: ArrayLike) -> Floats:
         """Return values as a memory of the array holds them: saturated and rounded."""
@@ -120,7 +122,7 @@ class Chip:
         """
         if not template.plain:
             raise NotSupportedError(
-                f"A chip has linear couplings, at once and constant in time: run "
+                "A chip needs linear couplings without delay that are constant in time: run "
                 f"'{template.name}', which has others, without 'chip'."
             )
         parts = {"A": template.A, "B": template.B, "z": template.z}
@@ -213,7 +215,7 @@ def _whole(name: str, value: Any, least: int, most: int | None) -> None:
     if number < least or (most is not None and number > most):
         upto = "up" if most is None else f"to {most}"
         raise MethodError(
-            f"'{name}' of a chip is a whole number from {least} {upto}, got {value!r:.60}."
+            f"'{name}' of a chip must be a whole number from {least} {upto}, got {value!r:.60}."
         )
 
 
@@ -274,8 +276,8 @@ def chip_backend(chip: Chip, backend: Backend) -> Backend:
     if record.analogue is None or is_integer(backend.precision):
         able = first_that(lambda one: one.analogue)
         raise NotSupportedError(
-            f"A program runs on a chip by Engine('{able.name}'): its feedback may differ from cell "
-            f"to cell. Got the engine '{record.name}' in {backend.precision}."
+            f"Only Engine('{able.name}') runs programs on a chip, because the feedback may "
+            f"differ from cell to cell; got the engine '{record.name}' in {backend.precision}."
         )
     return record.analogue(record, partial(ChipModel, chip))
 

@@ -56,7 +56,7 @@ def form_of(
     for option in asked[:2]:  # not compared before their types are known
         if not (option is None or isinstance(option, str | Real)):
             raise MethodError(
-                "A duration is a number or 'settle', and a method has a name, got "
+                "A duration must be a number or 'settle', and a method must be a name, got "
                 f"{type(option).__name__}."
             )
     shapes: list[tuple[int, ...] | None] = []

@@ -170,33 +170,32 @@ FEW = 6
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Result(ByContent):
-    """The results of a template's run.
+    """Result of the run of a template.
 
     Attributes
     ----------
     output, state : (..., rows, cols) or (..., layers, rows, cols) float
     time : (...) float
-        Time reached, in the unit of `tau`. A run to a rest may be exact, so that it ends after any
-        time. Then this is the longest that others may take.
+        Time reached, in the unit of `tau`. For an exact run to equilibrium, this is the longest
+        time that other runs may take.
     steps : (...) int
-        Steps taken, rejected ones counted; 0 where none were needed.
+        Steps taken, including rejected ones; 0 if none were needed.
     settled : (...) bool
-        Whether |dx/dt|·τ is below the tolerance in every cell. Of a run to equilibrium: whether it
-        came to one that it keeps. It is false at an unstable one (`stability`).
+        Whether |dx/dt|·τ is below the tolerance in every cell. For a run to equilibrium, whether
+        the equilibrium was reached and is kept; false at an unstable one (`stability`).
     error : (...) float
-        Error of the state at most. `certified` says how it is known. Of a run to equilibrium it is
-        the distance to the one that the array truly comes to, and infinite where it is not shown
-        that it comes to that one. Of others it is estimated: the sum of the steps' local errors and
-        roundings, times a safety factor. Of an exact answer, it is its roundings; with a delay,
-        that of runs in steps of half the length. Infinity means that nothing is known of it. So it
-        is of steps of a fixed length, or in discrete time, which are not followed unless
-        `estimate=True`. So it is, too, of runs with a delay up to a rest that is not the only one,
-        and of steps that were forced. So it is where an estimate grew beyond 1e30.
+        Largest error of the state; `certified` says how it is known. For a run to equilibrium, it
+        is the distance to the equilibrium of the true array, and infinite if that is not shown to
+        be the one. For other runs by steps, it is an estimate: the local errors and roundings of
+        all steps, times a safety factor. For an exact answer, it bounds the roundings. With a
+        delay, it comes from runs with steps of half the length. It is infinite where nothing is
+        known: for fixed steps and discrete time without `estimate=True`, for forced steps, for
+        runs with a delay to one of several equilibria, and where an estimate exceeds 1e30.
     method : str
     reason : str
-        Why this method: why the array is exact, or about how many evaluations of the rates it
-        takes against others. The `reference` engine solves far below the tolerance instead, unless
-        it is exact or the steps were asked for.
+        Why this method was chosen: why the array is solved exactly, or about how many evaluations
+        of the rates it takes compared with others. The `reference` engine solves far below the
+        tolerance instead, unless the answer is exact or the steps were requested.
     ways : tuple of str
         How the run was taken, from the outermost way to the innermost: "chip", "batch", "times",
         "prepared", "wavefront", "compared", "settling", "halved", "implicit", "linear" and "plain".
@@ -222,7 +221,7 @@ class Result(ByContent):
 
     @property
     def certified(self) -> NDArray[np.str_]:
-        """How `error` is known of each frame, (...): "proven", "estimated" or "unknown".
+        """How the `error` of each frame is known, (...): "proven", "estimated" or "unknown".
 
         * "proven": the true array, in exact arithmetic and from this start, is within `error` of
           `state` at the end; of a run to equilibrium, it comes to one that is. That is shown by an
@@ -253,7 +252,7 @@ class Result(ByContent):
 
     @property
     def decision(self) -> Decision:
-        """What is proven of every cell: bounds, its sign, whether it is saturated, and rest.
+        """What is proven for each cell: bounds, sign, saturation, and whether outputs are at rest.
 
         Worked out as `certified` is. Here a long way costs less than in `error`, as cells that are
         saturated add nothing.

@@ -42,7 +42,7 @@ def checked_times(at: ArrayLike, duration: Duration | None = None) -> tuple[floa
         If they are not, or there are none; or if there is a duration, too.
     """
     if duration is not None:
-        raise MethodError("A run has a duration, or times 'at' which it is looked at: not both.")
+        raise MethodError("A run takes a duration or times 'at', not both.")
     try:
         times = finite("at", at)
     except ArrayError as error:
@@ -50,8 +50,8 @@ def checked_times(at: ArrayLike, duration: Duration | None = None) -> tuple[floa
     rising = times.ndim == 1 and times.size and times[0] >= 0.0 and (np.diff(times) > 0.0).all()
     if not rising or times.size > MOST:
         raise MethodError(
-            f"'at' is a list of 1 to {MOST} times from 0 up, each after the one before, in the "
-            f"unit of tau, got {np.array2string(times, threshold=8).rstrip('.')}."
+            f"'at' must be 1 to {MOST} increasing times from 0 on, in the unit of tau, got "
+            f"{np.array2string(times, threshold=8).rstrip('.')}."
         )
     return tuple(float(time) for time in times)
 
@@ -89,7 +89,7 @@ def _looks(request: Request, times: tuple[float, ...], end: Result) -> Result | 
         plan = engine.plan_for(ran, request.shape, own.names, finer)
         found = looked_at(plan, own.given, own.lead, times, engine.precision)
         if found is None:  # its steps are implicit: nothing is known of the error
-            raise MethodError("Implicit steps are not looked at on their way.")
+            raise MethodError("Implicit steps give no states at intermediate times.")
         return found
 
     return compared(looks, ran, solver, request.given, spec, again)

@@ -83,7 +83,7 @@ def written(
     error : type of CnnumError
         What is raised, with a sentence, where it cannot be written.
     force : bool
-        Whether a file that is there is replaced.
+        Whether an existing file is replaced.
 
     Raises
     ------

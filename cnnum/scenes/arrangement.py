@@ -145,8 +145,8 @@ def _refuse_other_rate(spec: SceneSpec, rate: float, given: object) -> None:
     said = in_own_units(spec.name, {RATE: given}, {RATE: None})[RATE]
     if isinstance(said, int | float) and said > 0.0 and differ(float(said), rate):
         raise SceneError(
-            f"Scene '{spec.name}': 'program.parameters.rate' is {said:g} Hz, and the array has "
-            f"{rate:g} frames a second: leave it out, and the program takes the array's."
+            f"Scene '{spec.name}': 'program.parameters.rate' is {said:g} Hz, but the array "
+            f"has {rate:g} frames per second: leave it out to use the array's rate."
         )
 
 

@@ -187,8 +187,8 @@ def conversion_for(
         total = getattr(driver, "total_frames", None)
         if total is not None and scale.tare >= total:
             raise CalibrationError(
-                f"'tare' takes {scale.tare} frames at rest, and the recording has {total}: take "
-                "those before the first touch."
+                f"'tare' needs {scale.tare} frames at rest, but the recording has {total}: "
+                "use those before the first touch."
             )
         return ByArrayCalibration(scale, driver.shape, channels)
     bridges = channels == SIDES

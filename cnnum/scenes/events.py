@@ -23,7 +23,7 @@ def titled(phase: str | None, kind: str) -> str:
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Event:
-    """Something that began or ended in a scene.
+    """Begin or end of something in a scene.
 
     Attributes
     ----------
@@ -48,13 +48,12 @@ class Event:
     sense : int or None
         Of a twist: +1 from x towards y, −1 the other way. Of a squeeze: +1 outwards.
     after_gap : float or None
-        s, of the first event of its flag after frames were lost or refused: how long the program
-        saw nothing, from frame to frame. Its memories reach over that gap; of several since
-        the flag's last event, the longest.
+        For the first event of its flag after frames were lost or refused: how long the program saw
+        nothing, in s. Of several gaps since the last event of the flag, the longest.
     gap_end : float or None
-        s, on the clock of the frames, when that gap ended.
+        When that gap ended, in s on the clock of the frames.
     load_is_bound : bool
-        Whether the strength is a load that may be larger: a taxel stood at an end of its range.
+        Whether the strength is a lower bound of a load, because a taxel was at an end of its range.
     """
 
     time: float
@@ -79,7 +78,7 @@ class Event:
 
     @property
     def title(self) -> str:
-        """Its phase, if it has one, and its kind."""
+        """Phase, if there is one, and kind."""
         return titled(self.phase, self.kind)
 
     def record(self) -> dict[str, object]:
@@ -370,7 +369,7 @@ def event_rule(table: Mapping[str, object], about: str) -> EventRule:
             several = isinstance(value, list | tuple)
             two = list(cast("Sequence[object]", value)) if several else []
             if len(two) != 2:
-                raise SceneError(f"{about}: '{key}' is two outputs, got {shown(value)}.")
+                raise SceneError(f"{about}: '{key}' must name two outputs, got {shown(value)}.")
             found[key] = tuple(checked_name(f"{about}: '{key}'", one, SceneError) for one in two)
         else:
             real = isinstance(value, int | float) and not isinstance(value, bool)
@@ -379,12 +378,14 @@ def event_rule(table: Mapping[str, object], about: str) -> EventRule:
             found[key] = float(cast("float", value))
     for key in ("kind", "flag"):
         if not found.get(key):
-            raise SceneError(f"{about}: '{key}' is missing: an event has a kind and a flag.")
+            raise SceneError(f"{about}: '{key}' is missing: an event needs a kind and a flag.")
     on = found.setdefault("on", 0.0)
     if found.setdefault("off", on) > on:
         raise SceneError(f"{about}: 'off' is {found['off']:g}, above 'on', which is {on:g}.")
     if found.get("steady", 0.0) < 0.0:
-        raise SceneError(f"{about}: 'steady' is a time in s from 0 up, got {found['steady']:g}.")
+        raise SceneError(
+            f"{about}: 'steady' must be a time of at least 0 s, got {found['steady']:g}."
+        )
     return EventRule(**found, own=True)
 
 

@@ -49,23 +49,23 @@ def export(
     Parameters
     ----------
     program : Program or str
-        With its parameters; or the name of one of the library, or "file.py:function".
+        A program with its parameters, the name of one of the library, or "file.py:function".
     shape : (rows, cols), optional
         Unless given, that of `like`, or 8×8.
     precision : str
-        "q15", "q7", an other "qM.N", or "float32".
+        "q15", "q7", another "qM.N", or "float32".
     method : "auto" or "euler"
-        Products where they are exact, or Euler's steps, of cells that see others.
+        Exact products where possible, or Euler steps, for coupled cells.
     needs : sequence of str, optional
         Outputs; all unless given.
     channels : sequence of str, optional
-        Those of a frame, in their order. Unless given, those of `like`, or x, y and normal.
+        Channels of a frame, in their order. The default is those of `like`, or x, y and normal.
     rate : float, Hz, optional
-        Frames a second, for a program that takes it. Unless given, that of `like`, or 200.
+        Frame rate, for a program that has times. The default is that of `like`, or 200.
     like : Recording, array, path or Scene, optional
-        Frames like those to come, on which the range of every value is measured: a recording, its
-        file, an array (frames, rows, cols, channels), or a scene, which is run to its end: its
-        frames are calibrated as it says. Unless given, strain of simulated scenes.
+        Typical frames, on which the range of every value is measured: a recording, its file, an
+        array (frames, rows, cols, channels), or a scene, which is run to its end and calibrated.
+        The default is strain of simulated scenes.
 
     Returns
     -------
@@ -154,7 +154,9 @@ class Examples:
         """Return the frames of a recording, a file, an array or a scene, or simulated ones."""
         number = isinstance(cast("object", rate), int | float)
         if rate is not None and not (number and 0.0 < rate < np.inf):
-            raise ArrayError(f"A rate is a number of frames a second above 0, got {shown(rate)}.")
+            raise ArrayError(
+                f"A rate must be a number of frames per second above 0, got {shown(rate)}."
+            )
         if like is None:
             return cls._simulated(as_shape(shape or (8, 8)), channels, rate)
         if isinstance(like, str | PathLike):
@@ -213,8 +215,9 @@ class Examples:
         there = (int(frames.shape[1]), int(frames.shape[2]))
         if shape is not None and as_shape(shape) != there:
             raise ArrayError(
-                f"The frames have {there[0]}×{there[1]} taxels, and the program is wanted on "
-                f"{shape[0]}×{shape[1]}: give the frames of such an array, or leave out the shape."
+                f"The frames have {there[0]}×{there[1]} taxels, but the program is exported "
+                f"for {shape[0]}×{shape[1]}: give frames of such an array, or leave out the "
+                "shape."
             )
         names = tuple(channels or known)
         for name in names:
@@ -223,7 +226,7 @@ class Examples:
         good = frames[np.isfinite(frames).all(axis=(1, 2, 3))][:MOST]
         picked = good[..., [list(known).index(name) for name in names]]
         if not len(picked):
-            raise ArrayError("No frame holds finite numbers alone: ranges cannot be measured.")
+            raise ArrayError("No frame has only finite numbers, so ranges cannot be measured.")
         return cls(there, names, rate or usual, unit, picked[:, np.newaxis].astype(np.float64))
 
     def parts(self, count: int) -> Floats:

@@ -69,13 +69,13 @@ def like_frames(
         if spec.ranges is None:
             return None
         raise SceneError(
-            f"Scene '{spec.name}': 'engine.ranges' gives ranges to whole numbers, and the engine "
-            f"counts in {precision}: leave it out, or take precision 'q15'."
+            f"Scene '{spec.name}': 'engine.ranges' is for whole numbers, but the engine uses "
+            f"{precision}: leave it out, or use precision 'q15'."
         )
     if spec.ranges is None and spec.driver not in PLAYED_AGAIN:
         raise SceneError(
-            f"Scene '{spec.name}': precision '{precision}' needs frames like those to come: add a "
-            "table [engine.ranges] with the driver and the path of a recording of this array."
+            f"Scene '{spec.name}': precision '{precision}' needs typical frames: add a table "
+            "[engine.ranges] with the driver and the path of a recording of this array."
         )
     options = dict(spec.driver_options if spec.ranges is None else spec.ranges)
     name = spec.driver if spec.ranges is None else str(options.pop("driver", ""))

@@ -201,7 +201,7 @@ class FramePath:
         return FrameResult(number, frame, values, outputs, events, spent, None, at_end, masked)
 
     def tare(self) -> None:
-        """Begin anew with the next frame: rest and noise are learned from it on."""
+        """Restart with the next frame, from which rest and noise are learned again."""
         self.stream.tare()
         for part in (self.read, self.dropouts):
             tare = getattr(part, "tare", None)
@@ -226,7 +226,7 @@ class FramePath:
 
 @dataclass(slots=True, eq=False, repr=False)
 class Scene(OfThisProcess):
-    """A scene ready to run: the whole path, from its driver to its events.
+    """Scene that is ready to run: the whole path from its driver to its events.
 
     Attributes
     ----------
@@ -318,8 +318,8 @@ class Scene(OfThisProcess):
             plan = used.compile(program, shape, needs, channels=channels, like=like)
             if plan.at_rate is not None:
                 raise SceneError(
-                    f"Scene '{spec.name}': the program '{spec.program}' has times in seconds, and "
-                    "the array does not say how many frames a second it sends: set "
+                    f"Scene '{spec.name}': the program '{spec.program}' contains times in "
+                    "seconds, but the array does not state its frame rate: set "
                     "'program.parameters.rate'; 'cnnum probe' measures it."
                 )
             plan.warm_up()
@@ -450,7 +450,7 @@ class Scene(OfThisProcess):
         return "load it there, by cnnum.load_scene"
 
     def close(self) -> None:
-        """Let go of the array; a scene of a recording or a simulation can still begin a pass."""
+        """Close the array; a scene of a recording or a simulation can still begin a pass."""
         self.driver.close()
 
     def __enter__(self) -> "Scene":
@@ -515,9 +515,9 @@ class Scene(OfThisProcess):
         return replace(frame, values=self.grid.maps(frame.values), saturated=None)
 
     def tare(self) -> None:
-        """Let rest and noise be learned anew from the next frame on, while nothing touches.
+        """Learn rest and noise again, from the next frame on, while nothing touches.
 
-        What holds ends: a contact is released. It may be called from any thread.
+        A contact that is held is released. This may be called from any thread.
         """
         self._tare.set()
 
@@ -560,7 +560,7 @@ class Scene(OfThisProcess):
             If the number is not a whole one from 1 up.
         """
         if frames is not None and (not isinstance(cast(object, frames), int) or frames < 1):
-            raise SceneError(f"'frames' is a whole number from 1 up, got {shown(frames)}.")
+            raise SceneError(f"'frames' must be a whole number of at least 1, got {shown(frames)}.")
         record = SceneRecord(self.fields)
         for moment in self.results():
             record.add(moment)
@@ -583,7 +583,9 @@ class Scene(OfThisProcess):
             for at, frame in enumerate(frames):
                 moment = way.step(at, frame)
                 if at == number and moment.values is None:
-                    raise SceneError(f"Frame {number} is bad or a repeat: nothing runs on it.")
+                    raise SceneError(
+                        f"Frame {number} is bad or a repeat, so the program does not run on it."
+                    )
                 if at == number:
                     return tuple(trace_steps(self.plan.schedule, moment.outputs))
         raise SceneError(f"The scene '{self.spec.name}' has no frame {number}.")
@@ -724,19 +726,19 @@ def load_scene(
     scene : str or Path
         A TOML file, or the name of a scene that comes with the package.
     engine : Engine, optional
-        To run on instead of the scene's own.
+        Engine to use instead of the scene's own.
     program : Program or str, optional
-        To run instead of the scene's own, with its own parameters. All that it gives is wanted,
-        unless `changes` sets "needs".
+        Program to run instead of the scene's own, with its own parameters. All of its outputs are
+        requested unless `changes` sets "needs".
     events : sequence of mapping
-        Events of one's own, with the keys of a table [[event]] of a scene file, in addition to
-        those of the file: {"kind": "poke", "flag": "poke", "on": 0.5}.
+        Additional events, with the keys of a table [[event]] of a scene file, such as
+        {"kind": "poke", "flag": "poke", "on": 0.5}.
     changes : mapping of str to object, optional
-        Values to set over those of the file, by dotted key.
+        Values that override those of the file, by dotted key.
     trust : bool
         Whether a driver or a program that the file names as "module:name" may be imported, which
-        runs its code. Without it, only one that is named here, and a driver that an installed
-        package offers.
+        executes its code. Otherwise only one that is named here, or a driver of an installed
+        package, is imported.
 
     Raises
     ------
@@ -744,7 +746,7 @@ def load_scene(
         Whatever is wrong with the file, the array, the program or the device.
     """
     if changes is not None and not isinstance(cast("object", changes), Mapping):
-        raise SceneError(f"'changes' is a mapping of keys to values, got {shown(changes)}.")
+        raise SceneError(f"'changes' must be a mapping of keys to values, got {shown(changes)}.")
     given: dict[str, object] = dict(changes or {})
     if program is not None:
         given = {"needs": [EVERYTHING], "program": {}, **given}

@@ -205,7 +205,9 @@ def text_of(scene: str | Path) -> str:
 def _found(scene: str | Path) -> tuple[str, Path]:
     """Return the text of a scene, and the folder that its paths start from."""
     if not isinstance(cast(object, scene), str | Path):
-        raise SceneError(f"A scene is a TOML file or the name of one, got {type(scene).__name__}.")
+        raise SceneError(
+            f"A scene must be a TOML file or the name of one, got {type(scene).__name__}."
+        )
     path = Path(scene)
     if str(scene) in scene_names():
         packaged = resources.files("cnnum.scenes") / f"{scene}.toml"
@@ -289,8 +291,8 @@ def _scale(scene: str, table: Mapping[str, Any]) -> ArrayCalibration | None:
         return None
     if table.keys() & {"file", "use"}:
         raise SceneError(
-            f"Scene '{scene}': 'calibration' has a file or a gain, offset and tare of its own, got "
-            f"both: expected one of the two."
+            f"Scene '{scene}': 'calibration' has both a file and its own gain, offset or "
+            "tare: use one of the two."
         )
     return ArrayCalibration.of_table(table, f"Scene '{scene}'")
 

@@ -29,7 +29,7 @@ ADDRESS_EVENT = np.dtype([("t", "<i8"), ("x", "<i2"), ("y", "<i2"), ("p", "i1")]
 
 
 class SceneRecord:
-    """Fields and events of the frames of a scene; frames that were bad or repeats are left out.
+    """Fields and events of the frames of a scene, without bad and repeated frames.
 
     Parameters
     ----------
@@ -158,7 +158,7 @@ class SceneRecord:
         ----------
         path : str or Path
         force : bool
-            Whether a file that is there is replaced.
+            Whether an existing file is replaced.
 
         Raises
         ------
@@ -264,8 +264,8 @@ def refuse_no_spikes(target: Path, names: Iterable[str]) -> None:
     """
     if target.suffix.lower() == ADDRESS_EVENTS and not _channel_of(tuple(names)):
         raise SceneError(
-            f"'{target.name}' is to hold the spikes of one channel, a line each: name its three "
-            "outputs in the scene's 'needs', as in ra1_spikes, ra1_spike_time and ra1_spike_gap."
+            f"'{target.name}' can hold the spikes of one channel only: name its three outputs "
+            "in the scene's 'needs', as in ra1_spikes, ra1_spike_time and ra1_spike_gap."
         )
 
 

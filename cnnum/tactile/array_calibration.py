@@ -65,13 +65,13 @@ class ArrayCalibration:
             raise CalibrationError(f"A calibration: {error}") from None
         if not parts["gain"].any():
             raise CalibrationError(
-                "A 'gain' is another number than 0, got 0 only: no load would be left."
+                "'gain' must be different from 0, got 0 only, which would remove every load."
             )
         if unit:
             checked_name("a unit", unit, CalibrationError)
         elif not (parts["gain"].ndim == 0 and float(parts["gain"]) == 1.0):
             raise CalibrationError(
-                "A calibration with a 'gain' needs the 'unit' that it leads to, as in unit = 'N'."
+                "A calibration with a 'gain' must state the resulting 'unit', as in unit = 'N'."
             )
         if (
             isinstance(tare, bool)
@@ -79,7 +79,8 @@ class ArrayCalibration:
             or not 0 <= tare <= MOST_TARE
         ):
             raise CalibrationError(
-                f"'tare' is a count of frames at rest, 0 to {MOST_TARE}, got {shown(tare)}."
+                f"'tare' must be a number of frames at rest from 0 to {MOST_TARE}, got "
+                f"{shown(tare)}."
             )
         for name, value in {**parts, "unit": unit, "tare": tare}.items():
             object.__setattr__(self, name, value)
@@ -102,13 +103,14 @@ class ArrayCalibration:
         }
         if self.offset.shape not in ((), (channels,), whole):
             raise CalibrationError(
-                f"'offset' is one number, ({channels},) or {whole} of them for this array, got "
-                f"{self.offset.shape}."
+                f"'offset' must be one number, ({channels},) or {whole} of them for this "
+                f"array, got {self.offset.shape}."
             )
         if self.gain.shape not in forms:
             choices = ", ".join(str(known) for known in forms if known)
             raise CalibrationError(
-                f"'gain' is one number, or {choices} of them for this array, got {self.gain.shape}."
+                f"'gain' must be one number, or {choices} of them for this array, got "
+                f"{self.gain.shape}."
             )
         return forms[self.gain.shape]
 
@@ -131,8 +133,8 @@ class ArrayCalibration:
         array = np.asarray(raw, dtype=np.float64)
         if array.ndim != 4 or len(array) < self.tare:
             raise CalibrationError(
-                f"A calibration takes (frames, rows, cols, channels), {max(1, self.tare)} frames "
-                f"at least, got {array.shape}."
+                "A calibration needs (frames, rows, cols, channels) with at least "
+                f"{max(1, self.tare)} frames, got {array.shape}."
             )
         shape, channels = (array.shape[1], array.shape[2]), array.shape[3]
         form = self.form(shape, channels)

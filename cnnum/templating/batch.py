@@ -20,7 +20,7 @@ from cnnum.values import ByContent
 
 @dataclass(frozen=True, slots=True, eq=False, init=False)
 class TemplateBatch(ByContent):
-    """Templates that differ in their numbers alone, so that a run of all is one launch.
+    """Templates that differ only in their numbers, so that they run in one launch.
 
     Leading axes of the numbers broadcast with each other, and in a run with those of its arrays:
     weights of (n, 1, k, k) and inputs of (m, rows, cols) are n × m runs.
@@ -28,8 +28,8 @@ class TemplateBatch(ByContent):
     Parameters
     ----------
     template : Template or str
-        One of your own, or one of the library's by its name. It gives the numbers that are left
-        out, and all that is no number: boundaries, start, duration, output, tables of nonlinear
+        A template, or the name of one of the library. It supplies the numbers that are left out
+        and everything else: boundaries, initial state, duration, output, tables of nonlinear
         couplings, times of gains.
     A : (..., k, k) or (..., layers, layers, k, k) float, optional
     B : (..., k, k) or (..., layers, inputs, k, k) float, optional

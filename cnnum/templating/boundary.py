@@ -35,7 +35,7 @@ class Boundary:
             raise TemplateError(f"A fixed boundary needs a number, got {self.constant!r:.60}.")
         if self.pad_mode not in ("constant", "symmetric", "wrap"):
             raise TemplateError(
-                "The pad mode of a boundary is 'constant', 'symmetric' or 'wrap', got "
+                "The pad mode of a boundary must be 'constant', 'symmetric' or 'wrap', got "
                 f"{self.pad_mode!r:.60}."
             )
 
@@ -71,8 +71,8 @@ def parse_boundary(value: float | str | Boundary) -> Boundary:
         return _NAMED[value]
     if not is_real(value):
         raise TemplateError(
-            "A boundary is a finite number (a fixed one), 'zero-flux' or 'periodic', got "
-            f"{value!r:.60}."
+            "A boundary must be a finite number (a fixed one), 'zero-flux' or 'periodic', "
+            f"got {value!r:.60}."
         )
     return Boundary(float(value), "constant", float(value))
 

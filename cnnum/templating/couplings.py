@@ -43,16 +43,17 @@ def place(part: str, value: SupportsIndex) -> int:
         return int(operator.index(value))
     except TypeError:
         raise TemplateError(
-            f"'{part}' of a coupling is the whole number of a layer or input, got {value!r:.60}."
+            f"'{part}' of a coupling must be the whole number of a layer or input, got "
+            f"{value!r:.60}."
         ) from None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NonlinearCoupling:
-    """A sum over the neighbourhood of weight · f(argument), into one layer.
+    """Sum of weight · f(argument) over the neighbourhood, added to one layer.
 
-    The argument is the neighbour's quantity, or centre − neighbour, as the CNN Software Library's
-    files mean it. MatCNN's tables mean neighbour − centre (`reversed_sign`).
+    The argument is the quantity of the neighbour, or centre − neighbour as in the CNN Software
+    Library. MatCNN's tables use neighbour − centre (`reversed_sign`).
 
     Attributes
     ----------
@@ -88,12 +89,12 @@ class NonlinearCoupling:
         object.__setattr__(self, "weights", kernel("Weights of a nonlinear coupling", self.weights))
         for quantity in (self.neighbour, self.centre):
             if not (quantity is None or str(quantity) in ("x", "y", "u")):
-                raise TemplateError(f"A coupling reads 'x', 'y' or 'u', got {quantity!r:.60}.")
+                raise TemplateError(f"A coupling must read 'x', 'y' or 'u', got {quantity!r:.60}.")
         for part in ("to", "source", "centre_source"):
             object.__setattr__(self, part, place(part, getattr(self, part)))
         if not isinstance(cast(object, self.function), Table | PairFunction):
             raise TemplateError(
-                "The function of a nonlinear coupling is a Table or a PairFunction, got "
+                "The function of a nonlinear coupling must be a Table or a PairFunction, got "
                 f"{type(self.function).__name__}."
             )
         flags = self.times_argument or self.reversed_sign
@@ -115,8 +116,8 @@ class NonlinearCoupling:
         if isinstance(self.function, Table):
             return self.function
         raise NotSupportedError(
-            f"The function '{self.function.name}' of two cells is no table, and template files "
-            "hold tables alone: keep the template in Python."
+            f"The function '{self.function.name}' of two cells is not a table, and template "
+            "files can hold only tables: keep the template in Python."
         )
 
     @property
@@ -134,7 +135,7 @@ class NonlinearCoupling:
 
     @property
     def physics(self) -> tuple[object, ...]:
-        """All that changes a run."""
+        """Everything that affects a run."""
         flags = (self.neighbour, self.centre, self.times_argument, self.reversed_sign)
         function = self.function if isinstance(self.function, Table) else self.function.physics
         return (self.weights, function, flags, self.to, self.source, self.centre_source)
@@ -170,16 +171,16 @@ class NonlinearCoupling:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DelayedCoupling:
-    """Linear couplings that see the outputs and inputs as they were a while ago.
+    """Linear couplings that read outputs and inputs with a delay.
 
     Attributes
     ----------
     delay : float
         In the unit of tau.
     A : (layers, layers, k, k) float
-        Weighs y(t − delay); before the start, outputs were those of the initial state.
+        Weights of y(t − delay). Before the start, outputs are those of the initial state.
     B : (layers, inputs, k, k) float
-        Weighs u(t − delay); before the start, inputs were the run's `previous` ones.
+        Weights of u(t − delay). Before the start, inputs are the `previous` ones of the run.
 
     Raises
     ------
@@ -201,7 +202,7 @@ class DelayedCoupling:
 
     @property
     def physics(self) -> tuple[object, ...]:
-        """All that changes a run."""
+        """Everything that affects a run."""
         return (self.delay, self.A, self.B)
 
 

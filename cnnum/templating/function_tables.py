@@ -38,12 +38,13 @@ class Table:
     def __post_init__(self) -> None:
         if str(self.interpolation) not in ("constant", "linear"):
             raise TemplateError(
-                f"A function table is 'constant' or 'linear', got {self.interpolation!r:.60}."
+                f"A function table must be 'constant' or 'linear', got {self.interpolation!r:.60}."
             )
         pairs = finite("points of a function table", self.points)
         if pairs.ndim != 2 or pairs.shape[1] != 2:
             raise TemplateError(
-                f"The points of a function table are pairs (argument, value), got {pairs.shape}."
+                "The points of a function table must be pairs (argument, value), got "
+                f"{pairs.shape}."
             )
         places = pairs[:, 0].tolist()
         if not places or any(b <= a for a, b in pairwise(places)):
@@ -63,7 +64,7 @@ class Table:
         array = finite("points of a function table", points)
         if array.ndim != 2 or array.shape[1] != 2:
             raise TemplateError(
-                f"The points of a function table are pairs (argument, value), got {points!r}."
+                f"The points of a function table must be pairs (argument, value), got {points!r}."
             )
         pairs = tuple((float(v), float(f)) for v, f in array)
         return cls(interpolation, pairs)  # type: ignore[arg-type]

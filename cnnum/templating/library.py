@@ -77,8 +77,8 @@ def as_template(template: object) -> Template:
         return template
     if not isinstance(template, str):
         raise TemplateError(
-            "Expected a template or the name of one, got "
-            f"{type(template).__name__}; a program runs by engine.compile."
+            f"Expected a template or the name of one, got {type(template).__name__}; programs "
+            "are run with engine.compile."
         )
     return get_template(template)
 

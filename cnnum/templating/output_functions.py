@@ -66,12 +66,12 @@ class OutputFunction:
         low, high = (float(slope) for slope in self.slope)
         if not (math.isfinite(low) and math.isfinite(high) and low <= high):
             raise TemplateError(
-                f"The output function '{self.name}' has a least and a largest slope, two finite "
-                f"numbers in order, got slope={self.slope!r:.60}."
+                f"The output function '{self.name}' needs a smallest and a largest slope, two "
+                f"finite numbers in order, got slope={self.slope!r:.60}."
             )
 
     def __reduce__(self) -> tuple[object, ...]:
-        """Pickle and copy one of the house's own by its name: engines know it by identity."""
+        """Pickle and copy a built-in function by its name, since engines compare identities."""
         if OUTPUT_FUNCTIONS.get(self.name) is self:
             return output_function, (self.name,)
         return object.__new__, (type(self),), self.__getstate__()
@@ -88,7 +88,7 @@ class OutputFunction:
 
     @property
     def physics(self) -> tuple[object, ...]:
-        """All that changes a run; of the house's own, the name says it."""
+        """Everything that affects a run. For the built-in functions, the name is enough."""
         if OUTPUT_FUNCTIONS.get(self.name) is self:
             return (self.name,)
         kind = (self.linear, self.limited, self.discrete, self.slope, self.smooth)
@@ -134,7 +134,7 @@ def output_function(value: str | OutputFunction) -> OutputFunction:
     if isinstance(value, OutputFunction):
         if OUTPUT_FUNCTIONS.get(value.name, value) != value:
             raise TemplateError(
-                f"There is an output function '{value.name}' already: give yours another name."
+                f"There is already an output function '{value.name}': give yours another name."
             )
         return OUTPUT_FUNCTIONS.get(value.name, value)
     if not isinstance(cast(object, value), str) or value not in OUTPUT_FUNCTIONS:

@@ -48,11 +48,11 @@ class PairFunction:
         check_expression(form, self.opencl, ("c", "n"), TemplateError)
         if not (math.isfinite(self.slope) and self.slope >= 0.0):
             raise TemplateError(
-                f"The function '{self.name}' has a bound on its slopes, a finite number from 0 up, "
-                f"got slope={self.slope!r:.60}."
+                f"The function '{self.name}' needs a bound on its slopes, a finite number of "
+                f"at least 0, got slope={self.slope!r:.60}."
             )
 
     @property
     def physics(self) -> tuple[object, ...]:
-        """All that changes a run."""
+        """Everything that affects a run."""
         return (self.name, self.opencl, self._number, self.slope)

@@ -36,7 +36,7 @@ LEAST_TAU = 1e-150
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """The check that a template must pass: the name of a closed form, and its parameters."""
+    """Check that a template must pass: the name of a closed form and its parameters."""
 
     name: str
     parameters: tuple[tuple[str, float | str], ...] = ()
@@ -46,9 +46,8 @@ class Check:
 class Template:
     """A CNN template with its boundary, initial state and duration.
 
-    Two templates are equal where their names and all numbers that change a run are; `digest` alone
-    stands for the numbers. `dataclasses.replace` gives another one, of the same parts but for the
-    given ones.
+    Two templates are equal if their names and all numbers that affect a run are equal; `digest`
+    represents these numbers. `dataclasses.replace` returns a copy with some parts replaced.
 
     Parameters
     ----------
@@ -61,14 +60,14 @@ class Template:
     z : float or (layers,) float
         Bias.
     tau : float or (layers,) float
-        Time constant of a layer, in a unit of your own: durations, steps, delays and the tables of
-        gains are in that unit, too, so in time constants where tau is 1.
+        Time constant of a layer, in a unit of your choice. Durations, steps, delays and the tables
+        of gains are in the same unit, so in time constants if tau is 1.
     boundary : float, "zero-flux" or "periodic"
         State of the virtual cells beyond the rim.
     input_boundary : float, "zero-flux" or "periodic", optional
-        Input of the virtual cells; the state's boundary unless given.
+        Input of the virtual cells. The default is the boundary of the state.
     initial : float or "input"
-        Initial state where a run does not give one; "input" copies the input, layer by layer.
+        Default initial state; "input" copies the input, layer by layer.
     duration : float or "settle"
         Run time in the unit of tau, or until nothing changes any more.
     output : str
@@ -172,18 +171,18 @@ class Template:
     def _check_initial(self) -> None:
         if self.output.discrete and (self.tau != 1.0).any():
             raise TemplateError(
-                f"Template '{self.name}' runs in discrete time, in which every step is the whole "
+                f"Template '{self.name}' runs in discrete time, where each step is the whole "
                 f"change: tau must be 1, got {self.tau.tolist()}."
             )
         if self.initial == "input":
             if self.inputs not in (0, self.layers):
                 raise TemplateError(
-                    f"Template '{self.name}': initial = 'input' needs one input a layer, got "
-                    f"{self.inputs} inputs for {self.layers} layers."
+                    f"Template '{self.name}': initial = 'input' needs one input per layer, "
+                    f"got {self.inputs} inputs for {self.layers} layers."
                 )
         elif self.output.limited and abs(self.initial) > 1.0:
             raise TemplateError(
-                f"Template '{self.name}': its state is limited to -1 to 1, got initial = "
+                f"Template '{self.name}': its state is limited to [-1, 1], got initial = "
                 f"{self.initial:g}."
             )
 
@@ -193,8 +192,8 @@ class Template:
             fits = 0 <= item.to < self.layers and 0 <= item.source < sizes[item.neighbour]
             if not (fits and 0 <= item.centre_source < sizes[item.centre]):
                 raise TemplateError(
-                    f"Template '{self.name}': a nonlinear coupling names a layer or input that "
-                    f"is not there ({self.layers} layers, {self.inputs} inputs)."
+                    f"Template '{self.name}': a nonlinear coupling refers to a layer or input "
+                    f"that does not exist ({self.layers} layers, {self.inputs} inputs)."
                 )
         delayed = self.delayed
         if delayed is not None and (
@@ -206,11 +205,13 @@ class Template:
                 f"and {self.inputs} inputs."
             )
         if any(not (0 <= g.to < self.layers and 0 <= g.source < self.layers) for g in self.gains):
-            raise TemplateError(f"Template '{self.name}': a gain names a layer that is not there.")
+            raise TemplateError(
+                f"Template '{self.name}': a gain refers to a layer that does not exist."
+            )
         if len({(gain.to, gain.source) for gain in self.gains}) < len(self.gains):
             raise TemplateError(
-                f"Template '{self.name}': the couplings of a layer to another have one gain, got "
-                "two: multiply their tables."
+                f"Template '{self.name}': the couplings from one layer to another can have "
+                "only one gain, got two: multiply their tables."
             )
 
     def _physics(self) -> tuple[object, ...]:
@@ -351,7 +352,7 @@ def _per_layer(template: str, part: str, value: float | Sequence[float], layers:
     numbers = finite(f"{part} of template '{template}'", value)
     if numbers.ndim > 1 or numbers.size not in (1, layers):
         raise TemplateError(
-            f"Template '{template}': {part} must be one number or one a layer ({layers}), "
+            f"Template '{template}': {part} must be one number or one per layer ({layers}), "
             f"got the shape {numbers.shape}."
         )
     return frozen(np.broadcast_to(numbers, (layers,)))
@@ -380,7 +381,7 @@ def _duration(template: str, value: Duration) -> Duration:
         return "settle"
     if not is_real(value) or value < 0.0:
         raise TemplateError(
-            f"Template '{template}': duration must be a number from 0 up, in the unit of tau, or "
-            f"'settle', got {value!r}."
+            f"Template '{template}': duration must be a number of at least 0, in the unit of "
+            f"tau, or 'settle', got {value!r}."
         )
     return float(value)

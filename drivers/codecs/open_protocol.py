@@ -67,7 +67,7 @@ class OpenDecoder:
 
     @property
     def conflict(self) -> str:
-        """That another array answers, in words; empty where none does."""
+        """Describe the other array that answers, or an empty string if none does."""
         mine, other = self._stream.geometry, self._stream.stranger
         if mine is None or other is None:
             return ""

@@ -92,7 +92,7 @@ class Decoder:
     resyncs : int
         Times in which bytes had to be discarded before a packet was found again.
     conflict : str
-        That another array answers, in words; empty where none does.
+        Sentence on another array that answers, or an empty string if none does.
     """
 
     def __init__(self, format: Format, neighbours: Neighbours | None = None) -> None:

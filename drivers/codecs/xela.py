@@ -163,9 +163,9 @@ def tiled(pads: list[Floats], shape: Shape | None) -> NDArray[np.float64]:
     if len(sizes) > 1:
         seen = " and ".join(f"{rows}×{cols}" for rows, cols in sizes)
         raise CodecError(
-            f"The server has pads of {seen} taxels, which make no one array: set 'shape' to the "
-            f"size of the pad to read, as in shape = {list(sizes[0])}, where it is the only one of "
-            "that size, or give each size a server of its own."
+            f"The server has pads of {seen} taxels, which do not form one array: set 'shape' "
+            f"to the size of the pad to read, as in shape = {list(sizes[0])}, if it is the "
+            "only one of that size, or give each size a server of its own."
         )
     rows, cols = pads[0].shape[:2]
     whole = shape or (rows, cols * len(pads))

@@ -169,7 +169,7 @@ def _times(
     found = held[name]
     if found.dtype.kind not in NUMBERS or found.size != frames or max(found.shape) != frames:
         raise CodecError(
-            f"'{path}': the times '{name}' must be a number a frame, ({frames},), got "
+            f"'{path}': the times '{name}' must be one number per frame, ({frames},), got "
             f"{found.shape} of the type '{found.dtype}'."
         )
     times = found.reshape(-1).astype(float) * SECONDS[layout.time_unit]
@@ -178,8 +178,8 @@ def _times(
         raise CodecError(f"'{path}': the times '{name}' must be finite.")
     if frames > 1 and not times.any():
         raise CodecError(
-            f"'{path}': the times '{name}' are all equal, and tell nothing: set 'rate', and "
-            "leave out 'time'."
+            f"'{path}': the times '{name}' are all equal, so they give no rate: set 'rate', "
+            "and leave out 'time'."
         )
     fault = unit_fault(times)
     if fault:
@@ -191,8 +191,8 @@ def _times(
     if len(back) > MOST_SHARE_BACK * frames:
         raise CodecError(
             f"'{path}', {_where(held, int(back[0]))}: the times '{name}' go back in "
-            f"{len(back)} of {frames} frames, so they are no clock: set 'rate', and leave out "
-            "'time'."
+            f"{len(back)} of {frames} frames, so they cannot be used: set 'rate', and leave "
+            "out 'time'."
         )
     if len(back):
         first = int(back[0])

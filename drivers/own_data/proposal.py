@@ -217,7 +217,7 @@ def _of_axes(proposal: Proposal, shape: Sequence[int]) -> None:
         proposal.table["shape"] = _shape(proposal, axes[0] // count)
     else:
         raise CodecError(
-            f"A frame of the shape {tuple(shape)} is none of rows, columns and channels."
+            f"A frame of the shape {tuple(shape)} does not consist of rows, columns and channels."
         )
     _said_channels(proposal, count)
 
@@ -635,7 +635,7 @@ def _family(names: Sequence[str]) -> list[str]:
     for name in names:
         sets.setdefault(_taken_apart(name).kind, []).append(name)
     if not sets:
-        raise CodecError("The table has no columns of numbers beside its times.")
+        raise CodecError("The table has no columns of numbers besides its times.")
     best = max(sets.values(), key=len)
     return best if len(best) > 1 else list(names)
 

@@ -37,7 +37,7 @@ class Tap:
             self.to(None)
 
     def to(self, take: Take | None) -> None:
-        """Hand all bytes to `take` from now on, or to no one."""
+        """Pass all bytes to `take` from now on, or to nobody if it is None."""
         with self._lock:
             early, self._early, self._take = self._early or (), None, take
             if take is not None:

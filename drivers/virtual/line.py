@@ -38,7 +38,7 @@ class VirtualLine:
             )
         if link is not None and _foreign(link):
             raise PortError(
-                f"'{link}' is there and is no link to a pseudo-terminal: choose another name."
+                f"'{link}' exists and is not a link to a pseudo-terminal: choose another name."
             )
         self._link = link
         self._master = self._slave = -1

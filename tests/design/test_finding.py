@@ -61,7 +61,7 @@ def test_an_example_finds_what_makes_it():
 def test_examples_that_are_none():
     with pytest.raises(ArrayError, match="same shape"):
         find_by_example(np.zeros((3, 3)), np.zeros((3, 4)))
-    with pytest.raises(ArrayError, match="nothing is asked"):
+    with pytest.raises(ArrayError, match="so it asks for nothing"):
         find_by_example(np.zeros((3, 3)), np.full((3, 3), np.nan))
 
 

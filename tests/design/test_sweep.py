@@ -114,7 +114,7 @@ def test_draws_are_chips_of_their_own():
 
 
 def test_chips_have_linear_couplings():
-    with pytest.raises(TemplateError, match="'weight_bits' is of chips"):
+    with pytest.raises(TemplateError, match="'weight_bits' belongs to chips"):
         small(template="MEDIAN", axes={"weight_bits": (8.0,)})
     with pytest.raises(TemplateError, match="takes whole numbers"):
         small(axes={"chip_seed": (0.5,)})

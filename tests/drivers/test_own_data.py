@@ -289,7 +289,7 @@ def test_another_form_is_named(text, said, tmp_path):
 
 BAD = {
     "two axes": ({"values": np.zeros((3, 3)), "rate": 1}, "frames, rows, cols, channels"),
-    "no frame": ({"values": np.zeros((0, 2, 2, 3)), "rate": 1}, "one of each at least"),
+    "no frame": ({"values": np.zeros((0, 2, 2, 3)), "rate": 1}, "at least one of each"),
     "rate 0": ({"values": np.zeros((3, 2, 2, 3)), "rate": 0}, "above 0 Hz"),
     "no axes": ({"values": np.zeros((3, 2, 2, 4)), "rate": 1}, "each of the 4 channels once"),
     "times": ({"values": np.zeros((2, 2, 2)), "rate": 1, "times": [1, 0]}, "no earlier than"),

@@ -311,7 +311,7 @@ def test_a_link_to_a_port_is_the_users(tmp_path: Path, target: str, ours: bool) 
     if ours:
         VirtualLine(link).close()
         return
-    with pytest.raises(PortError, match="no link to a pseudo-terminal"):
+    with pytest.raises(PortError, match="not a link to a pseudo-terminal"):
         VirtualLine(link)
     assert str(link.readlink()) == target
 

@@ -82,7 +82,7 @@ def test_a_stream_without_ranges_is_refused():
 
 def test_ranges_are_for_whole_numbers_and_of_the_shape_of_frames():
     program = cnnum.get_program("twist")
-    with pytest.raises(ProgramError, match="counts in float64"):
+    with pytest.raises(ProgramError, match="uses float64"):
         cnnum.Engine("reference").compile(program, (8, 8), like=FRAMES)
     with pytest.raises(ArrayError, match=r"\(frames, ..., 8, 8, 3\)"):
         engine("reference", "q15").compile(program, (8, 8), like=FRAMES[..., :2])

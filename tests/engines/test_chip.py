@@ -151,7 +151,7 @@ def test_layers_inputs_masks_and_times_go_through(reference):
      {"mismatch": np.nan}, {"full_scale": 0.0}, {"seed": True}, {"noise": "1"}],
 )  # fmt: skip
 def test_a_wrong_chip_is_refused(wrong):
-    with pytest.raises(MethodError, match=rf"'{next(iter(wrong))}' of a chip is a"):
+    with pytest.raises(MethodError, match=rf"'{next(iter(wrong))}' of a chip must be a"):
         Chip(**wrong)
 
 

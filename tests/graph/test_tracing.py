@@ -114,7 +114,7 @@ def test_bad_programs_are_refused_with_one_sentence(function, error, words):
         (lambda f: cnnum.loop(None, f, limit=2), "'body' of a loop must be a function"),
         (lambda f: cnnum.loop(lambda x: x, f, limit=2, until=1.0), "'until' of a loop must be"),
         (lambda f: cnnum.loop(lambda x: None, f, limit=2), "got one object of the type NoneType"),
-        (lambda f: cnnum.apply(3.0, input=f), "A program runs a template or the name of one, got"),
+        (lambda f: cnnum.apply(3.0, input=f), "Expected a template or the name of one, got"),
         (lambda f: cnnum.transient(None, input=f), "the name of one, got NoneType"),
         (lambda f: cnnum.apply(EDGE, input=1.0), "'input' must be of the type Sequence, got float"),
         (lambda f: cnnum.apply(EDGE, input=[1.0]), "'input' must be of the type Field, got float"),

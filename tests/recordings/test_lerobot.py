@@ -70,7 +70,7 @@ def test_the_layout_is_lerobots(tmp_path: Path) -> None:
 
 
 def test_rates_that_make_no_sense_are_refused() -> None:
-    with pytest.raises(ArrayError, match="rate of pictures"):
+    with pytest.raises(ArrayError, match="picture rate"):
         packed(recording(), 0.0)
     with pytest.raises(ArrayError, match="at most 1000 taxel frames"):
         packed(recording(), 0.1)

@@ -97,7 +97,7 @@ def test_noise_is_new_in_every_frame_and_the_same_for_a_seed():
 
 
 def test_other_engines_and_templates_are_refused_in_one_sentence():
-    with pytest.raises(NotSupportedError, match=r"by Engine\('reference'\)"):
+    with pytest.raises(NotSupportedError, match=r"Only Engine\('reference'\)"):
         cnnum.Engine("numba").compile(_once, (4, 4), channels=["normal"], chip=cnnum.Chip())
     with pytest.raises(MethodError, match="'chip' must be of the type Chip"):
         cnnum.Engine("reference").compile(_once, (4, 4), channels=["normal"], chip=8)

@@ -62,9 +62,9 @@ def test_a_bound_needs_an_array(shape):
 
 
 def test_complex_weights_and_frames_are_refused():
-    with pytest.raises(ArrayError, match=r"A of template 'turns'.*real numbers, got complex"):
+    with pytest.raises(ArrayError, match=r"A of template 'turns'.*must be real, got complex"):
         cnnum.Template("turns", np.array([[1j]]))
     total = cnnum.Program(lambda frame: {"sum": frame.normal.sum()}, "one")
     plan = cnnum.Engine("numba").compile(total, (4, 4))
-    with pytest.raises(ArrayError, match=r"'frame'.*real numbers, got complex"):
+    with pytest.raises(ArrayError, match=r"'frame'.*must be real, got complex"):
         plan(np.ones((4, 4, 3)) * 1j)

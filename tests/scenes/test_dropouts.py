@@ -287,4 +287,4 @@ def test_pads_of_two_sizes_are_named_or_one_is_chosen():
         assert chosen.trouble == ""
     twice = wire("xela", Asked(shape=(4, 4))).decoder()
     assert twice.feed(message(0, 16, 16, 24)) == []
-    assert "make no one array" in twice.trouble
+    assert "do not form one array" in twice.trouble

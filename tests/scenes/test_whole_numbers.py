@@ -46,7 +46,7 @@ def test_ranges_may_be_those_of_another_recording(monkeypatch):
     [
         ({"driver": "serial", "driver_options": {"port": "loop://"}}, r"table \[engine.ranges\]"),
         ({"ranges": {"driver": "simulated"}}, "frames of 8×8 taxels .* expected the array's 4×4"),
-        ({"precision": "float64", "ranges": {"driver": "npz"}}, "gives ranges to whole numbers"),
+        ({"precision": "float64", "ranges": {"driver": "npz"}}, "is for whole numbers"),
     ],
 )
 def test_what_has_no_ranges_is_refused_in_one_sentence(changes, words):

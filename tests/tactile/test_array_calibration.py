@@ -67,13 +67,13 @@ def test_tare_is_the_mean_of_the_first_frames():
 @pytest.mark.parametrize(
     ("parts", "said"),
     [
-        ({"gain": 2.0}, "needs the 'unit'"),
+        ({"gain": 2.0}, "must state the resulting 'unit'"),
         ({"gain": [1.0, np.nan], "unit": "N"}, "finite"),
         ({"gain": None, "unit": "N"}, "nothing"),
-        ({"tare": -1}, "'tare' is a count of frames"),
-        ({"tare": 1.5}, "'tare' is a count of frames"),
-        ({"gain": [1.0, 2.0], "unit": "N"}, r"'gain' is one number, or .* got \(2,\)"),
-        ({"offset": [1.0, 2.0]}, r"'offset' is one number, \(3,\) or \(4, 5, 3\)"),
+        ({"tare": -1}, "'tare' must be a number of frames"),
+        ({"tare": 1.5}, "'tare' must be a number of frames"),
+        ({"gain": [1.0, 2.0], "unit": "N"}, r"'gain' must be one number, or .* got \(2,\)"),
+        ({"offset": [1.0, 2.0]}, r"'offset' must be one number, \(3,\) or \(4, 5, 3\)"),
     ],
 )
 def test_what_fits_no_array_is_one_sentence(parts, said):

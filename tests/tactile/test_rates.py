@@ -210,13 +210,13 @@ def test_the_same_signal_gives_the_same_events_at_every_rate(fast, name, caplog)
 @pytest.mark.parametrize("name", ["slip", "twist", "contact", "tactile", "receptors"])
 def test_a_stream_asks_for_its_rate(fast, name):
     plan = fast.compile(cnnum.get_program(name), (4, 4))
-    with pytest.raises(ProgramError, match="nothing says how many frames a second"):
+    with pytest.raises(ProgramError, match="the frame rate of the stream is not known"):
         plan.stream()
     with plan.stream(rate=50.0) as stream:
         assert stream.plan.rate == 50.0
     bound = fast.compile(cnnum.get_program(name).bind(rate="60 Hz"), (4, 4))
     assert bound.stream().plan.rate == 60.0
-    with pytest.raises(ProgramError, match="for 60 frames a second, got a stream of 50"):
+    with pytest.raises(ProgramError, match="for 60 frames per second, got a stream of 50"):
         bound.stream(rate=50.0)
 
 
@@ -232,7 +232,7 @@ def test_a_program_of_ones_own_has_the_rate_too(fast):
         return float(out[-1])
 
     assert late(50.0) == pytest.approx(late(1000.0), abs=1e-5) == 0.75
-    with pytest.raises(ProgramError, match="nothing says how many frames"):
+    with pytest.raises(ProgramError, match="the frame rate of the stream is not known"):
         fast.compile(halves, (2, 2), channels=("normal",)).stream()
 
     @cnnum.program
@@ -350,7 +350,7 @@ def test_a_rest_that_moves_is_said(tmp_path, caplog):
 
 def test_a_rate_that_contradicts_the_times_is_refused(tmp_path):
     values, t = counts(60.0, 3.0)
-    with pytest.raises(ArrayError, match=r"is 600 Hz, and its times have 60 frames a second"):
+    with pytest.raises(ArrayError, match=r"is 600 Hz, but its times have 60 frames per second"):
         cnnum.Recording(values, rate=600.0, times=t)
     with pytest.raises(SceneError, match=r"'program.parameters.rate' is 600 Hz, .* has 60"):
         played(tmp_path, values, 60.0, needs="slip", rate=600.0)

@@ -102,8 +102,8 @@ def test_digest_depends_on_all_that_changes_a_run_and_on_nothing_else() -> None:
         ({"A": CENTRE, "z": [1.0, 2.0]}, "z must be one number or one a layer"),
         ({"A": CENTRE, "tau": 0.0}, "tau must be positive"),
         ({"A": CENTRE, "initial": "output"}, "initial must be a finite number or 'input'"),
-        ({"A": CENTRE, "duration": -1.0}, "duration must be a number from 0 up"),
-        ({"A": CENTRE, "duration": "long"}, "duration must be a number from 0 up"),
+        ({"A": CENTRE, "duration": -1.0}, "duration must be a number of at least 0"),
+        ({"A": CENTRE, "duration": "long"}, "duration must be a number of at least 0"),
         ({"A": CENTRE, "boundary": "open"}, "Unknown boundary 'open'"),
         ({"A": CENTRE, "nonlinear": None}, "nonlinear must be a sequence of NonlinearCoupling"),
         ({"A": CENTRE, "nonlinear": [1]}, "'nonlinear' must be of the type NonlinearCoupling"),
@@ -113,7 +113,7 @@ def test_digest_depends_on_all_that_changes_a_run_and_on_nothing_else() -> None:
         ({"A": CENTRE, "source": 7}, "'source' must be of the type str, got int"),
         (
             {"A": two_layers(), "B": np.ones((2, 1, 1, 1)), "initial": "input"},
-            "needs one input a layer, got 1 inputs for 2 layers",
+            "needs one input per layer, got 1 inputs for 2 layers",
         ),
     ],
 )

@@ -85,10 +85,12 @@ def command(
     from cnnum.scenes.pipeline import load_scene
 
     if (program is None) == (scene is None):
-        raise click.UsageError("Give a PROGRAM, or a scene by --scene.")
+        raise click.UsageError("Give either a PROGRAM, or a scene with --scene.")
     if scene is not None:
         if any(one is not None for one in (shape, rate, like, channels, needs)):
-            raise click.UsageError("A scene has shape, rate, channels and outputs of its own.")
+            raise click.UsageError(
+                "A scene determines shape, rate, channels and outputs: leave these options out."
+            )
         with load_scene(scene, changes=assignments(settings), trust=trust) as opened:
             ours = require_room(out, opened.plan.program, force=force)
             exported = export_scene(opened, precision=precision, method=method)
@@ -169,12 +171,12 @@ def require_room(out: Path, program: str, *, force: bool) -> bool:
 
     there = next(place for place in (out, *out.absolute().parents) if place.exists())
     if not (there.is_dir() and os.access(there, os.W_OK | os.X_OK)):
-        raise click.UsageError(f"'{out}' cannot be written: '{there}' takes no new files.")
+        raise click.UsageError(f"'{out}' cannot be written: no files can be created in '{there}'.")
     ours = is_export(out, program)
     if not (force or ours) and (other := in_the_way(out, program)):
         raise click.UsageError(
-            f"'{out}' has a file '{other}' that no export of '{program}' wrote: choose another "
-            "folder, or give --force."
+            f"'{out}' contains a file '{other}' that no export of '{program}' wrote: choose "
+            "another folder, or use --force."
         )
     return ours
 

@@ -35,7 +35,7 @@ def command(
 ) -> None:
     """Show which operations SCENE runs per frame, which it leaves out, and what that saves."""
     if lines and not ops:
-        raise click.UsageError("--lines are those of the operations: give --ops, too.")
+        raise click.UsageError("--lines requires --ops.")
     from cnnum.scenes.pipeline import load_scene
 
     output = Output(as_json)

@@ -177,8 +177,8 @@ def journal_of(target: Path) -> Path:
 
 def _unfinished(path: Path, target: Path) -> RecordingError:
     return RecordingError(
-        f"'{path}' holds a recording that was not finished: 'cnnum recover {path} OUT' makes a "
-        f"file of it; then remove it, or choose another name than '{target}'."
+        f"'{path}' is an unfinished recording: rescue it with 'cnnum recover {path} OUT' and "
+        f"remove it, or choose another name than '{target}'."
     )
 
 

@@ -114,7 +114,7 @@ def _usual_scene(file: Path, array: dict[str, object], given: dict[str, object])
         unit = driver.unit
     if raw:
         raise click.UsageError(
-            f"'{file}' holds values in '{unit}', whose scale no scene knows: name a scene, "
-            "as in '--scene uskin_grasp', or give a scene file of your own."
+            f"'{file}' contains values in '{unit}', whose physical scale is unknown: choose a "
+            "scene for them, as in '--scene uskin_grasp', or write a scene file of your own."
         )
     return DEFAULT

@@ -89,9 +89,11 @@ def command(
 
 def _refuse_trace(page: Path | None, frame: int | None) -> None:
     if page is None and frame is not None:
-        raise click.UsageError("--trace-frame needs the page's file: --trace FILE.html.")
+        raise click.UsageError("--trace-frame requires --trace FILE.html.")
     if page is not None and page.suffix.lower() not in {".html", ".htm"}:
-        raise click.UsageError(f"The trace is a page: expected FILE.html, got '{page.name}'.")
+        raise click.UsageError(
+            f"--trace writes an HTML page: expected FILE.html, got '{page.name}'."
+        )
 
 
 def _write_trace(path: Path, scene: "Scene", number: int, force: bool) -> None:

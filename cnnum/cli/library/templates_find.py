@@ -42,7 +42,7 @@ def find(
     """
     output = Output(as_json)
     if bool(words) == (given is not None or wanted is not None):
-        raise click.UsageError("Give words, or an example by --input and --wanted.")
+        raise click.UsageError("Give words, or an example with --input and --wanted.")
     if words:
         _by_words(" ".join(words), most, output)
         return

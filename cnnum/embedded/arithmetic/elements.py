@@ -60,8 +60,8 @@ def _of_two(arithmetic: Arithmetic, name: str, a: Quantity, b: Quantity, finest:
     assert name == "power"
     if b.exact is None:
         raise NotSupportedError(
-            "A power has a constant exponent, got one that changes: leave out the outputs that "
-            "need it."
+            "A power needs a constant exponent, got a varying one: leave out the outputs "
+            "that need it."
         )
     # the graph's constant is the nearest double: 1/3 stays 1/3
     return arithmetic.power(a, b.exact.limit_denominator(10**9), finest)

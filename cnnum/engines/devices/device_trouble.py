@@ -55,8 +55,8 @@ def run_failure(error: cl.Error, queue: cl.CommandQueue) -> CnnumError:
             f"give fewer frames at a time, {OTHERWISE}."
         )
     return DeviceError(
-        f"Device '{name}' did not end a run ({_first_line(error)}): "
-        f"it may be lost; make a new engine, {OTHERWISE}."
+        f"Device '{name}' did not finish a run ({_first_line(error)}): it may be lost; make a "
+        f"new engine, {OTHERWISE}."
     )
 
 

@@ -40,7 +40,7 @@ class Device:
 
     @property
     def label(self) -> str:
-        """The device in words."""
+        """Description of the device."""
         return f"{self.name} ({self.platform}, driver {self.driver})"
 
     @property

@@ -64,7 +64,7 @@ def devices_named(name: str | None) -> list[Device]:
         If there is none.
     """
     if not isinstance(cast(object, name), str | None):
-        raise DeviceError(f"A device is named by a part of its label, got {name!r:.60}.")
+        raise DeviceError(f"A device must be named by a part of its label, got {name!r:.60}.")
     devices = list_devices()
     matching = [d for d in devices if name is None or name.lower() in d.label.lower()]
     if not matching:

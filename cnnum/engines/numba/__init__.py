@@ -29,7 +29,7 @@ class NumbaBackend:
 
     @property
     def device(self) -> str:
-        """The device in words."""
+        """Description of the device."""
         return f"{cores()} core(s) of the host"
 
     def explained(self, template: Template, solver: Solver) -> Solver:

@@ -36,7 +36,7 @@ class OpenCLBackend:
 
     @property
     def device(self) -> str:
-        """The device in words."""
+        """Description of the device."""
         return self._device.label
 
     def explained(self, template: Template, solver: Solver) -> Solver:

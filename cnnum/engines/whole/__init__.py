@@ -131,8 +131,8 @@ def measuring(backend: Backend, like: ArrayLike, trailing: "Sequence[int]") -> B
     """
     if not isinstance(backend, WholeBackend):
         raise ProgramError(
-            f"'like' gives ranges to whole numbers, and this engine counts in {backend.precision}: "
-            "leave it out, or take precision='q15'."
+            f"'like' is for whole numbers, but this engine uses {backend.precision}: leave it out, "
+            "or use precision='q15'."
         )
     frames = finite("like", like)
     if frames.ndim < 4 or frames.shape[-3:] != tuple(trailing) or not frames.size:

@@ -51,7 +51,7 @@ def command(
     chosen, output = select(items), Output(as_json)
     if mutants:
         if out is not None:
-            raise click.UsageError("'--out' writes the page of the rows; leave out '--mutants'.")
+            raise click.UsageError("'--out' cannot be combined with '--mutants'.")
         return _mutants(chosen, as_json)
     rows: list[Row] = []
     if out is not None:

@@ -82,7 +82,7 @@ def uskin_trial(folder: Folder) -> Trial:
     frames = _frames(folder.path)
     truths = [frame.truth for _, frame in frames if frame.truth is not None]
     if len(truths) != len(frames):
-        raise RecordingError(f"Trial '{folder.path}' needs a label a row in 'slip_label.csv'.")
+        raise RecordingError(f"Trial '{folder.path}' needs one label per row in 'slip_label.csv'.")
     slips = np.array([float(truth["slip"] > 0) for truth in truths])
     kept = np.minimum.accumulate(np.array([truth["fail"] == 0 for truth in truths]))
     return _trial(folder, frames, slips, kept)

@@ -204,7 +204,7 @@ class Request:
             )
         if self.leave_one_out and self.programs:
             raise SceneError(
-                "Constants are chosen of the slip program of the library alone: leave out "
+                "Constants can be chosen only for the packaged slip program: leave out "
                 "--leave-one-out, or your own program."
             )
 

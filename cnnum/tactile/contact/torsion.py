@@ -263,9 +263,7 @@ def torsion_slip(load: float, radius: float, torque: float, friction: float) -> 
     rub = checks.scalar("friction", checks.positive("friction", friction))
     limit = float(sliding_torque(force, a, rub))
     if not (limit > 0.0 and a * a > 0.0):
-        raise PhysicsError(
-            f"A load of {force:g} N on a radius of {a:g} m holds no torque that is a number."
-        )
+        raise PhysicsError(f"A load of {force:g} N on a radius of {a:g} m gives no finite torque.")
     share = checks.scalar("torque", checks.not_negative("torque", torque)) / limit
     peak = rub * 3 * force / (2 * math.pi * a * a)
     return TorsionSlip(a, a * stick_ratio(share), peak, a * slip_ratio(share))

@@ -248,8 +248,8 @@ class LoadMap:
         wanted = (len(self.taxels), len(self.channels))
         if rows.ndim < 2 or rows.shape[-2:] != wanted:
             raise ArrayError(
-                f"'strain' must have the shape (..., {wanted[0]}, {wanted[1]}), one row a taxel, "
-                f"got {rows.shape}."
+                f"'strain' must have the shape (..., {wanted[0]}, {wanted[1]}), one row per "
+                f"taxel, got {rows.shape}."
             )
         lead = rows.shape[:-2]
         return rows.reshape(-1, wanted[0] * wanted[1]) / self._spread(), lead

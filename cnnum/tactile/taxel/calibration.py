@@ -28,11 +28,11 @@ def identity_of(text: str) -> str:
         If it is no text.
     """
     if not isinstance(cast(object, text), str):
-        raise CalibrationError(f"A calibration is a text of TOML, got {type(text).__name__}.")
+        raise CalibrationError(f"A calibration must be TOML text, got {type(text).__name__}.")
     try:
         return hashlib.sha256(text.encode()).hexdigest()[:12]
     except UnicodeEncodeError:
-        raise CalibrationError("A calibration is a text of UTF-8, got half a character.") from None
+        raise CalibrationError("A calibration must be UTF-8 text, got half a character.") from None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -239,7 +239,7 @@ class Calibration:
         ----------
         path : str or Path
         force : bool
-            Whether a file that is there is replaced.
+            Whether an existing file is replaced.
 
         Raises
         ------

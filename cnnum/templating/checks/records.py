@@ -92,7 +92,7 @@ def time_constant(template: Template) -> float:
     """
     if np.ptp(template.tau) > 0.0:
         raise TemplateError(
-            f"The closed form of template '{template.name}' is that of layers with one time "
+            f"The closed form of template '{template.name}' assumes layers with one time "
             f"constant, got tau={template.tau.tolist()}."
         )
     return float(template.tau[0])

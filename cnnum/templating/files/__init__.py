@@ -114,13 +114,13 @@ def save_template(
     Parameters
     ----------
     template : Template or str
-        One of your own, or one of the library's by its name.
+        A template, or the name of one of the library.
     path : path
         Its suffix gives the format.
     aliases : iterable of str
         Other names that the library finds it by.
     force : bool
-        Whether a file that is there is replaced.
+        Whether an existing file is replaced.
 
     Raises
     ------

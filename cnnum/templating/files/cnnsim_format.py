@@ -59,8 +59,8 @@ def _write(entry: Entry) -> str:
     plain = template.plain and template.layers == 1 and template.inputs <= 1
     if not plain or template.radius > 1 or template.output.name != "standard":
         raise NotSupportedError(
-            f"Template '{template.name}' is more than a CNNSim file can say. That is A, B and z of "
-            "radius 1 with the standard output: save it as .toml."
+            f"Template '{template.name}' cannot be written as a CNNSim file, which holds only "
+            "A, B and z of radius 1 with the standard output: save it as .toml."
         )
     lines = ["A", *_rows(template.A[0, 0])]
     lines += ["B", *_rows(template.B[0, 0])] if template.inputs else []

@@ -52,8 +52,8 @@ def read_fields(content: str, file: str) -> tuple[dict[str, Fields], dict[str, L
     for match in _CONTROL.finditer(code):
         line = _line(code, match.start())
         raise TemplateError(
-            f"'{file}', line {line}: expected assignments of matrices alone, got '{match[1]}': "
-            "what such code does is not known unless it runs."
+            f"'{file}', line {line}: expected only assignments of matrices, got '{match[1]}': "
+            "what such code computes is not known without running it."
         )
     records, lines = dict[str, Fields](), dict[str, Lines]()
     for match in _ASSIGNED.finditer(code):
@@ -291,8 +291,8 @@ def _refuse(template: Template) -> None:
     for what, present in wrong.items():
         if present:
             raise NotSupportedError(
-                f"Template '{template.name}' has {what}, which a MatCNN record cannot say: save "
-                "it as .toml."
+                f"Template '{template.name}' has {what}, which a MatCNN record cannot "
+                "express: save it as .toml."
             )
 
 

@@ -181,7 +181,7 @@ def _is_d(coupling: NonlinearCoupling) -> bool:
 
 def _unsaid(template: str, what: str) -> NotSupportedError:
     return NotSupportedError(
-        f"Template '{template}' has {what}, which a .tem file cannot say: save it as .toml."
+        f"Template '{template}' has {what}, which a .tem file cannot express: save it as .toml."
     )
 
 

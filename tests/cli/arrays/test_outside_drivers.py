@@ -54,7 +54,7 @@ def test_commands_take_it_as_a_source(folder, call, monkeypatch):
         ("no_such_module:Options", "cannot be imported"),
         ("no.such.module:Options", "cannot be imported"),
         ("json:loads", "expected a dataclass 'loads'"),
-        ("../evil:Options", "is no name of a module"),
+        ("../evil:Options", "is not a valid module name"),
         ("my_pd", "Unknown driver 'my_pd'"),
     ],
 )

@@ -74,7 +74,7 @@ def refused(result, said):
 
 def test_counts_have_no_scene_of_their_own(call, counts, tmp_path):
     file = cnnum.Recording(counts, rate=60.0).save(tmp_path / "own.npz")
-    refused(call("replay", file), "name a scene, as in")
+    refused(call("replay", file), "choose a scene for them, as in")
 
 
 @pytest.mark.parametrize(

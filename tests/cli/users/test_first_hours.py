@@ -126,9 +126,9 @@ def test_a_tactile_researcher(hour, tmp_path):
     with (tmp_path / "scene.toml").open("a") as file:
         file.write('[calibration]\ngain = 0.02\nunit = "N"\ntare = 20\n')
     for said, setting in (
-        ("'tare' takes 1000 frames", "calibration.tare=1000"),
+        ("'tare' needs 1000 frames", "calibration.tare=1000"),
         ("got 0 only", "calibration.gain=0"),
-        ("'gain' is one number, or", "calibration.gain=[1.0, 2.0]"),
+        ("'gain' must be one number, or", "calibration.gain=[1.0, 2.0]"),
         ("Unknown key 'calibration.gian'", "calibration.gian=2"),
     ):
         wrong(said, "run", "scene.toml", *FAST, "--set", setting)
@@ -237,7 +237,7 @@ def test_an_embedded_engineer(hour, tmp_path):
     assert {"program", "line", "count", "flops", "bytes", "live_bytes"} <= set(rows[0])
     by_line = hour.does("plan", "scene.toml", *OWN, "--ops", "--lines").splitlines()
     assert len([row for row in by_line if row.startswith("   line ")]) == len(rows)
-    wrong("give --ops", "plan", "scene.toml", "--lines")
+    wrong("requires --ops", "plan", "scene.toml", "--lines")
     wrong("give --trust", "plan", "scene.toml", *FAST)
     assert "frames" in hour.does("probe", "pad:Options", "--frames", 20)
     assert "40 frames" in hour.does("record", "pad:Options", "tape.mcap")
@@ -253,9 +253,9 @@ def test_an_embedded_engineer(hour, tmp_path):
 
     engine = cnnum.Engine("numba")
     for said, call in (
-        ("put @cnnum.program above", lambda: engine.compile(averaged, (8, 8))),
+        ("decorate the function with @cnnum.program", lambda: engine.compile(averaged, (8, 8))),
         ("as in .8, 8., got 8", lambda: engine.compile(rooted, 8)),
-        ("'mean' does not take a field", lambda: engine.compile(cnnum.program(averaged), (8, 8))),
+        ("'mean' does not accept a field", lambda: engine.compile(cnnum.program(averaged), (8, 8))),
         ("use cnnum.where", lambda: engine.compile(cnnum.program(chosen), (8, 8))),
         ("is a list of outputs", lambda: engine.compile(rooted, (8, 8), needs="root")),
         ("call plan.frame", lambda: rooted(np.zeros((8, 8, 3)))),

@@ -39,7 +39,7 @@ def touched(frame):
 
 IN_PYTHON = {
     "bool picture": (run(input=RING > 0), "'input' of template 'HOLE' .* array of bool"),
-    "uint8 picture": (run(input=LEVELS.astype(np.uint8)), "array of uint8: cnnum.as_picture"),
+    "uint8 picture": (run(input=LEVELS.astype(np.uint8)), "array of uint8: use cnnum.as_picture"),
     "0-255 picture": (run(input=LEVELS.astype(float)), "whole numbers of 0 to 255"),
     "0-255 state": (
         lambda: cnnum.Engine("numba").run("THRES", state=LEVELS.astype(float)),
@@ -58,14 +58,14 @@ IN_PYTHON = {
         lambda: cnnum.Engine("numba").run(3, input=RING),
         "the name of one, got int",
     ),
-    "no @cnnum.program": (compiled(touched), "put @cnnum.program above the function"),
+    "no @cnnum.program": (compiled(touched), "decorate the function with @cnnum.program"),
     "np.sin of a field": (
         compiled(cnnum.Program(lambda frame: {"a": np.sin(frame.normal)}, "waves")),
-        "NumPy's 'sin' does not take a field",
+        "NumPy's 'sin' does not accept a field",
     ),
     "np.mean of a field": (
         compiled(cnnum.Program(lambda frame: {"a": np.mean(frame.normal)}, "mean")),
-        "NumPy's 'mean' does not take a field .* the field's own sum, mean, max",
+        "NumPy's 'mean' does not accept a field .* the field's own sum, mean, max",
     ),
     "sum(field)": (
         compiled(cnnum.Program(lambda frame: {"a": sum(frame.normal)}, "total")),
@@ -93,7 +93,7 @@ IN_PYTHON = {
     ),
     "a program called on an array": (
         lambda: cnnum.program(touched)(np.zeros((8, 8, 3))),
-        "make plan = engine.compile.touched, shape=.rows, cols.., and call plan.frame.",
+        "build plan = engine.compile.touched, shape=.rows, cols.. and call plan.frame.",
     ),
     "needs a text": (
         compiled(cnnum.program(touched), needs="contact"),
@@ -101,9 +101,9 @@ IN_PYTHON = {
     ),
     "minus one frame": (
         lambda: cnnum.load_scene("contact", engine=cnnum.Engine("numba")).collect(frames=-1),
-        "'frames' is a whole number from 1 up, got -1",
+        "'frames' must be a whole number of at least 1, got -1",
     ),
-    "one time": (run(input=RING, at=1.0), "'at' is a list of 1 to .* got 1[.]$"),
+    "one time": (run(input=RING, at=1.0), "'at' must be 1 to .* got 1[.]$"),
     "shape=8": (compiled(cnnum.program(touched), 8), r"rows and columns, as in \(8, 8\), got 8"),
     "shape='8x8'": (compiled(cnnum.program(touched), "8x8"), "got '8x8'"),
     "shape of halves": (compiled(cnnum.program(touched), (8.5, 8)), "two whole numbers"),
@@ -183,7 +183,7 @@ ON_THE_COMMAND_LINE = {
     ("arguments", "said"),
     [
         (("templates", "show", "HOLE", "--input", "ring.png"), "as in --transient HOLE.html"),
-        (("run", "demo", "--trace-frame", 3), "needs the page's file: --trace FILE.html"),
+        (("run", "demo", "--trace-frame", 3), "requires --trace FILE.html"),
         (("run", "demo", "--trace", "trace.pdf"), "expected FILE.html, got 'trace.pdf'"),
     ],
 )

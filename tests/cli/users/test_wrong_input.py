@@ -78,14 +78,14 @@ def test_a_folder_that_cannot_be_made_is_refused_before_the_export(call, tmp_pat
     monkeypatch.setattr("cnnum.scenes.range_streams.made", lambda *_: pytest.fail("it worked on"))
     (tmp_path / "file").write_text("")
     said = sentence(call("export", "slip", "--out", tmp_path / "file" / "folder"))
-    assert f"'{tmp_path / 'file'}' takes no new files" in said
+    assert f"no files can be created in '{tmp_path / 'file'}'" in said
 
 
 @pytest.mark.parametrize("name", ["Makefile", "twist.c", "vector.c"])
 def test_an_export_replaces_no_file_of_other_work(name, call, tmp_path):
     (tmp_path / name).write_bytes(b"all:\n\techo \xff\n")
     said = sentence(call("export", "twist", "--out", tmp_path))
-    assert f"'{tmp_path}' has a file '{name}' that no export of 'twist' wrote" in said
+    assert f"'{tmp_path}' contains a file '{name}' that no export of 'twist' wrote" in said
     assert [one.name for one in tmp_path.iterdir()] == [name]
 
 

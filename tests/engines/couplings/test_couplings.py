@@ -179,7 +179,7 @@ def test_discrete_time_takes_whole_steps_of_the_sign(engine):
 
 def test_couplings_that_do_not_fit_are_refused():
     table = Table("linear", ((0.0, 0.0), (1.0, 1.0)))
-    with pytest.raises(TemplateError, match="not there"):
+    with pytest.raises(TemplateError, match="does not exist"):
         cnnum.Template("bad", [[0]], nonlinear=[NonlinearCoupling(RING, table, "y", to=1)])
     with pytest.raises(TemplateError, match="increasing"):
         Table("linear", ((1.0, 0.0), (0.0, 1.0)))

@@ -89,5 +89,5 @@ def test_a_limited_state_starts_within_its_limits(engine, method):
 
 
 def test_a_limited_template_does_not_begin_beyond():
-    with pytest.raises(TemplateError, match=r"limited to -1 to 1, got initial = 1\.5"):
+    with pytest.raises(TemplateError, match=r"limited to \[-1, 1\], got initial = 1\.5"):
         Template("beyond", SPREADS, np.zeros((3, 3)), output="full-range", initial=1.5)

@@ -137,12 +137,12 @@ def test_a_run_in_discrete_time_goes_step_by_step():
 @pytest.mark.parametrize(
     ("at", "said"),
     [
-        ([], "'at' is a list of 1 to"),
-        ([1.0, 1.0], "each after the one before"),
-        ([-1.0], "from 0 up"),
+        ([], "'at' must be 1 to"),
+        ([1.0, 1.0], "increasing times from 0 on"),
+        ([-1.0], "from 0 on"),
         ([np.nan], "finite"),
         ("soon", "'at' must be an array of real numbers"),
-        (2.0, "'at' is a list"),
+        (2.0, "'at' must be 1 to"),
     ],
 )
 def test_what_is_no_list_of_times_is_said(at, said):

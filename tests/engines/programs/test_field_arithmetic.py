@@ -109,13 +109,13 @@ def test_a_number_is_raised_to_a_field(engine):
         (lambda a, b: a ** "2", "got a field raised to str"),
         (lambda a, b: (-2.0) ** a, "got -2 raised to a field"),
         (lambda a, b: 0.0**a, "got 0 raised to a field"),
-        (lambda a, b: np.sin(a), "NumPy's 'sin' does not take a field"),
-        (lambda a, b: np.add.reduce(a), "NumPy's 'add.reduce' does not take"),
-        (lambda a, b: np.add(a, b, out=np.zeros(SHAPE)), r"NumPy's 'add(out)' does not take"),
-        (lambda a, b: A @ a, "NumPy's 'matmul' does not take"),
+        (lambda a, b: np.sin(a), "NumPy's 'sin' does not accept a field"),
+        (lambda a, b: np.add.reduce(a), "NumPy's 'add.reduce' does not accept"),
+        (lambda a, b: np.add(a, b, out=np.zeros(SHAPE)), r"NumPy's 'add(out)' does not accept"),
+        (lambda a, b: A @ a, "NumPy's 'matmul' does not accept"),
         (lambda a, b: np.where(a > 0, a, b), "cnnum.where"),
-        (lambda a, b: np.sum(a), "NumPy's 'sum' does not take a field"),
-        (lambda a, b: np.clip(a, 0, 1), "NumPy's 'clip' does not take a field"),
+        (lambda a, b: np.sum(a), "NumPy's 'sum' does not accept a field"),
+        (lambda a, b: np.clip(a, 0, 1), "NumPy's 'clip' does not accept a field"),
         (lambda a, b: a if a == b else b, "cnnum.where"),
         (lambda a, b: a if a in (b, a) else b, "cnnum.where"),
         (lambda a, b: np.logical_and(a, b), "compare the numbers"),
@@ -226,9 +226,9 @@ def test_fields_are_keys_by_what_they_are():
 
 
 def test_programs_are_functions_with_a_name(reference):
-    with pytest.raises(ProgramError, match="write 'def'"):
+    with pytest.raises(ProgramError, match="use 'def'"):
         cnnum.program(lambda frame: {"out": frame.normal})
-    with pytest.raises(ProgramError, match="a program of a function, got int"):
+    with pytest.raises(ProgramError, match="expects a function, got int"):
         cnnum.program(3)
 
     def plain(frame):

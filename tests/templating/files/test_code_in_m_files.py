@@ -28,7 +28,7 @@ def read(tmp_path, text, name="lib.m"):
     ],
 )
 def test_code_is_refused_with_its_line(tmp_path, code):
-    with pytest.raises(TemplateError, match=r"line 4: expected assignments"):
+    with pytest.raises(TemplateError, match=r"line 4: expected only assignments"):
         read(tmp_path, EDGE + code)
 
 

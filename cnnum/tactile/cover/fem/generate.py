@@ -50,7 +50,7 @@ def regenerate(
     growth : float
         Of cells away from the bump.
     force : bool
-        Whether a file that is there is replaced.
+        Whether an existing file is replaced.
 
     Returns
     -------
