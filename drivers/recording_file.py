@@ -76,6 +76,20 @@ def _refuse_others(file: Path) -> None:
         )
 
 
+def is_of_others(file: Path) -> bool:
+    """Return whether a file is a bag, or an MCAP file with messages of others."""
+    if is_bag(file):
+        return True
+    if file.suffix.lower() != ".mcap" or not names_something(file) or holds_frames(file):
+        return False
+    if _has_layout(file):
+        return True
+    try:
+        return bool(topics(file))
+    except CnnumError:
+        return False  # whoever reads its frames says what is wrong with it
+
+
 def _has_layout(file: Path) -> bool:
     return names_something(file.with_suffix(".toml"))
 

@@ -152,7 +152,9 @@ class SerialArray(Closing):
         self.channels = first.channels
         self.unit = first.unit
         known = options.wire
-        self.positions, self.limits = known.positions, known.limits
+        self.positions, self.limits, self._reading = known.positions, known.limits, known.reading
+        if self._reading is not None:
+            self.limits = self._reading.limits(self.limits, len(self.channels))
         self.rate = 1e6 / first.period_us if first.period_us else 0.0
 
     @property
@@ -193,7 +195,7 @@ class SerialArray(Closing):
             waited = time.monotonic_ns() - (frame.monotonic_ns or 0)
             if waited > 1e9 * self._options.stale:
                 frame = replace(frame, quality=frame.quality | Quality.STALE)
-            yield frame
+            yield frame if self._reading is None else self._reading.frame(frame)
 
     def tap(self, take: Take | None) -> None:
         """Pass the bytes of the port to `take` as they arrive; with None, stop doing so.

@@ -66,6 +66,10 @@ def checked(recording: Recording, pads: int = 1) -> list[Finding]:
     pads : int
         Pads side by side in its columns: each has presses of its own.
     """
+    if set(recording.channels) == set(FORCE_AXES):  # in any order, as a cure may have them
+        places = [recording.channels.index(name) for name in FORCE_AXES]
+        if places != [0, 1, 2]:
+            recording = _in_order(recording, places)
     good = recording.quality & int(Quality.CORRUPT | Quality.REPEATED) == 0
     good &= np.isfinite(recording.values).all(axis=(1, 2, 3))
     found = [*_counted(recording, good), *_rates(recording)]
@@ -80,6 +84,18 @@ def checked(recording: Recording, pads: int = 1) -> list[Finding]:
     found += _units(recording, values, rest)
     found += _orders(recording, values, rest, noise, pads)
     return sorted(found, key=lambda one: not one.wrong)
+
+
+def _in_order(recording: Recording, places: list[int]) -> Recording:
+    return Recording(
+        recording.values[..., places],
+        rate=recording.rate,
+        unit=recording.unit,
+        channels=FORCE_AXES,
+        times=recording.times,
+        quality=recording.quality,
+        sequence=recording.sequence,
+    )
 
 
 def steps_noise(values: Floats) -> Floats:
@@ -151,7 +167,7 @@ def _rests(
     found: list[Finding] = []
     if not begins:
         said = "The recording seems to begin under a load: rest is taken from its end."
-        found.append(Finding("rest", said, wrong=True, cure={}))
+        found.append(Finding("rest", said, cure=_tare(values, times, rest, noise)))
     count = max(LEAST, min(MOST, int((times < times[0] + 0.1).sum())))
     early: Floats = np.abs(values[:count] - rest) / noise
     if begins and early.max() > TOUCH:
@@ -161,8 +177,19 @@ def _rests(
             f"{col}) moves by {early.max():.0f} times its noise: programs take these frames for "
             "their rest."
         )
-        found.append(Finding("rest", said))
+        found.append(Finding("rest", said, cure=_tare(values, times, rest, noise)))
     return found
+
+
+def _tare(values: Floats, times: Floats, rest: Floats, noise: Floats) -> dict[str, object]:
+    """Return a time from which the array is at rest for a while, to learn the rest anew at."""
+    moved = (np.abs(values - rest) / noise).max(axis=(1, 2, 3)) > TOUCH
+    since = float(times[0])
+    for time, moves in zip(times.tolist(), moved.tolist(), strict=True):
+        since = time if moves else since
+        if time - since >= 0.5 * RESTING:
+            return {"frames.tare": [round(since - float(times[0]) + 0.1, 3)]}
+    return {}
 
 
 def _taxels(recording: Recording, values: Floats) -> list[Finding]:

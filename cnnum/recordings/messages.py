@@ -1,7 +1,8 @@
 """Messages of others as arrays: MCAP files, bags of ROS 1 and ROS 2, and lines of JSON."""
 
 import json
-from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+import warnings
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, fields, is_dataclass
 from importlib import import_module
@@ -18,11 +19,18 @@ from mcap.records import Channel, Schema
 from mcap.records import Message as McapMessage
 from numpy.typing import NDArray
 
-from cnnum.errors import CnnumError, CodecError, RecordingError, missing_extra, unreadable
+from cnnum.errors import (
+    CnnumError,
+    CodecError,
+    RecordingError,
+    RecordingWarning,
+    missing_extra,
+    unreadable,
+)
 from cnnum.recordings.chunks import SCHEMA
 from cnnum.recordings.mcap_records import PREFIX, Budget, SpentError, WholeChunk, records_in
 from cnnum.recordings.raw_chunks import is_raw
-from cnnum.recordings.scan import scan
+from cnnum.recordings.scan import Hole, scan
 from cnnum.safety.memory import host_bytes
 from cnnum.safety.names import shown
 from cnnum.safety.reading import MEGABYTE, open_regular
@@ -153,13 +161,14 @@ class _Later:
 def _of_mcap(path: Path, topic: str) -> Generator[Message, None, None]:
     schemas: dict[int, Schema] = {}
     channels: dict[int, tuple[Channel, _Decoding]] = {}
-    seen = False
+    seen, holes = False, list[Hole]()
     try:
         with open_regular(path) as file:
             size = file.seek(0, 2)
             budget = Budget(size)
             for part in scan(file, size, budget):
                 if not isinstance(part, WholeChunk):
+                    holes += [part] if isinstance(part, Hole) else []
                     continue
                 seen = True
                 for opcode, begin, end in records_in(part.records):
@@ -194,6 +203,30 @@ def _of_mcap(path: Path, topic: str) -> Generator[Message, None, None]:
         raise CodecError(f"'{path}' is damaged: {_said(error)}.") from None
     if not seen:
         raise CodecError(f"'{path}' is no MCAP file, or has no whole message.")
+    if holes:
+        warnings.warn(
+            f"'{path}' is damaged: {unreadable_bytes(holes)} bytes in {len(holes)} places are not "
+            "readable, and the messages in them are missing.",
+            RecordingWarning,
+            stacklevel=2,
+        )
+
+
+def unreadable_bytes(holes: Iterable[Hole]) -> int:
+    """Return the bytes of holes."""
+    return sum(hole.end - hole.start for hole in holes)
+
+
+def holes_in(path: Path) -> list[Hole]:
+    """Return the stretches of an MCAP file that are not readable; none of a bag's."""
+    if is_bag(path):
+        return []
+    try:
+        with open_regular(path) as file:
+            size = file.seek(0, 2)
+            return [part for part in scan(file, size, Budget(size)) if isinstance(part, Hole)]
+    except OSError as error:
+        raise unreadable(RecordingError, f"'{path}'", error) from None
 
 
 class _Decoding:

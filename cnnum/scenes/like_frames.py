@@ -9,6 +9,7 @@ from cnnum.arrays import Floats
 from cnnum.drivers.driver import Driver
 from cnnum.drivers.geometry import Grid
 from cnnum.drivers.registry import DRIVERS, open_driver
+from cnnum.drivers.reordered import Reordered
 from cnnum.embedded.formats import is_integer
 from cnnum.errors import SceneError
 from cnnum.frame import BAD, Quality
@@ -79,7 +80,8 @@ def like_frames(
         )
     options = dict(spec.driver_options if spec.ranges is None else spec.ranges)
     name = spec.driver if spec.ranges is None else str(options.pop("driver", ""))
-    with open_driver(name, options, base=spec.base) as source:
+    with open_driver(name, options, base=spec.base) as opened:
+        source = Reordered(opened, spec.reading) if spec.reading else opened
         if (source.shape, source.channels) != (driver.shape, driver.channels):
             raise SceneError(
                 f"Scene '{spec.name}': 'engine.ranges' has frames of {source.shape[0]}×"

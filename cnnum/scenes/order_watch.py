@@ -93,11 +93,14 @@ class OrderWatch:
             order = None if order == Order() or value < SURE else order
             self._agreed = self._agreed + 1 if order is not None and order == self._order else 0
             if order is not None and self._agreed >= AGREE - 1:
+                from cnnum.drivers.own_data.proposal import toml_text
+
                 self.said = True
                 said, _, cure = sentence_of(order, value, present)
-                keys = ", ".join(f"{key} = {value}" for key, value in cure.items())
+                keys = ", ".join(f"{key} = {toml_text(value)}" for key, value in cure.items())
                 logging.getLogger("cnnum").warning(
-                    "%s In a layout that is %s; 'cnnum check' looks at a whole recording.",
+                    "%s In a layout, a descriptor or [frames] of the scene that is %s; 'cnnum "
+                    "check' looks at a whole recording.",
                     said,
                     keys,
                 )

@@ -16,6 +16,7 @@ from cnnum.arrays import Floats, Shape, number_type
 from cnnum.drivers.driver import Driver
 from cnnum.drivers.geometry import Grid
 from cnnum.drivers.registry import open_driver
+from cnnum.drivers.reordered import Reordered
 from cnnum.drivers.timing.paced import SAME_TIME
 from cnnum.engine import Engine
 from cnnum.errors import (
@@ -292,6 +293,7 @@ class Scene(OfThisProcess):
         used = engine or Engine(spec.engine, **how)
         driver = open_driver(spec.driver, spec.driver_options, base=spec.base)
         try:
+            driver = Reordered(driver, spec.reading) if spec.reading else driver
             conversion = conversion_for(spec.calibration, driver, spec.base, spec.scale)
             refuse_other_limits(spec, driver)
             grid = grid_of(spec, driver)

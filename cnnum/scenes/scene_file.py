@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import Any, cast
 
 from cnnum.drivers.geometry import Positions
-from cnnum.drivers.options import convert
+from cnnum.drivers.options import convert, read_options
+from cnnum.drivers.reordered import Reading
 from cnnum.errors import ArrayError, SceneError, missing_file, name_error, unreadable
 from cnnum.frame import Limits, limits_of
 from cnnum.programs import Program
@@ -22,7 +23,7 @@ from cnnum.tactile.array_calibration import KEYS, ArrayCalibration
 _TABLES = ("array", "frames", "calibration", "program", "engine")
 _KEYS = ("name", "needs", *_TABLES, "event")
 
-_FRAMES = ("range", "dead", "limits", "tare", "positions", "pitch")
+_FRAMES = ("range", "dead", "limits", "tare", "positions", "pitch", "channels", "order", "flip")
 
 RENAMED = {"wants": "needs"}
 """Old keys, which work for one more version."""
@@ -56,6 +57,8 @@ class SceneSpec:
         Of the taxels, row by row, where they lie on no square grid and the array does not say it.
     pitch : float or None, m
         Size of a cell of the grid that is made of them.
+    reading : Reading
+        Order and signs of the numbers of a frame, where the array has them otherwise.
     calibration : str
         "driver" (the driver's own knowledge of its array), "none", or the path of a file.
     scale : ArrayCalibration or None
@@ -100,6 +103,7 @@ class SceneSpec:
     tares: tuple[float, ...] = ()
     positions: Positions = ()
     pitch: float | None = None
+    reading: Reading = field(default_factory=Reading)
 
     def __post_init__(self) -> None:
         checked_name("a scene", self.name, SceneError)
@@ -257,6 +261,7 @@ def _spec(scene: str, table: dict[str, Any], base: Path) -> SceneSpec:
         limits=_limits(scene, tables["frames"].get("limits")),
         tares=_tares(scene, tables["frames"].get("tare", [])),
         positions=_positions(scene, tables["frames"].get("positions", [])),
+        reading=_reading(scene, tables["frames"]),
         pitch=_pitch(scene, tables["frames"].get("pitch")),
         calibration=_text(scene, calibration, "file", _text(scene, calibration, "use", "driver")),
         scale=_scale(scene, calibration),
@@ -372,6 +377,15 @@ def _positions(scene: str, value: object) -> Positions:
         return cast(Positions, convert("frames.positions", value, Positions, Path()))
     except SceneError as error:
         raise SceneError(f"Scene '{scene}': {error}") from None
+
+
+def _reading(scene: str, table: Mapping[str, Any]) -> Reading:
+    """Return the order and signs of the numbers of a frame."""
+    given = {key: table[key] for key in ("channels", "order", "flip") if key in table}
+    try:
+        return read_options(Reading, given, Path())
+    except SceneError as error:
+        raise SceneError(f"Scene '{scene}': 'frames': {error}") from None
 
 
 def _pitch(scene: str, value: object) -> float | None:

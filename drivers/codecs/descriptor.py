@@ -14,9 +14,9 @@ from cnnum.drivers.geometry import Positions, checked_positions
 from cnnum.drivers.options import (
     read_options_file,
     require,
-    require_channels,
     require_limits,
 )
+from cnnum.drivers.reordered import Reading
 from cnnum.errors import CodecError
 from cnnum.frame import Limits, limits_of
 from cnnum.recordings.recording import channel_names
@@ -37,7 +37,10 @@ class Descriptor:
     shape : (rows, cols)
         Unless the user says another.
     channels : tuple of str
-        Numbers of a taxel in their order; "x", "y", "z" are the shears and the normal load.
+        Numbers of a taxel in their order; "x", "y", "z" are the shears and the normal load, and a
+        minus turns the sign: "-x".
+    order, flip : str, tuple of str
+        Of the numbers, where they follow each other otherwise (`cnnum.drivers.reordered.Reading`).
     planes : bool
         Whether all taxels of a channel come together, and not all channels of a taxel.
     header, tail : str
@@ -98,6 +101,8 @@ class Descriptor:
     rate: float = 0.0
     baud: int = 115_200
     positions: Positions = ()
+    order: str = ""
+    flip: tuple[Literal["rows", "cols"], ...] = ()
 
     def __post_init__(self) -> None:
         rows, cols = self.shape
@@ -118,13 +123,18 @@ class Descriptor:
         require("header", found, "given, or 'tail' or 'request': else no packet can be found", "")
         holds = rows * cols * len(self.channels) <= MOST_BYTES // 8
         require("shape", holds, f"{MOST_BYTES // 8} numbers at most", list(self.shape))
-        require_channels(self.channels)
+        _ = self.reading
 
     def at_end(self, raw: Floats) -> NDArray[np.bool_] | None:
         """Return the cells of raw numbers, (rows, cols, channels), at the end of the range."""
         if self.full is None or not (raw >= self.full).any():
             return None
         return np.asarray((raw >= self.full).any(axis=-1))
+
+    @property
+    def reading(self) -> Reading:
+        """Order and signs of the numbers."""
+        return Reading(self.channels, self.order, self.flip)
 
     @property
     def sound(self) -> Limits | None:
@@ -138,7 +148,7 @@ class Descriptor:
     @property
     def names(self) -> tuple[str, ...]:
         """The full names of the channels, as frames have them."""
-        return channel_names(self.channels, len(self.channels))
+        return channel_names(self.reading.plain, len(self.channels))
 
     @property
     def whole(self) -> tuple[int, int, int]:

@@ -9,6 +9,7 @@ from typing import Protocol, cast
 from cnnum.arrays import Shape
 from cnnum.drivers.codecs.scan import Scan
 from cnnum.drivers.geometry import Positions
+from cnnum.drivers.reordered import Reading
 from cnnum.errors import SceneError, name_error
 from cnnum.frame import Limits
 
@@ -120,6 +121,8 @@ class Wire:
         Of the taxels, where these lie on no square grid.
     limits : (low, high), or a pair a channel, or None
         Of the values of a sound taxel.
+    reading : Reading or None
+        How the numbers of a scan are meant, where not as they come.
     verified : bool
         Whether packets carry a check of their numbers. Without one, scans are held against their
         neighbours; damage that is no jump goes unseen, and a jump of one scan is taken for damage.
@@ -137,6 +140,7 @@ class Wire:
     verified: bool = True
     positions: Positions = ()
     limits: Limits | None = None
+    reading: Reading | None = None
 
 
 def protocol_names() -> tuple[str, ...]:
@@ -186,6 +190,7 @@ def described_wire(path: Path, asked: Asked) -> Wire:
 
     known = read_descriptor(path, asked.shape)
     form = TextRows(known) if known.cell == "text" else FixedSize(known)
+    reading, signed = known.reading, known.reading.plain != known.channels
     full, verified = FULL[known.cell] * known.scale, known.check != "none"
     return Wire(
         f"'{known.name}'",
@@ -197,6 +202,7 @@ def described_wire(path: Path, asked: Asked) -> Wire:
         verified=verified,
         positions=known.positions,
         limits=known.sound,
+        reading=reading if reading.order or reading.flip or signed else None,
     )
 
 

@@ -219,6 +219,7 @@ class DataFile(Counting):
         Pads side by side, where the layout says so.
     pitch : float or None
         Distance of the taxels, m, where the layout says so.
+    layout : DataLayout or None
     limits : (low, high), or a pair a channel, or None
         Of the values of sound taxels, where the layout has them.
     positions : sequence of (x, y), mm
@@ -240,6 +241,7 @@ class DataFile(Counting):
         self.unit = recording.unit
         self.rate = recording.rate
         self.calibration = calibration
+        self.layout = layout
         self.pads = None if layout is None else layout.pads
         self.pitch = None if layout is None else layout.pitch
         self.limits = None if layout is None else layout.sound

@@ -322,7 +322,8 @@ def shaped(path: Path, layout: DataLayout, held: NDArray[Any]) -> Floats:
     if held.dtype.kind not in NUMBERS:
         raise CodecError(f"'{path}' must hold numbers, got the type '{held.dtype}'.")
     orders = (ORDERS.get(layout.order, layout.order),) if layout.order else GUESSED
-    fitting = [order for order in orders if _fits(held.shape, _sizes(layout, held, order))]
+    said = bool(layout.order)
+    fitting = [o for o in orders if _fits(held.shape, _sizes(layout, held, o), said=said)]
     if not fitting or not held.size:
         (rows, cols), count = layout.shape, len(layout.channels)
         raise CodecError(
@@ -361,8 +362,14 @@ def _sizes(layout: DataLayout, held: NDArray[Any], order: str) -> dict[str, int]
     return {name: known[name] for name in order.split()}
 
 
-def _fits(shape: tuple[int, ...], sizes: Mapping[str, int]) -> bool:
-    """Return whether an array's axes are these, where neighbours may be one axis."""
+def _fits(shape: tuple[int, ...], sizes: Mapping[str, int], *, said: bool) -> bool:
+    """Return whether an array's axes are these, where neighbours may be one axis.
+
+    An order that is said holds for the numbers of a frame whatever axes the file gives them, as of
+    numbers axis by axis that were saved as (rows, cols, channels).
+    """
+    if said and next(iter(sizes)) == "frames" and shape[0] == sizes["frames"]:
+        return math.prod(shape) == math.prod(sizes.values())
     edges = set(np.cumprod(list(sizes.values())[::-1]).tolist())
     axes = np.cumprod([size for size in shape[::-1] if size > 1] or [1]).tolist()
     # the frames are an axis of their own

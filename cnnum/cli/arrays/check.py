@@ -1,12 +1,20 @@
 """`cnnum check`: whether a recording's orders, signs, unit, rate and taxels are as they say."""
 
+from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
+import numpy as np
 
 from cnnum.cli.options import json_option
 from cnnum.cli.output import Output
 from cnnum.safety.names import visible
+
+if TYPE_CHECKING:
+    from cnnum.drivers.geometry import Positions
+    from cnnum.recordings.checking import Finding
+    from cnnum.recordings.recording import Recording
 
 FAULTS = 1
 """Exit code where something is wrong."""
@@ -20,7 +28,8 @@ def command(recording: Path, topic: str, as_json: bool) -> int:
     """Check order, signs, unit, rate, rest and taxels of RECORDING.
 
     The recording should contain a press straight down on the middle of the array. For each fault
-    the command prints the TOML keys of a layout or a scene that correct it, and exits with 1.
+    the command prints the TOML keys of a layout or a scene that correct it, and exits with 1. Keys
+    such as frames.channels are those of a scene; `--set` of run and replay takes them as well.
     """
     from cnnum.drivers.recording_file import array_of, load_recording
     from cnnum.drivers.registry import open_driver
@@ -31,7 +40,13 @@ def command(recording: Path, topic: str, as_json: bool) -> int:
     table = array_of(recording, topic)
     with open_driver(str(table.pop("driver")), table) as driver:
         pads = getattr(driver, "pads", None) or 1
+        laid_out = getattr(driver, "layout", None) is not None
+        positions = getattr(driver, "positions", ())
     findings = checked(held, pads)
+    if positions:
+        findings = [one for one in findings if one.what != "order"]
+        findings += [one for one in checked(_on_grid(held, positions)) if one.what == "order"]
+    findings = [one if laid_out else _of_scene(one) for one in findings]
     if not as_json:
         click.echo(visible(f"{recording}: {held!r}"))
     for one in findings:
@@ -48,6 +63,29 @@ def command(recording: Path, topic: str, as_json: bool) -> int:
             visible(f"{text}\n       {'':<8} {toml}" if toml else text),
         )
     return FAULTS if any(one.wrong for one in findings) else 0
+
+
+def _on_grid(recording: "Recording", positions: "Positions") -> "Recording":
+    """Return a recording of taxels at known places on a grid, for their order."""
+    from cnnum.drivers.geometry import Grid
+    from cnnum.recordings.recording import Recording
+
+    grid = Grid(positions, recording.shape)
+    values = np.stack([grid.maps(frame) for frame in recording.values])
+    facts: dict[str, Any] = {
+        "rate": recording.rate,
+        "times": recording.times,
+        "quality": recording.quality,
+    }
+    return Recording(values, unit=recording.unit, channels=recording.channels, **facts)
+
+
+def _of_scene(finding: "Finding") -> "Finding":
+    """Return a finding with a cure in keys of a scene, of a recording that has no layout."""
+    tables = {"channels": "frames.", "order": "frames.", "rate": "program.parameters."}
+    cure = {f"{tables.get(key, '')}{key}": value for key, value in finding.cure.items()}
+    cure.pop("unit", None)
+    return replace(finding, cure=cure)
 
 
 def _toml(value: object) -> str:

@@ -1,5 +1,6 @@
 """`cnnum recover`: a whole recording from the remains of one."""
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -23,13 +24,18 @@ if TYPE_CHECKING:
     default=1.0,
     help="Factor by which the usual limits of time, bytes and frames are raised.",
 )
+@click.option("--topic", default="", help="Topic of an MCAP file or a bag of others.")
 @json_option
-def command(file: Path, out: Path | None, force: bool, budget: float, as_json: bool) -> int:
+def command(
+    file: Path, out: Path | None, force: bool, budget: float, topic: str, as_json: bool
+) -> int:
     """Write all intact chunks of FILE to a complete recording OUT.
 
-    FILE is a .mcap file of `cnnum record` that is cut off or damaged anywhere. It stays unchanged.
+    FILE is a .mcap file that is cut off or damaged anywhere: of `cnnum record`, or with messages of
+    others and a layout. A bag with a layout becomes a recording, too. FILE stays unchanged.
     OUT ends in .mcap, .npz, .h5 or .csv; by default it is FILE with the ending `.recovered.mcap`.
     """
+    from cnnum.drivers.recording_file import is_of_others
     from cnnum.recordings.export import export, suffix_of
     from cnnum.recordings.reader import look
     from cnnum.safety.files import beside, refuse_target
@@ -41,13 +47,48 @@ def command(file: Path, out: Path | None, force: bool, budget: float, as_json: b
     if target.exists() and file.exists() and target.samefile(file):
         raise RecordingError(f"'{file}' is not replaced: choose another name for OUT.")
     refuse_target(target, error=RecordingError, force=force)
+    if topic or is_of_others(file):
+        _report(Output(as_json), target, _of_others(file, target, topic, force=force))
+        return 0
     contents = look(file, budget)
     export(contents, target, force=force)
     _report(Output(as_json), target, contents)
     return 0
 
 
-def _report(output: Output, target: Path, contents: "Contents") -> None:
+@dataclass(frozen=True, slots=True)
+class _Found:
+    """What a file of others holds, in the words of `cnnum.recordings.reader.Contents`."""
+
+    path: Path
+    frames: int
+    gaps: int
+    missing: int
+    holes: int
+    unreadable: int
+
+    @property
+    def whole(self) -> bool:
+        return not self.unreadable
+
+
+def _of_others(file: Path, target: Path, topic: str, *, force: bool) -> _Found:
+    """Write the frames of an MCAP file or a bag of others."""
+    import numpy as np
+
+    from cnnum.drivers.recording_file import load_recording
+    from cnnum.recordings.messages import holes_in, unreadable_bytes
+
+    held = load_recording(file, topic=topic)
+    held.save(target, force=force)
+    steps = np.diff(held.sequence)
+    holes = holes_in(file)
+    missing = int((steps[steps > 1] - 1).sum())
+    gaps = int((steps > 1).sum())
+    return _Found(file, len(held), gaps, missing, len(holes), unreadable_bytes(holes))
+
+
+def _report(output: Output, target: Path, contents: "Contents | _Found") -> None:
     size = target.stat().st_size
     gaps = f"{contents.gaps} gaps in their numbers"
     if contents.missing:

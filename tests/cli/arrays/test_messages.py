@@ -6,6 +6,7 @@ import zlib
 
 import numpy as np
 import pytest
+from foreign_files import rosbag2
 from mcap.writer import CompressionType, Writer
 
 import cnnum
@@ -259,3 +260,47 @@ def test_the_whole_messages_of_a_file_that_was_cut_off(form, own, tmp_path):
     frames = np.stack([frame.values for frame, _ in contents.stored()])
     assert np.array_equal(frames, whole.values[: len(frames)])
     assert zlib.crc32(path.read_bytes()) == zlib.crc32(data[: len(data) // 2])
+
+
+@pytest.mark.filterwarnings("default::cnnum.errors.RecordingWarning")
+@pytest.mark.parametrize("suffix", [".mcap", ".npz", ".h5", ".csv"])
+def test_recover_makes_a_recording_of_messages_of_others(call, records, tmp_path, suffix):
+    """A damaged one, too: what is left comes, and what is lost is counted and said."""
+    path = made(tmp_path / "others.mcap", as_json, chunk_size=2048)
+    path.with_suffix(".toml").write_text(LAYOUT + 'values = "data"\n')
+    whole = call("recover", path, tmp_path / f"whole{suffix}", "--json")
+    (said,) = records(whole.stdout)
+    assert (said["frames"], said["unreadable_bytes"], said["whole"]) == (60, 0, True)
+    again = cnnum.load_recording(tmp_path / f"whole{suffix}")
+    np.testing.assert_array_equal(again.values, cnnum.load_recording(path).values)
+    data = bytearray(path.read_bytes())
+    data[len(data) // 2] ^= 0xFF
+    path.write_bytes(data)
+    with pytest.warns(RecordingWarning, match=r"is damaged: \d+ bytes in 1 places"):
+        left = len(cnnum.load_recording(path))
+    assert 40 <= left < 60
+    torn = call("recover", path, tmp_path / f"torn{suffix}", "--json")
+    assert torn.exit_code == 0
+    assert "the messages in them are missing" in torn.stderr
+    (said,) = records(torn.stdout)
+    assert (said["frames"], said["damaged_places"], said["whole"]) == (left, 1, False)
+    assert said["missing"] == 60 - left
+    assert len(cnnum.load_recording(tmp_path / f"torn{suffix}")) == left
+
+
+def test_recover_asks_for_a_layout_of_others(call, tmp_path):
+    path = made(tmp_path / "others.mcap", as_json)
+    done = call("recover", path)
+    assert done.exit_code == 2
+    assert "'cnnum layout others.mcap --topic /skin' proposes one" in done.stderr
+    assert not (tmp_path / "others.recovered.mcap").exists()
+
+
+def test_recover_reads_a_bag(call, records, tmp_path):
+    pytest.importorskip("rosbags")
+    path = rosbag2(tmp_path)
+    assert call("layout", path, "--write").exit_code == 0
+    (said,) = records(call("recover", path, tmp_path / "own.mcap", "--json").stdout)
+    own = cnnum.load_recording(tmp_path / "own.mcap")
+    np.testing.assert_array_equal(own.values, cnnum.load_recording(path).values)
+    assert said["frames"] == len(own) > 100

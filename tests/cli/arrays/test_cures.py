@@ -1,0 +1,149 @@
+"""What `cnnum check` prints cures: in layouts, in scenes of own recordings, and in descriptors."""
+
+from threading import Event, Thread
+
+import numpy as np
+import pytest
+from foreign_files import press
+
+import cnnum
+from cnnum.drivers.codecs.wire import Asked, described_wire
+from cnnum.drivers.serial_array import SerialOptions
+from cnnum.drivers.virtual.array import VirtualArray
+from cnnum.drivers.virtual.line import VirtualLine
+from cnnum.frame import FORCE_AXES, Frame
+
+SHAPE = (6, 5)
+TURNS = {
+    "z, x, y for x, y, z": lambda v: v[..., [2, 0, 1]],
+    "x mirrored": lambda v: v * [-1, 1, 1],
+    "y mirrored": lambda v: v * [1, -1, 1],
+    "rows and columns swapped": lambda v: v.swapaxes(1, 2).reshape(v.shape),
+    "axis-first read as axis-last": lambda v: v.transpose(0, 3, 1, 2).reshape(v.shape),
+    "upside down": lambda v: v[:, ::-1],
+}
+PLAIN = 'needs = ["load_normal"]\n[array]\ndriver = "simulated"\n[program]\nname = "contact"\n'
+
+
+class Plain(VirtualArray):
+    """Sends the very numbers, in place of loads that are fitted to the range of a cell."""
+
+    def _values(self):
+        return lambda number: self.frames[number % len(self.frames)].values
+
+
+def wrong(turn):
+    return np.ascontiguousarray(TURNS[turn](press(*SHAPE, offset=16_000)))
+
+
+def agrees(values):
+    """Whether the shear points away from the press: upside down, too, as its sign is turned."""
+    from cnnum.recordings.checking import checked
+
+    recording = cnnum.Recording(values, rate=100.0)
+    (found,) = (one for one in checked(recording) if one.what == "order")
+    return not found.wrong and "are right" in found.sentence
+
+
+def cure_of(call, records, path):
+    done = call("check", path, "--json")
+    assert done.exit_code == 1
+    (found,) = (one for one in records(done.stdout) if one["what"] == "order")
+    assert found["wrong"]
+    text = call("check", path).stdout
+    for key, value in found["cure"].items():
+        shown = ", ".join(f'"{v}"' for v in value) if isinstance(value, list) else f'"{value}"'
+        assert f"{key} = [{shown}]" in text or f"{key} = {shown}" in text
+    return found["cure"]
+
+
+@pytest.mark.parametrize("turn", TURNS)
+def test_the_toml_cures_a_file_with_a_layout(call, records, tmp_path, turn):
+    np.save(tmp_path / "a.npy", wrong(turn))
+    layout = tmp_path / "a.toml"
+    layout.write_text(f"shape = {list(SHAPE)}\nrate = 100.0\n")
+    cure = cure_of(call, records, tmp_path / "a.npy")
+    lines = [f"{key} = {value!r}".replace("'", '"') for key, value in cure.items()]
+    layout.write_text("\n".join([layout.read_text(), *lines]))
+    assert call("check", tmp_path / "a.npy").exit_code == 0
+
+
+@pytest.mark.parametrize("suffix", [".npz", ".mcap", ".csv"])
+@pytest.mark.parametrize("turn", TURNS)
+def test_the_toml_cures_an_own_recording_in_its_scene(call, records, tmp_path, turn, suffix):
+    path = tmp_path / f"a{suffix}"
+    cnnum.Recording(wrong(turn), rate=100.0).save(path)
+    cure = cure_of(call, records, path)
+    assert all(key.startswith("frames.") for key in cure)
+    scene = tmp_path / "scene.toml"
+    keys = [f"{k.removeprefix('frames.')} = {v!r}".replace("'", '"') for k, v in cure.items()]
+    scene.write_text(PLAIN + "[frames]\n" + "\n".join(keys))
+    driver = {".npz": "npz", ".mcap": "mcap", ".csv": "file"}[suffix]
+    held = cnnum.load_scene(scene, changes={"array": {"driver": driver, "path": str(path)}})
+    names = held.driver.channels
+    values = np.stack([one.frame.values for one in held.results()])
+    assert agrees(values[..., [names.index(name) for name in FORCE_AXES]])
+
+
+@pytest.mark.parametrize(
+    "turn", ["z, x, y for x, y, z", "y mirrored", "axis-first read as axis-last"]
+)
+def test_the_keys_cure_a_stream_in_its_descriptor(tmp_path, turn):
+    keys = {
+        "z, x, y for x, y, z": 'channels = ["z", "x", "y"]\n',
+        "y mirrored": 'channels = ["x", "-y", "z"]\n',
+        "axis-first read as axis-last": (
+            'channels = ["x", "y", "z"]\norder = "frames channels rows cols"\n'
+        ),
+    }[turn]
+    described = tmp_path / "m.toml"
+    described.write_text(
+        f'name = "m"\nshape = {list(SHAPE)}\nheader = "5a a5"\ncounter = "u16"\ncell = "f32"\n'
+        f'check = "crc16-modbus"\nlimits = [-1e6, 1e6]\n{keys}'
+    )
+    known = described_wire(described, Asked())
+    sent = wrong(turn)[-40:]
+    names = known.form.channels
+    frames = [Frame(v, names, "count", n, n / 100.0) for n, v in enumerate(sent)]
+    line = VirtualLine(tmp_path / "port")
+    stop = Event()
+    array = Plain(known, line, frames, 200.0)
+    thread = Thread(target=array.run, args=(stop,))
+    thread.start()
+    try:
+        with SerialOptions(port=str(tmp_path / "port"), descriptor=described).open() as driver:
+            got = next(iter(driver.frames()))
+            names = driver.channels
+    finally:
+        stop.set()
+        thread.join(30.0)
+        line.close()
+    right = press(*SHAPE, offset=16_000)[-40:]
+    values = got.values[..., [names.index(name) for name in FORCE_AXES]]
+    away = np.abs(right - values).max(axis=(1, 2, 3))
+    assert away.min() < 1e-2  # float32 of 16,000
+
+
+def test_a_rest_under_a_load_has_a_time_for_its_tare(call, records, tmp_path):
+    made = press(*SHAPE, offset=16_000)
+    values = np.concatenate([made[-60:], made[:90], made[:90]])
+    cnnum.Recording(values, rate=100.0).save(tmp_path / "a.npz")
+    done = call("check", tmp_path / "a.npz", "--json")
+    (found,) = (one for one in records(done.stdout) if one["what"] == "rest" and one["wrong"])
+    (at,) = found["cure"]["frames.tare"]
+    moved = np.abs(values - made[:50].mean(axis=0)).max(axis=(1, 2, 3)) > 60.0
+    assert not moved[round(100 * at) :].any()
+    assert moved[: round(100 * (at - 0.2))].any()
+
+
+def test_wrong_keys_are_refused(tmp_path):
+    scene = tmp_path / "scene.toml"
+    for line, said in (
+        ('channels = ["x", "y"]', "a name for each of the 4 channels"),
+        ('order = "rows cols"', "axes from the slowest to the fastest"),
+        ('flip = ["up"]', "'flip"),
+        ('channels = ["x", "x", "z", "y"]', "once"),
+    ):
+        scene.write_text(f"{PLAIN}[frames]\n{line}\n")
+        with pytest.raises(cnnum.CnnumError, match=said):
+            cnnum.load_scene(scene)
