@@ -2,6 +2,7 @@
 
 from __future__ import annotations  # signatures that `help` shows as they are written
 
+import re
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -20,7 +21,7 @@ from cnnum.recordings.export import export, suffix_of
 from cnnum.recordings.layout import Layout
 from cnnum.recordings.mcap_index import write_index
 from cnnum.recordings.reader import look
-from cnnum.recordings.times import FASTEST, numbered
+from cnnum.recordings.times import FASTEST, numbered, rate_of
 from cnnum.renamed import renamed, warn_of
 from cnnum.safety.files import refuse_target, written
 from cnnum.safety.names import checked_name, shown
@@ -32,6 +33,16 @@ from cnnum.values import ByContent, read_only
 AXES = {"x": "shear_x", "y": "shear_y", "z": "normal"}
 """Short names of the three axes of a taxel: to the right, downwards, and into the skin."""
 
+CELL = re.compile(r"(.+)\[(\d{1,4}), (\d{1,4})\]")
+"""A column of a data frame: channel, row and column."""
+
+MARKED = re.compile(r"\br(\d{1,4})_c(\d{1,4})\b")
+"""A taxel at an end of its range, as `marked_text` writes it."""
+
+TRUTH = "truth "
+KNOWN = {"time", "sequence", "quality", "saturated", "log time (ns)", "rate (Hz)", "unit"}
+"""Columns of a data frame that are none of a taxel."""
+
 
 @dataclass(frozen=True, slots=True, eq=False, init=False, repr=False)
 class Recording(ByContent):
@@ -42,7 +53,8 @@ class Recording(ByContent):
     values : (frames, rows, cols, channels) or (frames, rows, cols) float
         A frame with NaN or infinity is a bad frame when it is replayed. Without a last axis there
         is one channel.
-    rate : float, Hz
+    rate : float, Hz, optional
+        That of the usual step of the times, unless given.
     unit : str
         "count", "V", "N", "Pa", "strain"…
     channels : sequence of str, optional
@@ -84,7 +96,7 @@ class Recording(ByContent):
         self,
         values: ArrayLike,
         *,
-        rate: float,
+        rate: float | None = None,
         unit: str = "count",
         channels: Sequence[str] | None = None,
         times: ArrayLike | None = None,
@@ -101,6 +113,8 @@ class Recording(ByContent):
                 "The values of a recording must be (frames, rows, cols, channels), with at "
                 f"least one of each, got {array.shape}."
             )
+        if rate is None:
+            rate = _rate(times, len(array))
         if not (is_real(rate) and 0.0 < rate < FASTEST):
             raise ArrayError(
                 f"The rate of a recording must be above 0 Hz and below 1 MHz, got {rate!r}."
@@ -144,6 +158,105 @@ class Recording(ByContent):
         }
         for name, value in parts.items():
             object.__setattr__(self, name, value)
+
+    @classmethod
+    def from_xarray(cls, dataset: Any) -> Recording:
+        """Return the recording that a dataset of `to_xarray` holds, or one of your own like it.
+
+        Parameters
+        ----------
+        dataset : xarray.Dataset
+            With "values" on the axes time, row, col and axis. The coordinates time (s) and axis
+            (names of channels), the variables "quality" and "saturated", and the attributes
+            "rate" and "unit" are taken where they are there; other variables on the axis time are
+            truths.
+
+        Raises
+        ------
+        ArrayError
+            If it has no such values, or the parts do not fit together.
+        """
+        sizes = ("time", "row", "col", "axis")
+        if "values" not in dataset or set(dataset["values"].dims) != set(sizes):
+            raise ArrayError(
+                "A dataset of a recording has 'values' on the axes time, row, col and axis, got "
+                f"{shown(', '.join(map(str, dataset)) or 'nothing')}."
+            )
+        values = dataset["values"].transpose(*sizes)
+        own = ("values", "quality", "saturated")
+        truth = {str(n): one.values for n, one in dataset.items() if n not in own}
+        return cls(
+            values.values,
+            rate=dataset.attrs.get("rate"),
+            unit=str(dataset.attrs.get("unit", "count")),
+            channels=[str(n) for n in values["axis"].values] if "axis" in values.coords else None,
+            times=values["time"].values if "time" in values.coords else None,
+            truth=truth,
+            **{name: dataset[name].values for name in own[1:] if name in dataset},
+        )
+
+    @classmethod
+    def from_dataframe(
+        cls, frame: Any, *, rate: float | None = None, unit: str | None = None
+    ) -> Recording:
+        """Return the recording that a data frame of `to_dataframe` holds, or one of your own.
+
+        Parameters
+        ----------
+        frame : pandas.DataFrame
+            A row for each frame, and a column for each taxel and channel: "z[0, 3]" is channel z
+            at row 0, column 3. "time" (s), "sequence", "quality", "saturated", "log time (ns)",
+            "truth …", "rate (Hz)" and "unit" are taken where they are there; others are refused.
+        rate : float, Hz, optional
+        unit : str, optional
+            Both in place of what the data frame says.
+
+        Raises
+        ------
+        ArrayError
+            If a taxel is missing, a column has another name, or the parts do not fit together.
+        """
+        columns = {str(name): frame[name] for name in frame.columns}
+        cells = {name: found for name in columns if (found := CELL.fullmatch(name))}
+        names = list(dict.fromkeys(found[1] for found in cells.values()))
+        rows, cols = (max((int(f[n]) for f in cells.values()), default=-1) + 1 for n in (2, 3))
+        wanted = [f"{n}[{r}, {c}]" for n in names for r in range(rows) for c in range(cols)]
+        missing = [name for name in wanted if name not in cells]
+        if not wanted or missing:
+            example = missing[0] if missing else "z[0, 0]"
+            raise ArrayError(
+                "A data frame of a recording has a column for each taxel and channel, and none is "
+                f"'{example}'."
+            )
+        others = {n for n in columns if n not in cells and not n.startswith(TRUTH)} - KNOWN
+        if others:
+            raise ArrayError(
+                f"The column {shown(min(others))} is none of a recording: give truths names such "
+                f"as '{TRUTH}slip', and drop other columns."
+            )
+        values = np.stack([np.asarray(columns[name], dtype=np.float64) for name in wanted], axis=1)
+        marks = None
+        if "saturated" in columns:
+            marks = np.zeros((len(frame), rows, cols), dtype=np.bool_)
+            for number, text in enumerate(columns["saturated"]):
+                for found in MARKED.finditer(text if isinstance(text, str) else ""):
+                    marks[number, int(found[1]), int(found[2])] = True
+        whole = {"sequence": "sequence", "quality": "quality", "wall_ns": "log time (ns)"}
+        said = {key: columns[key].iloc[0] for key in ("rate (Hz)", "unit") if key in columns}
+        return cls(
+            values.reshape(len(frame), len(names), rows, cols).transpose(0, 2, 3, 1),
+            rate=said.get("rate (Hz)") if rate is None else rate,
+            unit=str(said.get("unit", "count")) if unit is None else unit,
+            channels=names,
+            times=np.asarray(columns["time"]) if "time" in columns else None,
+            truth={
+                name.removeprefix(TRUTH): np.asarray(column, dtype=np.float64)
+                for name, column in columns.items()
+                if name.startswith(TRUTH)
+            },
+            saturated=marks,
+            **{key: np.asarray(columns[name]) for key, name in whole.items() if name in columns},
+        )
 
     def __len__(self) -> int:
         return len(self.values)
@@ -342,6 +455,21 @@ def _whole(name: str, values: ArrayLike, frames: int) -> NDArray[np.int64]:
     if array.shape != (frames,):
         raise ArrayError(f"{name!r} must be one number a frame, ({frames},), got {array.shape}.")
     return read_only(array.astype(np.int64))
+
+
+def _rate(times: ArrayLike | None, frames: int) -> float:
+    """Return the rate that times have.
+
+    Raises
+    ------
+    ArrayError
+        If there are none, or they give none.
+    """
+    found = 0.0 if times is None else rate_of(_per_frame("times", times, frames))
+    if found > 0.0:
+        return found
+    given = "no times" if times is None else "times that give none"
+    raise ArrayError(f"A recording needs its rate, and there are {given}: set 'rate' in Hz.")
 
 
 def _times(times: ArrayLike | None, frames: int, rate: float) -> Floats:

@@ -6,6 +6,7 @@ from typing import cast
 import numpy as np
 
 from cnnum.arrays import Floats, Shape
+from cnnum.drivers.in_memory import MEMORY
 from cnnum.drivers.registry import driver_options
 from cnnum.frame import FORCE_AXES, truth_columns
 from cnnum.plan import Explanation
@@ -139,6 +140,8 @@ def _pitch(scene: Scene) -> float | None:
     if scene.grid is not None:
         return scene.grid.pitch
     spec = scene.spec
+    if spec.driver == MEMORY:
+        return None
     options = driver_options(spec.driver, spec.driver_options, base=spec.base)
     return cast(float | None, getattr(options, "pitch", None))
 

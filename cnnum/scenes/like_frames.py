@@ -8,6 +8,7 @@ import numpy as np
 from cnnum.arrays import Floats
 from cnnum.drivers.driver import Driver
 from cnnum.drivers.geometry import Grid
+from cnnum.drivers.in_memory import MEMORY
 from cnnum.drivers.registry import DRIVERS, open_driver
 from cnnum.drivers.reordered import Reordered
 from cnnum.embedded.formats import is_integer
@@ -73,15 +74,16 @@ def like_frames(
             f"Scene '{spec.name}': 'engine.ranges' is for whole numbers, but the engine uses "
             f"{precision}: leave it out, or use precision 'q15'."
         )
-    if spec.ranges is None and spec.driver not in PLAYED_AGAIN:
+    own = spec.ranges is None and spec.driver == MEMORY
+    if spec.ranges is None and spec.driver not in PLAYED_AGAIN and not own:
         raise SceneError(
             f"Scene '{spec.name}': precision '{precision}' needs typical frames: add a table "
             "[engine.ranges] with the driver and the path of a recording of this array."
         )
     options = dict(spec.driver_options if spec.ranges is None else spec.ranges)
     name = spec.driver if spec.ranges is None else str(options.pop("driver", ""))
-    with open_driver(name, options, base=spec.base) as opened:
-        source = Reordered(opened, spec.reading) if spec.reading else opened
+    with driver if own else open_driver(name, options, base=spec.base) as opened:
+        source = Reordered(opened, spec.reading) if spec.reading and not own else opened
         if (source.shape, source.channels) != (driver.shape, driver.channels):
             raise SceneError(
                 f"Scene '{spec.name}': 'engine.ranges' has frames of {source.shape[0]}×"

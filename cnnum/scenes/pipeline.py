@@ -15,6 +15,7 @@ import numpy as np
 from cnnum.arrays import Floats, Shape, number_type
 from cnnum.drivers.driver import Driver
 from cnnum.drivers.geometry import Grid
+from cnnum.drivers.in_memory import MEMORY, RecordingDriver
 from cnnum.drivers.registry import open_driver
 from cnnum.drivers.reordered import Reordered
 from cnnum.drivers.timing.paced import SAME_TIME
@@ -33,6 +34,7 @@ from cnnum.graph.nodes import Input
 from cnnum.graph.tracing import TraceStep, trace_steps
 from cnnum.plan import Plan
 from cnnum.programs import Program
+from cnnum.recordings.recording import Recording
 from cnnum.safety.names import shown
 from cnnum.scenes.arrangement import (
     bound,
@@ -281,8 +283,18 @@ class Scene(OfThisProcess):
     _tare: ThreadEvent = field(default_factory=ThreadEvent)
 
     @classmethod
-    def of(cls, spec: SceneSpec, engine: Engine | None = None) -> "Scene":
+    def of(
+        cls, spec: SceneSpec, engine: Engine | None = None, recording: Recording | None = None
+    ) -> "Scene":
         """Open the array of a scene and compile its program for the wanted events.
+
+        Parameters
+        ----------
+        spec : SceneSpec
+        engine : Engine, optional
+            In place of the scene's own.
+        recording : Recording, optional
+            In place of its array.
 
         Raises
         ------
@@ -291,7 +303,11 @@ class Scene(OfThisProcess):
         """
         how = {"device": spec.device, "precision": spec.precision, "fallback": spec.fallback}
         used = engine or Engine(spec.engine, **how)
-        driver = open_driver(spec.driver, spec.driver_options, base=spec.base)
+        if recording is not None:
+            spec = replace(spec, driver=MEMORY, driver_options={})
+            driver: Driver = RecordingDriver(recording)
+        else:
+            driver = open_driver(spec.driver, spec.driver_options, base=spec.base)
         try:
             driver = Reordered(driver, spec.reading) if spec.reading else driver
             conversion = conversion_for(spec.calibration, driver, spec.base, spec.scale)
@@ -716,6 +732,7 @@ def load_scene(
     scene: str | Path,
     *,
     engine: Engine | None = None,
+    recording: Recording | None = None,
     program: Program | str | None = None,
     events: Sequence[Mapping[str, object]] = (),
     changes: Mapping[str, object] | None = None,
@@ -729,6 +746,8 @@ def load_scene(
         A TOML file, or the name of a scene that comes with the package.
     engine : Engine, optional
         Engine to use instead of the scene's own.
+    recording : Recording, optional
+        Recording to run over instead of the scene's array.
     program : Program or str, optional
         Program to run instead of the scene's own, with its own parameters. All of its outputs are
         requested unless `changes` sets "needs".
@@ -758,4 +777,4 @@ def load_scene(
     if isinstance(program, Program):
         spec = replace(spec, program=program)
     own = (event_rule(table, f"Event {n}") for n, table in enumerate(events, 1))
-    return Scene.of(replace(spec, events=(*spec.events, *own)), engine)
+    return Scene.of(replace(spec, events=(*spec.events, *own)), engine, recording)

@@ -136,6 +136,23 @@ class SceneRecord:
         events["x"], events["y"], events["p"] = at[2], at[1], count[at] > 0
         return events[np.argsort(events["t"], kind="stable")]
 
+    def plot(self, ax: object = None) -> object:
+        """Draw the fields over time, of maps the largest magnitude, or the events without fields.
+
+        Returns the axes.
+        """
+        from cnnum.sharing import plots
+
+        if not self.names:
+            return self.events.plot(ax)
+        values = {name: self[name] for name in self.names}
+        named = {
+            name: value if value.ndim == 1 else np.abs(value).max(axis=tuple(range(1, value.ndim)))
+            for name, value in values.items()
+        }
+        labels = ("time (s)", "value; of maps, the largest magnitude")
+        return plots.lines(self.times, named, ax, labels)
+
     def to_xarray(self) -> Any:
         """Return an `xarray.Dataset` with the axes time, row and col (extra `tables`)."""
         coordinates = {name: (("time",), values) for name, values in self.leading().items()}
