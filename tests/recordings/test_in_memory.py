@@ -107,7 +107,8 @@ def test_a_scene_runs_over_it_as_over_its_file(tmp_path, precision):
 
 def test_a_record_draws_itself():
     pytest.importorskip("matplotlib").use("Agg")
-    with cnnum.load_scene("contact", recording=pressed(), changes={**RISES, "needs": ["contact", "load_normal", "contact_map"]}) as scene:
+    changes = {**RISES, "needs": ["contact", "load_normal", "contact_map"]}
+    with cnnum.load_scene("contact", recording=pressed(), changes=changes) as scene:
         record = scene.collect()
     axes = record.plot()
     assert axes.get_xlabel() == "time (s)"
