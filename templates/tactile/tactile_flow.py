@@ -129,20 +129,21 @@ def tactile_flow(
     sums = {name: each.sum() for name, each in held.items()}
     # noise has slopes, too: their energy at rest
     pattern = sums["xx"] + sums["yy"]
-    floor = clock.noise(square(pattern), ("normal",))
-    known = ~clock.resting & (pattern > LEVEL * floor)
-    whole = _without_growth(sums)
-    x, y = (where(known, part, 0.0) for part in _solved(whole, LEAN * pattern))
+    floor = LEVEL * square(clock.noise(pattern, ("normal",)))
+    known = ~clock.resting & (pattern > floor)
+    # shares of the whole pattern: energies span more than single precision or 16 bits hold
+    energy = where(known, pattern, 1.0)
+    whole = _without_growth({name: each / energy for name, each in sums.items()})
+    x, y = (where(known, part, 0.0) for part in _solved(whole, 1.0))
     explained = -1.0 * (x * whole["xt"] + y * whole["yt"]) / maximum(whole["tt"], TINY)
     spreads = get_template("tactile_diffusion")
-    around = {name: held[name] for name in PRODUCTS}
+    around = {name: held[name] / energy for name in PRODUCTS}
     if window > 0.0:
         around = {n: apply(spreads, input=each, duration=window) for n, each in around.items()}
-    # a place takes as much of the lean as it has of the whole pattern at least
-    lean = maximum(
-        LEAN * (around["xx"] + around["yy"]), LEVEL * floor / (frame.shape[0] * frame.shape[1])
-    )
-    local = [where(known, part, 0.0) for part in _solved(around, lean)]
+    # a place counts as having the pattern of noise at least
+    least = floor / energy / (frame.shape[0] * frame.shape[1] * LEAN)
+    there = maximum(around["xx"] + around["yy"], maximum(least, TINY))
+    local = [where(known, part, 0.0) for part in _solved(around, there)]
     speed = length([x, y])
     area, spread = _spread(frame.once(loads_of, push=push), depth, reads, unit, share)
     return {
@@ -195,10 +196,10 @@ def _without_growth(sums: Mapping[str, Field]) -> dict[str, Field]:
     return {name: sums[name] - along[name[0]] * along[name[1]] / own for name in (*PRODUCTS, "tt")}
 
 
-def _solved(sums: Mapping[str, Field], lean: Field) -> tuple[Field, Field]:
-    """Return the flow of least squares, pulled to 0 by a lean."""
-    xx, xy, yy, xt, yt = (sums[name] for name in PRODUCTS)
-    wide, tall = xx + lean, yy + lean
+def _solved(sums: Mapping[str, Field], energy: Field | float) -> tuple[Field, Field]:
+    """Return the flow of least squares, pulled to 0 by `LEAN` of the slopes' energy."""
+    xx, xy, yy, xt, yt = (sums[name] / energy for name in PRODUCTS)
+    wide, tall = xx + LEAN, yy + LEAN
     whole = wide * tall - xy * xy
     return (xy * yt - tall * xt) / whole, (xy * xt - wide * yt) / whole
 

@@ -54,6 +54,19 @@ def test_a_load_that_grows_does_not_flow():
     np.testing.assert_allclose([both["flow_x"], both["flow_y"]], [1.5, 0.5], atol=0.06)
 
 
+@pytest.mark.parametrize("unit", [1e-9, 1e6])
+@pytest.mark.parametrize("engine", ["numba", "opencl"])
+def test_the_flow_does_not_depend_on_the_unit_of_the_load(unit, engine):
+    """Squares and their squares of small numbers leave single precision."""
+    needs = ["flow_x", "flow_y", "flow_known", "flow_map_x"]
+    load = unit * blob(200.0, (1.5, -0.8))
+    found = last("tactile_flow", load, needs, rate=200.0, engine=engine)
+    assert found["flow_known"]
+    np.testing.assert_allclose([found["flow_x"], found["flow_y"]], [1.5, -0.8], atol=0.06)
+    # where the blob is
+    np.testing.assert_allclose(found["flow_map_x"][4:8, 4:8], 1.5, atol=0.1)
+
+
 def test_the_flow_of_a_place_is_that_of_what_is_there():
     """Two gratings side by side that move apart."""
     rate, k = 200.0, np.pi / 4
