@@ -111,6 +111,43 @@ def edges_picture() -> Any:
     return figure
 
 
+def edge_enhancement_picture() -> Any:
+    """What taxels read below covers, and below it the enhanced frame with the outlines found."""
+    cases: list[tuple[str, Outline, float]] = [
+        ("square, 0.3 pitches", Rectangle(4.0, 4.0, 0.35, (0.2, -0.3)), 0.3),
+        ("bar, 0.5", Rectangle(2.0, 6.0, 0.6), 0.5),
+        ("triangle, 0.5", triangle(5.2, 0.5, (0.1, 0.2)), 0.5),
+        ("two, 0.3", Joined((Disc(1.5, (1.7, 1.3)), Disc(1.4, (-1.6, -1.3)))), 0.3),
+        ("round, 1.0", Disc(2.4, (0.2, -0.3)), 1.0),
+    ]
+    figure: Any = Figure(figsize=(2.6 * len(cases), 6.4), layout="constrained")
+    rows = figure.subplots(2, len(cases))
+    fine, images = np.linspace(-0.5, 7.5, 161), [None, None]
+    x, y = np.meshgrid(fine - 3.5, fine - 3.5)
+    for column, (name, body, depth) in enumerate(cases):
+        seen = read_below([punch_pressure(body, 8)], 8, depth, "strain")[0]
+        skin = Skin(depth=depth)
+        stream = -skin.stream(seen[None])[:, 0]
+        got = _streamed(
+            "edge_enhancement", np.stack([0.0 * stream, 0.0 * stream, stream], axis=-1), rate=200.0
+        )
+        enhanced = got["edge_enhanced"]
+        images[0] = _map(rows[0, column], -stream[-1], name, 1.0)
+        images[1] = _map(rows[1, column], enhanced / np.abs(enhanced).max(), "edge_enhanced", 1.0)
+        where = found_places(got["edge_to_right"], got["edge_to_below"])
+        rows[1, column].plot(where[:, 1], where[:, 0], "o", label="outline found", **DOT)
+        for axis in rows[:, column]:
+            axis.contour(fine, fine, body.distance(x, y), [0.0], colors="k", linestyles="--")
+            axis.plot([], [], "k--", label="true outline")
+        rows[0, column].set_xlabel("")
+    for row, label in zip(rows, ("compressive strain / peak", "enhanced frame / peak"), strict=True):
+        row[0].set_ylabel("row, cells")
+        figure.colorbar(images[0], ax=list(row), label=label, shrink=0.75)
+    handles, labels = rows[1, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=2, frameon=False)
+    return figure
+
+
 def _loads(axis: Any, loads: Floats, title: str) -> Any:
     """Draw normal loads as colours and shear loads as arrows."""
     image = axis.imshow(loads[..., 2], cmap="Blues", vmin=0.0, vmax=1.0)
@@ -282,6 +319,7 @@ def texture_picture() -> Any:
 PICTURES: dict[str, Callable[[], Any]] = {
     "contact": contact_picture,
     "edges": edges_picture,
+    "edge-enhancement": edge_enhancement_picture,
     "localize": localize_picture,
     "grasp-code": grasp_code_picture,
     "texture": texture_picture,

@@ -1,15 +1,17 @@
 """The error that a user has, over run time: against the continuum, and against what was touched.
 
 A lattice that is solved exactly is still not the continuum. So the total error is shown, with its
-two parts: that of the lattice's own exact answer (discretisation), and how far the run is from that
-answer (arithmetic). The knob is the number of cells. Programs that report events have a delay and
-misses in its place, and the frames a second for a knob.
+two parts: that of the exact answer on the same taxels and frames (discretisation; with the noise of
+the readings, where they have some), and how far the run is from that answer (arithmetic). The knob
+is the number of cells, or of frames a second where only time is in steps. Programs that report
+events have a delay and misses in its place.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cache, partial
 from math import nan
+from typing import Any
 
 import numpy as np
 
@@ -19,9 +21,6 @@ from cnnum.drivers.simulated.script import Phase
 from cnnum.engine import Engine
 from cnnum.errors import MethodError
 from cnnum.frame import FORCE_AXES
-from cnnum.lab.bench.programs.contact_errors import errors, held
-from cnnum.lab.bench.programs.edge_errors import Skin, by_enhancement, by_program, tally
-from cnnum.lab.bench.programs.edge_scenes import SHARP
 from cnnum.lab.bench.programs.halfspace_runs import (
     MODULUS,
     PITCH,
@@ -29,14 +28,27 @@ from cnnum.lab.bench.programs.halfspace_runs import (
     mirrored_patch,
     opposite_pushes,
 )
+from cnnum.lab.bench.programs.known_answers import (
+    BUMP,
+    KnownAnswer,
+    Outputs,
+    active_contour,
+    body_fit,
+    bumps,
+    contact,
+    mindlin_slip,
+    motion_direction,
+    on_off,
+    outlines,
+    receptors_in_space,
+    receptors_in_time,
+    tactile_flow,
+)
 from cnnum.lab.bench.programs.load_errors import measure
 from cnnum.lab.bench.timing import Timing, timed
 from cnnum.plan import Plan
 from cnnum.programs import Program
 from cnnum.programs.library import get_program
-from cnnum.tactile.indenters import Disc, frame_under
-from cnnum.tactile.touches import drawn, readings
-from cnnum.templating.checks.program_run import RATE
 from cnnum.templating.checks.tactile.lattice_cover import cover_stress
 
 AXES = ("xz", "yz", "zz")
@@ -58,20 +70,18 @@ LATE = 0.5
 """s after which a report no longer belongs to what happened."""
 
 OMISSIONS = (
-    "Bumps of localize and texture are simulated by the finite elements that they invert. "
-    "Rows show noise and neighbours. `tests/tactile/test_texture_program.py` has another mesh.",
+    "Bumps of localize and texture are simulated by the finite elements that they invert, one a "
+    "taxel. Rows show noise and neighbours. `tests/tactile/test_texture_program.py` has another "
+    "mesh.",
     "edges and edge_enhancement are of one skin and three kinds of punches; all are in tables of "
     "`python -m cnnum.lab.bench.programs.edge_errors`, and those of body_fit in `body_errors`.",
-    "grasp_code is a code of signs, which is right or wrong: `cnnum templates check grasp_code`. "
-    "tactile is made of the others. mindlin_slip takes the law that the simulated sphere obeys: "
-    "`python docs/figures/incipient_slip.py` has its delays. receptors and on_off are filters in "
-    "time, and tactile_flow and motion_direction compare frames in time, without a lattice that "
-    "stands for a continuum, and active_contour moves a wave of cells: "
-    "`cnnum templates check NAME`.",
+    "tactile is made of the others, and has no field or event of its own.",
     "halfspace_layers and halfspace_equilibrium stop at two cells: beyond, one takes minutes to "
     "build and the other relaxes for seconds.",
     "The cover of the half-space programs is 1 mm over taxels 1.5 mm apart, with one value a cell. "
     "Loads go on mirrored beyond the rim, for the program and for the truth.",
+    "Steps in space of on_off and motion_direction are part of what they are: their layers and "
+    "neighbours are a taxel apart. Their rows are of steps in time.",
 )
 """What no row shows, and why."""
 
@@ -87,14 +97,15 @@ class TrueError:
     truth : str
         What it is compared with.
     knob : str
-        What is set: "cells", "rounds", "taxels a side", "frames a second".
+        What is set: "cells", "rounds", "taxels a side", "taxels a wave", "frames a second".
     setting : float
     engine, precision, method : str
     error : float
-        The total error, as a share, and of edges in pitches; NaN where the answer is an event.
+        The total error, as a share, and of edges in mm; NaN where the answer is an event. Of
+        several bodies it is the median.
     discretisation, arithmetic : float
-        Its parts: the exact answer on the lattice against the truth, and the run against that.
-        NaN where they cannot be told apart.
+        Its parts: the exact answer on the lattice against the truth, likewise, and the run against
+        that, the largest. NaN where the answer is an event.
     delay_s : float
         Median from what happened to its report; NaN where the answer is a field.
     missed : float
@@ -143,15 +154,12 @@ def measure_true_error(device: str | None, *, quick: bool = False) -> Iterator[T
             yield _under_patches(engine, exact, "halfspace_layers", cells)
             yield _equilibrium(engine, exact, cells)
         for rounds in (0, 1, 2, 4):
-            yield _surface_load(engine, rounds, count=20 if quick else 100)
-        for side in (4, 8, 16):
-            yield _contact(engine, side, count=8 if quick else 24)
-        for side in (8, 16):
-            for name in OUTLINES:
-                yield _edges(engine, name, side, count=4 if quick else 20)
-            yield _body_fit(engine, side, count=8 if quick else 40)
-        for side in (4, 8):
-            yield from _bumps(engine, side)
+            yield _surface_load(engine, exact, rounds, count=20 if quick else 100)
+    other = Engine("numba", precision="float64")
+    for known in _known(quick=quick):
+        own = _every(_plan(other, known), known)
+        for engine in engines:
+            yield _answered(engine, own, known)
     trials = 2 if quick else TRIALS
     for rate in RATES[:2] if quick else RATES:
         for engine in engines:
@@ -159,6 +167,28 @@ def measure_true_error(device: str | None, *, quick: bool = False) -> Iterator[T
     if not quick:
         for method, step in (("euler", 0.1), ("heun", 0.1)):
             yield from _events(engines[0], RATES[1], trials, method, step)
+
+
+def _known(*, quick: bool) -> Iterator[KnownAnswer]:
+    """Yield all frames of which the answer is known."""
+    few, sides = (3, (8,)) if quick else (20, (8, 16))
+    for side in (4, *sides):
+        yield contact(side, 2 * few)
+        yield receptors_in_space(side)
+    for side in sides:
+        yield body_fit(side, 2 * few)
+        yield mindlin_slip(side, few)
+        yield active_contour(side, few)
+        for name in ("edges", "edge_enhancement"):
+            yield outlines(name, side, few)
+    for side in (4, 8):
+        yield from bumps(side)
+    for taxels in (4, 8) if quick else (4, 6, 8, 16):
+        yield tactile_flow(taxels)
+    for rate in RATES[:2] if quick else RATES:
+        yield motion_direction(rate)
+        yield receptors_in_time(rate)
+        yield on_off(rate)
 
 
 def _row(case: str, truth: str, knob: str, setting: float, engine: Engine) -> TrueError:
@@ -245,125 +275,58 @@ def _equilibrium(engine: Engine, exact: Engine, cells: int, poisson: float = 0.3
     return _cost(_split(row, got, own, truth), _alone(plan, load))
 
 
-def _surface_load(engine: Engine, rounds: int, count: int) -> TrueError:
+def _surface_load(engine: Engine, exact: Engine, rounds: int, count: int) -> TrueError:
     """Return the row of loads found from noisy strain: RMS error over the mean pressure, 8 kPa."""
-    found = measure(engine, 1e-4, rounds, count=count)
+    found, own = (measure(each, 1e-4, rounds, count=count) for each in (engine, exact))
     row = _row("surface_load", "loads of one to three contacts", "rounds", rounds, engine)
-    return replace(row, error=found.rms / 8e3, seconds=found.seconds, spread=nan)
-
-
-def _contact(engine: Engine, side: int, count: int) -> TrueError:
-    """Return the row of the normal load of spheres: median error over the load."""
-    touches = drawn(np.random.default_rng(1), (0.5, 1.5), side, count)
-    frames = held([readings(touch, side, 0.75, "strain") for touch in touches])
-    program = get_program("contact").bind(rate=RATE, depth=0.75, reads="strain")
-    plan = engine.compile(program, (side, side))
-    stream, outputs = plan.stream((len(touches),)), dict[str, Floats]()
-    for frame in frames:
-        outputs = stream.push(frame)
-    off = errors(touches, outputs, side)["load_normal"]
-    row = _row("contact", "loads of spheres, 2.5 mV of noise", "taxels a side", side, engine)
-    alone, one = plan.stream(), frames[-1][0]
-    alone.push(one)  # its kernel is built before it is timed
-    timing = timed(partial(alone.push, one), budget=BUDGET_S)
-    return _cost(replace(row, error=float(np.median(np.abs(off)))), timing)
-
-
-OUTLINES: Mapping[str, Callable[[Engine, Floats, Skin], list[Floats]]] = {
-    "edges": by_program,
-    "edge_enhancement": by_enhancement,
-}
-"""Programs that say where outlines are."""
-
-PUNCHES = ("square punch, turned", "bar", "triangle")
-"""Kinds of bodies on which no constant of `edges` was chosen."""
-
-
-def _edges(engine: Engine, name: str, side: int, count: int) -> TrueError:
-    """Return the row of edges of flat punches: median distance from the true outline, pitches."""
-    skin, rng = Skin(cells=side), np.random.default_rng(7)
-    punches = [SHARP[kind](rng, side, count) for kind in PUNCHES]
-    found = [tally(partial(OUTLINES[name], engine), bodies, [skin]) for bodies in punches]
-    off = np.concatenate([each.off for each in found])
-    known = {"depth": skin.depth, "reads": skin.reads} if name == "edges" else {}
-    plan = engine.compile(get_program(name).bind(rate=RATE, **known), (side, side))
-    frame = np.zeros((side, side, 3))
-    frame[..., 2] = -skin.stream(punches[0].frames(side, skin.depth, skin.reads))[-1, 0]
-    alone = plan.stream()
-    alone.push(frame)
-    timing = timed(partial(alone.push, frame), budget=BUDGET_S)
-    row = _row(name, "outlines of flat punches, pitches", "taxels a side", side, engine)
-    return _cost(replace(row, error=float(np.median(off))), timing)
-
-
-def _body_fit(engine: Engine, side: int, count: int) -> TrueError:
-    """Return the row of the radius of Hertz's contacts: median error over it, of those reported.
-
-    The larger the array, the more taxels the same sphere covers.
-    """
-    rng, size = np.random.default_rng(11), side / 8
-    radii, places = size * rng.uniform(2.0, 3.0, count), size * rng.uniform(-0.5, 0.5, (count, 2))
-    discs = [
-        Disc(float(radius), (float(x), float(y)), "hertz")
-        for radius, (x, y) in zip(radii, places, strict=True)
-    ]
-    loads = np.stack([frame_under(disc, (side, side), 0.5, "strain") for disc in discs])
-    frames = held([np.stack([0.0 * load, 0.0 * load, -load], axis=-1) for load in loads])
-    plan = engine.compile(
-        get_program("body_fit").bind(rate=RATE, depth=0.5, reads="strain"),
-        (side, side),
-        ["sphere_fits", "contact_radius"],
-        channels=FORCE_AXES,
+    return replace(
+        row,
+        error=found.rms / 8e3,
+        discretisation=own.rms / 8e3,
+        arithmetic=float(np.abs(found.pressure - own.pressure).max()) / 8e3,
+        seconds=found.seconds,
+        spread=nan,
     )
+
+
+def _answered(engine: Engine, own: Outputs, known: KnownAnswer) -> TrueError:
+    """Return the row of a program on frames of which the answer is known, and of its exact run."""
+    plan = _plan(engine, known)
+    got = _every(plan, known)
+    alone, middle = plan.stream(), _read(plan, known)[len(known.frames) // 2, 0]
+    alone.push(middle)  # its kernel is built before it is timed
+    timing = timed(partial(alone.push, middle), budget=BUDGET_S)
+    row = replace(
+        _row(known.name, known.truth, known.knob, known.setting, engine),
+        error=_median(known.off(got, None)),
+        discretisation=_median(known.off(own, None)),
+        arithmetic=float(np.nanmax(known.off(got, own))),
+    )
+    return _cost(row, timing)
+
+
+def _plan(engine: Engine, known: KnownAnswer) -> Plan:
+    shape = known.frames.shape[2:4]
+    return engine.compile(known.program, shape, known.needs, channels=FORCE_AXES)
+
+
+def _read(plan: Plan, known: KnownAnswer) -> Floats:
+    """Return the frames with the channels that a plan reads."""
     columns = [FORCE_AXES.index(channel) for channel in plan.schedule.channels]
-    given = np.ascontiguousarray(frames[..., columns])
-    stream, outputs = plan.stream((count,)), dict[str, Floats]()
-    for frame in given:
-        outputs = stream.push(frame)
-    fits = outputs["sphere_fits"] > 0.5
-    off = np.abs(outputs["contact_radius"] / radii - 1.0)[fits]
-    alone = plan.stream()
-    alone.push(given[-1][0])
-    timing = timed(partial(alone.push, given[-1][0]), budget=BUDGET_S)
-    row = _row("body_fit", "radii of spheres, 2.5 mV of noise", "taxels a side", side, engine)
-    found = float(np.median(off)) if off.size else nan
-    return _cost(replace(row, error=found), timing)
+    return np.ascontiguousarray(known.frames[..., columns])
 
 
-RUBBED = (
-    Phase("hold", 0.3),
-    Phase("press", 0.2, load=0.1),
-    Phase("pull", 0.7, speed=2e-3, direction=0.5),
-)
-BUMP, FRICTION = 0.2e-3, 0.6
-"""Radius of the bumps, m, and thickness of the rubber below them; the friction of the sphere."""
+def _every(plan: Plan, known: KnownAnswer) -> Outputs:
+    """Return the outputs of all frames, (frames, streams, …)."""
+    frames = _read(plan, known)
+    stream = plan.stream((frames.shape[1],))
+    answers = [stream.push(frame) for frame in frames]
+    return {name: np.array([one[name] for one in answers], np.float64) for name in answers[0]}
 
 
-def _bumps(engine: Engine, side: int) -> Iterator[TrueError]:
-    """Yield the rows of the load that bumps bear, and of the friction of what slides over them."""
-    options = SimulatedOptions(
-        script=RUBBED, shape=(side, side), cover="bumpy", bump_radius=BUMP, thickness=BUMP,
-        friction=FRICTION,
-    )  # fmt: skip
-    with options.open() as array:
-        frames = list(array.frames())
-        strain = array.calibration.to_strain(np.stack([frame.values for frame in frames]))
-    truth = frames[-1].truth
-    load = truth["normal_force"] if truth is not None else nan
-    cases: dict[str, tuple[str, float, dict[str, object]]] = {
-        "localize": ("bump_normal", load, {"unit": MODULUS * BUMP**2}),
-        "texture": ("friction", FRICTION, {"window": 32, "taxels": "strain"}),
-    }
-    for name, (output, true, known) in cases.items():
-        plan = engine.compile(get_program(name).bind(rate=RATE, **known), (side, side), [output])
-        stream, got = plan.stream(), nan
-        columns = [FORCE_AXES.index(channel) for channel in plan.schedule.channels]
-        given = np.ascontiguousarray(strain[..., columns])
-        for frame in given:
-            got = float(stream.push(frame)[output])
-        row = _row(name, "a sphere that slides over bumps", "taxels a side", side, engine)
-        timing = timed(partial(stream.push, given[-1]), budget=BUDGET_S)
-        yield _cost(replace(row, error=abs(got / true - 1.0)), timing)
+def _median(off: Floats) -> float:
+    """Return the median of errors, but for those that are not known."""
+    return float(np.median(off[~np.isnan(off)])) if not np.isnan(off).all() else nan
 
 
 @dataclass(frozen=True, slots=True)
@@ -374,34 +337,85 @@ class Trial:
     ----------
     strain : (frames, rows, cols, 3) float
     began : mapping of str to float
-        Seconds at which contact, gross slip and twist begin.
+        Seconds at which contact, incipient and gross slip, a pull and twist begin.
     """
 
     strain: Floats
     began: Mapping[str, float]
 
 
-FLAGS = {"contact": "contact", "slip": "gross_slip", "twist": "twist"}
-"""Programs that report events, and their flags."""
+KNOWN_FRICTION, WIDE_RADIUS = 0.6, 70e-3
+"""Of the spheres of `mindlin_slip`; m."""
+
+
+@dataclass(frozen=True, slots=True)
+class Reporter:
+    """A program that reports events.
+
+    Attributes
+    ----------
+    flag : str
+    event : str
+        What it reports, by its name in `Trial.began`.
+    known : mapping
+        Parameters.
+    touches : str
+        Its trials: "spheres", "spheres of known friction", "ridges" or "two fingers".
+    """
+
+    flag: str
+    event: str
+    known: Mapping[str, object] = field(default_factory=dict[str, object])
+    touches: str = "spheres"
+
+
+DEEP: Mapping[str, object] = {"depth": THICKNESS / PITCH}
+
+REPORTERS: Mapping[str, Reporter] = {
+    "contact": Reporter("contact", "contact", DEEP),
+    "active_contour": Reporter("contour_holds", "contact", DEEP),
+    "on_off": Reporter("comes", "contact"),
+    "receptors": Reporter("sa1_active", "contact"),
+    "slip": Reporter("gross_slip", "slip"),
+    "twist": Reporter("twist", "twist"),
+    "mindlin_slip": Reporter(
+        "incipient_slip", "incipient", {**DEEP, "friction": KNOWN_FRICTION},
+        "spheres of known friction",
+    ),
+    "grasp_code": Reporter("grasp_slip", "pull", touches="two fingers"),
+    "tactile_flow": Reporter("flows", "slip", {"still": 1.5}, "ridges"),
+    "motion_direction": Reporter("drifts", "slip", touches="ridges"),
+}  # fmt: skip
+"""Programs that report events."""
 
 
 @cache
-def trial(number: int, rate: float) -> Trial:
-    """Return a sphere that comes down, is pulled until it slips, and then turned."""
+def trial(number: int, rate: float, touches: str = "spheres") -> Trial:
+    """Return a body that comes down and is pulled until it slips; spheres are turned then."""
     rng = np.random.default_rng([5, number])
-    script = (
-        Phase("hold", 0.5),
-        Phase("press", 0.2, load=float(rng.uniform(0.5, 1.0))),
-        Phase("hold", float(rng.uniform(0.2, 0.4))),
-        Phase("pull", 0.7, 0.0, float(rng.uniform(0.8e-3, 2e-3)),
-              float(rng.uniform(0.0, 2 * np.pi))),
-        Phase("relax", 0.3),
-        Phase("hold", 0.2),
-        Phase("twist", 0.5, angle=float(rng.choice([-1.0, 1.0]) * rng.uniform(0.15, 0.3))),
-    )  # fmt: skip
-    options = SimulatedOptions(
-        script=script, rate=rate, seed=number, friction=float(rng.uniform(0.4, 0.8))
-    )
+    down = [Phase("hold", 0.5), Phase("press", 0.2, load=float(rng.uniform(0.5, 1.0))),
+            Phase("hold", float(rng.uniform(0.2, 0.4)))]  # fmt: skip
+    speed, way = float(rng.uniform(0.8e-3, 2e-3)), float(rng.uniform(0.0, 2 * np.pi))
+    turned = float(rng.choice([-1.0, 1.0]) * rng.uniform(0.15, 0.3))
+    pulled = [Phase("pull", 0.7, 0.0, speed, way)]
+    friction = float(rng.uniform(0.4, 0.8))
+    body: dict[str, Any] = {"friction": friction}
+    if touches == "two fingers":
+        body |= {"fingers": 2, "body": "punch", "width": 12e-3, "start": (0.0, 0.0)}
+    elif touches == "ridges":
+        body |= {"cover": "bumpy", "bump_radius": BUMP, "thickness": BUMP, "body": "textured",
+                 "period": 9e-3}  # fmt: skip
+        down = [Phase("hold", 0.5), Phase("press", 0.3, load=2.0), Phase("hold", 0.6)]
+        # across the ridges, which are all that moves
+        way = float(rng.choice([0.0, np.pi]) + rng.uniform(-0.5, 0.5))
+        pulled = [Phase("pull", 0.9, 0.0, 2.0 * speed + 1.6e-3, way)]
+    elif touches == "spheres of known friction":
+        # wide enough for a law of spheres, and slow enough for some frames before the slide
+        body = {"friction": KNOWN_FRICTION, "radius": WIDE_RADIUS}
+        pulled = [Phase("pull", 1.2, 0.0, 0.3 * speed, way)]
+    else:
+        pulled += [Phase("relax", 0.3), Phase("hold", 0.2), Phase("twist", 0.5, angle=turned)]
+    options = SimulatedOptions(script=(*down, *pulled), rate=rate, seed=number, **body)
     with options.open() as array:
         frames = list(array.frames())
         volts = np.stack([frame.values for frame in frames])
@@ -409,9 +423,13 @@ def trial(number: int, rate: float) -> Trial:
     truths = [frame.truth for frame in frames if frame.truth is not None]
     began = {
         event: _first([truth[name] != 0.0 for truth in truths], rate)
-        for event, name in (("contact", "contact"), ("slip", "slip"), ("twist", "twist_rate"))
-    }
-    return Trial(np.asarray(strain), began)
+        for event, name in (
+            ("contact", "contact"), ("incipient", "incipient"), ("slip", "slip"),
+            ("twist", "twist_rate"),
+        )
+    }  # fmt: skip
+    sheared = [truth["shear_x"] != 0.0 or truth["shear_y"] != 0.0 for truth in truths]
+    return Trial(np.asarray(strain), {**began, "pull": _first(sheared, rate)})
 
 
 def _first(flags: Sequence[bool] | Floats, rate: float) -> float:
@@ -423,36 +441,35 @@ def _events(
     engine: Engine, rate: float, trials: int, method: str | None = None, step: float | None = None
 ) -> Iterator[TrueError | str]:
     """Yield a row a program that reports events, of the same trials, or why there is none."""
-    for name, flag in FLAGS.items():
-        known: dict[str, object] = {"depth": 0.667} if name == "contact" else {}
-        program = get_program(name).bind(rate=rate, **known)
-        row = _row(name, "simulated touches", "frames a second", rate, engine)
+    for name, reporter in REPORTERS.items():
+        program = get_program(name).bind(rate=rate, **reporter.known)
+        row = _row(name, f"reports: {reporter.touches}", "frames a second", rate, engine)
         try:
-            yield _reported(engine, program, flag, row, trials, method, step)
+            yield _reported(engine, program, reporter, row, trials, method, step)
         except MethodError as error:  # a step beyond the stability bound
             yield f"{name} by {method or 'auto'}, step {step}, has no row: {error}"
 
 
 def _reported(
-    engine: Engine, program: Program, flag: str, row: TrueError, trials: int,
+    engine: Engine, program: Program, reporter: Reporter, row: TrueError, trials: int,
     method: str | None, step: float | None,
 ) -> TrueError:  # fmt: skip
-    rate, delays, early = row.setting, list[float](), 0
-    shape = trial(0, rate).strain.shape[1:3]
+    rate, delays, early, flag = row.setting, list[float](), 0, reporter.flag
+    shape = trial(0, rate, reporter.touches).strain.shape[1:3]
     plan = engine.compile(program, shape, [flag], method=method, dt=step)
     columns = [FORCE_AXES.index(channel) for channel in plan.schedule.channels]
     for number in range(trials):
-        one = trial(number, rate)
+        one = trial(number, rate, reporter.touches)
         stream, frames = plan.stream(rate=rate), np.ascontiguousarray(one.strain[..., columns])
         seen = np.array([float(np.any(stream.push(frame)[flag] > 0.5)) for frame in frames])
-        began = one.began[row.case]
+        began = one.began[reporter.event]
         # a contact that goes on is no early report of itself
         early += bool(seen[: int(began * rate)].any())
         delays.append(_first(np.append(np.zeros(int(began * rate)), seen[int(began * rate) :]),
                              rate) - began)  # fmt: skip
     taken = np.array(delays)
     on_time = taken[taken <= LATE]  # not a number where nothing was reported
-    frames = np.ascontiguousarray(trial(0, rate).strain[..., columns])
+    frames = np.ascontiguousarray(trial(0, rate, reporter.touches).strain[..., columns])
     stream = plan.stream(rate=rate)
     timing = timed(partial(_played, stream.push, frames), budget=BUDGET_S)
     return replace(

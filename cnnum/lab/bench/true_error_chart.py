@@ -11,9 +11,9 @@ Axes = Any
 Picture = Any
 """Matplotlib says little of the types of its arguments."""
 
-PARTS = (("error", "-", 1.2, "total"), ("discretisation", "-", 5.0, "lattice"),
-         ("arithmetic", ":", 1.2, "run"))  # fmt: skip
-"""Key, line, width and name; a broad line of the lattice shows below the total."""
+PARTS = (("error", "-", 1.2, "total"), ("discretisation", "-", 5.0, "discretisation"),
+         ("arithmetic", ":", 1.2, "arithmetic"))  # fmt: skip
+"""Key, line, width and name; a broad line of the discretisation shows below the total."""
 
 COLOURS = {"float32": "#2f6db5", "float64": "#d1495b"}
 ACROSS = 4
@@ -33,8 +33,9 @@ def true_error(rows: Sequence[Row]) -> Picture:
     )
     keys = [*fields, *events]
     lines = -(-len(keys) // ACROSS)
-    figure: Picture = Figure(figsize=(13, 0.6 + 3.1 * lines), layout="constrained")
+    figure: Picture = Figure(figsize=(13, 0.9 + 2.7 * lines), layout="constrained")
     grid: list[Any] = list(figure.subplots(lines, ACROSS, squeeze=False).flat)
+    named: dict[str, Any] = {}
     for axes, key in zip(grid, keys, strict=False):
         own = [row for row in rows if _key(row) == key]
         (_delays if key in events else _errors)(axes, own)
@@ -42,8 +43,13 @@ def true_error(rows: Sequence[Row]) -> Picture:
         mark_few(axes)
         axes.grid(visible=True, which="major", color="#dddddd", linewidth=0.6)
         axes.tick_params(labelsize=7.5)
+        for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
+            named.setdefault(label, handle)
     for axes in grid[len(keys) :]:
         axes.set_axis_off()
+    order = sorted(named, key=lambda label: label.split(", ", 1)[::-1])
+    figure.legend([named[label] for label in order], order, loc="outside upper center", ncols=6,
+                  fontsize=8, frameon=False)  # fmt: skip
     return figure
 
 
@@ -71,15 +77,14 @@ def _errors(axes: Axes, rows: Sequence[Row]) -> None:
                 axes.plot(x, y, style, color=colour, lw=width, label=label,
                           marker="o" if width < 2.0 else "", ms=3.5,
                           alpha=1.0 if width < 2.0 else 0.25)  # fmt: skip
-        for at, row in zip(x, own, strict=True):
-            axes.annotate(f"{_number(row, 'setting'):g}", (at, _number(row, "error")), fontsize=7,
-                          xytext=(3, 4), textcoords="offset points")  # fmt: skip
+        # one precision is named: both have the same total
+        for at, row in zip(x, own, strict=True) if precision == rows[0]["precision"] else ():
+            axes.annotate(f"{_number(row, 'setting'):g}", (at, _number(row, "error")), fontsize=7.5,
+                          xytext=(2, 5), textcoords="offset points")  # fmt: skip
     _scaled(axes, [_number(row, key) for row in rows for key, *_ in PARTS])
-    split = any(row["discretisation"] is not None for row in rows)
-    of = "pitches" if "pitches" in str(rows[0]["truth"]) else "share of the true value"
+    unit = "mm" if str(rows[0]["truth"]).endswith("mm") else "share"
     axes.set_xlabel(f"µs a frame (at the points: {rows[0]['knob']})", fontsize=8)
-    axes.set_ylabel(f"error, {'share of the largest' if split else of}", fontsize=8)
-    axes.legend(fontsize=6.5)
+    axes.set_ylabel(f"error, {unit}", fontsize=8)
 
 
 def _scaled(axes: Axes, values: Sequence[float]) -> None:
@@ -101,16 +106,16 @@ def _delays(axes: Axes, rows: Sequence[Row]) -> None:
         colour = COLOURS[precision] if method == "auto" else None
         axes.plot(x, y, color=colour, marker=mark, ms=4, lw=1.2, label=f"{precision}, {method}")
         for at, delay, row in zip(x, y, own, strict=True):
-            text = f"{_number(row, 'setting'):g}/s"
-            missed = _number(row, "missed")
-            axes.annotate(f"{text}, {missed:.0%} missed" if missed else text, (at, delay),
-                          fontsize=7, xytext=(3, 4), textcoords="offset points")  # fmt: skip
+            missed, first = _number(row, "missed"), (precision, method) == next(iter(names))
+            text = [f"{_number(row, 'setting'):g}/s"] if first else []
+            text += [f"{missed:.0%} missed"] if missed else []
+            axes.annotate(", ".join(text), (at, delay), fontsize=7.5, xytext=(2, 5),
+                          textcoords="offset points")  # fmt: skip
     axes.margins(0.12)
     axes.set(xscale="log")
     axes.set_ylim(0.0, 1.3 * max([1.0, *(1e3 * _number(row, "delay_s") for row in rows)]))
     axes.set_xlabel("µs of work a second of touch", fontsize=8)
     axes.set_ylabel("delay of the report, ms", fontsize=8)
-    axes.legend(fontsize=6.5)
 
 
 def mark_few(axes: Axes) -> None:

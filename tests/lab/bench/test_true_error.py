@@ -11,6 +11,7 @@ from cnnum.engine import Engine
 from cnnum.errors import ArrayError
 from cnnum.lab.bench import true_error
 from cnnum.lab.bench.charts import CHARTS
+from cnnum.lab.bench.programs import known_answers
 from cnnum.lab.bench.records import as_row
 from cnnum.programs.library import program_names
 
@@ -52,15 +53,18 @@ def test_reports_have_delays_and_misses(engine, monkeypatch, began, missed, earl
     strain += 1e-6 * np.random.default_rng(0).normal(size=strain.shape)
     strain[60:, 1:3, 1:3, 2] -= 1e-3
     one = true_error.Trial(strain, {"contact": began})
-    monkeypatch.setattr(true_error, "trial", lambda number, rate: one)
+    monkeypatch.setattr(true_error, "trial", lambda number, rate, touches: one)
     row = true_error._row("contact", "a step", "frames a second", 100.0, engine)
     program = true_error.get_program("contact").bind(depth=0.5)
-    got = true_error._reported(engine, program, "contact", row, 1, None, None)
+    reporter = true_error.Reporter("contact", "contact")
+    got = true_error._reported(engine, program, reporter, row, 1, None, None)
     assert (got.missed, got.too_early) == (missed, early)
     assert math.isnan(got.delay_s) if missed else 0.0 <= got.delay_s <= 0.05
 
 
 def test_a_method_that_cannot_is_said_and_another_error_is_raised(engine, monkeypatch):
+    some = {name: true_error.REPORTERS[name] for name in ("contact", "slip")}
+    monkeypatch.setattr(true_error, "REPORTERS", some)
     rows = list(true_error._events(engine, 50.0, 1, method="euler", step=3.0))
     assert rows
     for row in rows:
@@ -83,31 +87,91 @@ def test_a_trial_knows_when_things_begin():
     assert 0.5 <= times[0] < 0.6
 
 
+@pytest.mark.parametrize(
+    ("touches", "event", "after"),
+    [
+        ("spheres of known friction", "incipient", "contact"),
+        ("two fingers", "pull", "contact"),
+        ("ridges", "slip", "contact"),
+    ],
+)
+def test_other_touches_know_when_things_begin(touches, event, after):
+    one = true_error.trial(0, 50.0, touches)
+    assert one.began[after] < one.began[event] < len(one.strain) / 50.0
+    assert one.strain.shape[1:3] == ((8, 16) if touches == "two fingers" else (8, 8))
+
+
+KNOWN = {
+    "contact": (known_answers.contact(8, 4), 0.02),
+    "body_fit": (known_answers.body_fit(8, 4), 0.06),
+    "mindlin_slip": (known_answers.mindlin_slip(8, 2), 0.02),
+    "active_contour": (known_answers.active_contour(8, 3), 0.5),
+    "edges": (known_answers.outlines("edges", 8, 2), 0.45),
+    "edge_enhancement": (known_answers.outlines("edge_enhancement", 8, 2), 0.45),
+    "tactile_flow": (known_answers.tactile_flow(6), 0.05),
+    "motion_direction": (known_answers.motion_direction(50.0), 1e-3),
+    "receptors": (known_answers.receptors_in_time(100.0), 0.02),
+    "receptors over the skin": (known_answers.receptors_in_space(8), 0.1),
+    "on_off": (known_answers.on_off(50.0), 0.02),
+}
+"""Frames with a known answer, and errors beyond which a program would be broken."""
+
+
+@pytest.mark.parametrize("case", KNOWN)
+def test_a_program_is_near_its_truth_and_a_stub_is_not(engine, case):
+    known, most = KNOWN[case]
+    outputs = true_error._every(true_error._plan(engine, known), known)
+    off = known.off(outputs, None)
+    assert 0.0 < true_error._median(off) < most
+    assert np.nanmax(known.off(outputs, outputs)) == 0.0
+    for value in (0.0, 0.7):
+        stub = {name: np.full_like(each, value) for name, each in outputs.items()}
+        wrong = known.off(stub, None)
+        assert not true_error._median(wrong) <= 2.0 * true_error._median(off)
+
+
+def total(engine, known):
+    outputs = true_error._every(true_error._plan(engine, known), known)
+    return true_error._median(known.off(outputs, None))
+
+
+def test_more_cells_are_nearer_to_the_continuum(engine):
+    """Four times the frames or taxels a wave: the square of it, of what is bent between them."""
+    for make, few, many in (
+        (known_answers.tactile_flow, 4, 16),
+        (known_answers.receptors_in_time, 50.0, 200.0),
+    ):
+        assert total(engine, make(many)) < total(engine, make(few)) / 8.0
+
+
+def test_a_row_has_both_parts(engine):
+    known = known_answers.tactile_flow(6)
+    right = true_error._every(true_error._plan(engine, known), known)
+    row = true_error._answered(engine, right, known)
+    assert row.error == row.discretisation > 0.02
+    assert row.arithmetic == 0.0
+    wrong = {name: 1.1 * each for name, each in right.items()}
+    row = true_error._answered(engine, wrong, known)
+    assert row.arithmetic > 0.05
+    assert row.discretisation != row.error
+    assert row.seconds > 0.0
+
+
 def test_bumps_read_the_load_and_the_friction(engine):
-    load, friction = true_error._bumps(engine, 4)
-    assert (load.case, friction.case) == ("localize", "texture")
+    load, friction = known_answers.bumps(4)
+    assert (load.name, friction.name) == ("localize", "texture")
     # 2 % that the inverse may leave, the noise and the converter; a wrong ratio makes a third
-    assert load.error < 0.05
-    assert friction.error < 0.03
-    assert load.seconds > 0.0
-
-
-def test_edges_lie_within_a_fraction_of_a_pitch(engine):
-    for name in true_error.OUTLINES:
-        row = true_error._edges(engine, name, 8, 2)
-        assert row.case == name
-        assert 0.0 < row.error < 0.3
-
-
-def test_the_radius_of_a_sphere_is_found_within_per_cents(engine):
-    row = true_error._body_fit(engine, 8, 4)
-    assert 0.0 < row.error < 0.06
-    assert math.isnan(row.missed)  # no report of an event
+    for known, most in ((load, 0.05), (friction, 0.03)):
+        outputs = true_error._every(true_error._plan(engine, known), known)
+        assert 0.0 < known.off(outputs, None) < most
+        stub = {name: 0.0 * each for name, each in outputs.items()}
+        assert known.off(stub, None) == 1.0
 
 
 def test_every_tactile_program_has_a_row_or_a_reason():
     """The names that `measure_true_error` writes, or a sentence of what is left out."""
-    source = Path(true_error.__file__).read_text(encoding="utf-8")
+    both = (true_error, known_answers)
+    source = "".join(Path(each.__file__).read_text(encoding="utf-8") for each in both)
     code, said = source.split("OMISSIONS = (", 1)[1].split('"""What no row shows', 1)[::-1]
     for name in (*program_names("tactile"), *program_names("tactile.contact_mechanics")):
         assert f'"{name}"' in code or re.search(rf"\b{name}\b", said), name

@@ -41,6 +41,8 @@ class LoadError:
         RMS change of the pressure of touched taxels under another draw of the same noise.
     seconds : float
         Median of a frame of a stream.
+    pressure : (frames, rows, cols) float, Pa
+        As found.
     """
 
     noise: float
@@ -53,6 +55,7 @@ class LoadError:
     rms_drag: float
     noise_gain: float
     seconds: float
+    pressure: Floats
 
 
 def contacts(count: int, seed: int = 0) -> Floats:
@@ -107,6 +110,7 @@ def measure(
         rms_drag=float(np.sqrt((off[..., :2] ** 2).mean())),
         noise_gain=float((found[1][..., 2] - pressure)[on].std() / np.sqrt(2.0)),
         seconds=_seconds(plan.stream().push, strain[:50]) if timed else math.nan,
+        pressure=pressure,
     )
 
 
