@@ -122,7 +122,7 @@ def edge_enhancement_picture() -> Any:
     ]
     figure: Any = Figure(figsize=(2.6 * len(cases), 6.4), layout="constrained")
     rows = figure.subplots(2, len(cases))
-    fine, images = np.linspace(-0.5, 7.5, 161), [None, None]
+    fine, image = np.linspace(-0.5, 7.5, 161), None
     x, y = np.meshgrid(fine - 3.5, fine - 3.5)
     for column, (name, body, depth) in enumerate(cases):
         seen = read_below([punch_pressure(body, 8)], 8, depth, "strain")[0]
@@ -132,19 +132,20 @@ def edge_enhancement_picture() -> Any:
             "edge_enhancement", np.stack([0.0 * stream, 0.0 * stream, stream], axis=-1), rate=200.0
         )
         enhanced = got["edge_enhanced"]
-        images[0] = _map(rows[0, column], -stream[-1], name, 1.0)
-        images[1] = _map(rows[1, column], enhanced / np.abs(enhanced).max(), "edge_enhanced", 1.0)
+        image = _map(rows[0, column], -stream[-1], name, 1.0)
+        _map(rows[1, column], enhanced / np.abs(enhanced).max(), "edge_enhanced", 1.0)
         where = found_places(got["edge_to_right"], got["edge_to_below"])
         rows[1, column].plot(where[:, 1], where[:, 0], "o", label="outline found", **DOT)
         for axis in rows[:, column]:
             axis.contour(fine, fine, body.distance(x, y), [0.0], colors="k", linestyles="--")
             axis.plot([], [], "k--", label="true outline")
         rows[0, column].set_xlabel("")
-    for row, label in zip(rows, ("compressive strain / peak", "enhanced frame / peak"), strict=True):
+    labels = ("compressive strain / peak", "enhanced frame / peak")
+    for row, label in zip(rows, labels, strict=True):
         row[0].set_ylabel("row, cells")
-        figure.colorbar(images[0], ax=list(row), label=label, shrink=0.75)
-    handles, labels = rows[1, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=2, frameon=False)
+        figure.colorbar(image, ax=list(row), label=label, shrink=0.75)
+    handles, names = rows[1, 0].get_legend_handles_labels()
+    figure.legend(handles, names, loc="outside lower center", ncols=2, frameon=False)
     return figure
 
 
