@@ -62,7 +62,8 @@ def page() -> str:
     for name, entry in entries.items():
         groups[template_path(name).parent.name].append(entry)
         if entry.about.experimental:
-            doubtful[_line(entry.about.experimental)].append(name)
+            why = re.split(r"[.] ", _line(entry.about.experimental), maxsplit=1)[0].rstrip(".")
+            doubtful[why].append(name)
     count = sum(map(len, doubtful.values()))
     head = HEAD.format(
         count=len(entries),
@@ -88,13 +89,13 @@ def _group(folder: str, entries: list[Entry]) -> str:
 
 
 def _purpose(entry: Entry) -> str:
-    """Return the first clause of a description, or its first sentence if that is too short."""
+    """Return the first clause of a description that says enough; `cnnum templates show` has all."""
     text = _line(entry.template.description)
-    sentence, clause = (
-        re.split(ends, text, maxsplit=1)[0] for ends in (r"[.;] |\.$", r"[:.;] |\.$")
-    )
-    purpose = clause if len(clause.split()) > 3 else sentence
-    return re.sub(r"^Step (\d) of 8\b", "One of eight steps", purpose)
+    for ends in (r"[,.:;] |[.]$", r"[.:;] |[.]$", r"[.;] |[.]$"):
+        clause = re.split(ends, text, maxsplit=1)[0]
+        if len(clause.split()) > 4:
+            break
+    return re.sub(r"^Step (\d) of 8\b", "One of eight steps", clause)
 
 
 def _line(text: str) -> str:

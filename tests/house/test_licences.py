@@ -24,7 +24,9 @@ def rows():
     """Package to licence and use."""
     lines = [line for line in TABLE.read_text().splitlines() if line.startswith("| ")]
     cells = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines[1:]]
-    return {normal(name): (licence, use) for name, licence, use in cells}
+    return {
+        normal(name): (licence, use) for names, licence, use in cells for name in names.split(", ")
+    }
 
 
 def modules(path):
