@@ -24,18 +24,19 @@ NAMES = (
 )  # fmt: skip
 MISMATCH, DRAWS = 0.05, 400
 
-HEAD = """# Coupled templates that a search found
+HEAD = """# Coupled templates found by search
 
-`python docs/figures/search_table.py` writes this page. Each search by CMA-ES (`cma`, extra
-`search`) takes the pattern of the published template: its zeros stay zeros, and equal weights stay
-equal. Three restarts run side by side, from an own feedback of 2 and zeros. They end at the first
-template that flips nowhere, not on 100 more draws either, or after 25 generations.
+Can a search find coupled templates that are as robust as the published ones? `cnnum templates
+design` searched by CMA-ES (`cma`, extra `search`) in the pattern of each published template: zeros
+stay zeros, and equal weights stay equal. Three restarts run side by side, from an own feedback of 2
+and zeros elsewhere, until a template flips nowhere, on 100 further draws neither, or for at most 25
+generations.
 
 * *flips*: share of {draws} draws with a wrong cell, each weight off by {mismatch:g} % (standard
   deviation), with its 95 % interval. The draws are the same for both, and no search has seen them.
-* *check*: whether the template passes the check of the published one, on all its sizes.
+* *check*: whether the template passes the check of the published one on all of its sizes.
 
-On {machine}.
+`python docs/figures/search_table.py` writes this page. On {machine}.
 
 | template | flips, published | flips, found | check | templates run | seconds |
 |---|--:|--:|---|--:|--:|
