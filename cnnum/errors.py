@@ -1,6 +1,6 @@
-"""Every error that cnnum raises on purpose: one sentence of expected, given and remedy.
+"""Errors of cnnum: one sentence that says what was expected, what came and what to do.
 
-Each leaf is also the builtin that a caller would reach for, so ``except ValueError`` works.
+Each class is also the builtin error that a caller would expect, so ``except ValueError`` works.
 """
 
 import errno
@@ -116,15 +116,15 @@ class UnknownNameError(CnnumError, LookupError):
 
 
 class MethodError(CnnumError, ValueError):
-    """An integration method cannot be used as asked (step outside its stability bound…)."""
+    """An integration method cannot be used as requested (step outside its stability bound…)."""
 
 
 class DeviceError(CnnumError, RuntimeError):
-    """No compute device, or not one as asked for."""
+    """There is no compute device, or not the requested one."""
 
 
 class NoOpenCLError(DeviceError):
-    """No OpenCL device is there that works.
+    """No working OpenCL device was found.
 
     Attributes
     ----------

@@ -21,7 +21,7 @@ NORMAL = FORCE_AXES[2]
 
 
 class Quality(IntFlag):
-    """Faults of a frame that its driver knows; 0 is a good one."""
+    """Faults of a frame that its driver reports; 0 means a good frame."""
 
     GOOD = 0
     DROPPED_BEFORE = 1
@@ -67,7 +67,7 @@ def shown_maps(
 ) -> dict[str, NDArray[np.float64]]:
     """Return the (rows, cols) maps that pictures show, by the channel's name.
 
-    A push is above 0 in all of them, so strain along the normal is shown as compression.
+    A push is positive in all of them, so normal strain is shown as compression.
     """
     shown = {name: values[..., n] for n, name in enumerate(channels)}
     if unit != "strain":
@@ -161,27 +161,25 @@ class Frame(ByContent):
     Attributes
     ----------
     values : (rows, cols, channels) float
-        Read-only. Raw counts, volts or calibrated quantities: the unit says which.
+        Raw counts, volts or calibrated quantities, according to `unit`. Read-only.
     channels : tuple of str
-        Names of the last axis: ("shear_x", "shear_y", "normal"), or a bridge's sides.
+        Names along the last axis: ("shear_x", "shear_y", "normal"), or the sides of a bridge.
     unit : str
         "count", "V", "Pa", "N"…
     sequence : int
-        Number of the scan, counted by the device where it counts.
+        Number of the scan, from the device if it counts.
     time : float
-        s, on the device's clock where it has one, else on the host's, from the first frame.
+        Time in s from the first frame, on the clock of the device or otherwise of the host.
     quality : Quality
     truth : Truth or None
     monotonic_ns : int or None
-        When it came, by the host's clock that never goes back; None of frames that did not just
-        come.
+        Arrival on the host's monotonic clock; None for frames that did not just arrive.
     wall_ns : int or None
-        When it came by the time of day, ns from 1970. Recordings keep it.
+        Arrival by the time of day, ns since 1970. Recordings keep it.
     saturated : (rows, cols) bool, optional
-        Taxels at an end of their range, where the driver knows which; only with the flag.
+        Taxels at an end of their range, if the driver knows which.
     calibration : str
-        Id of the calibration that belongs to the values (`Calibration.identity`); empty where the
-        driver knows none.
+        Id of the calibration of the values (`Calibration.identity`); empty if there is none.
     """
 
     values: NDArray[np.float64]
@@ -237,7 +235,7 @@ class Frame(ByContent):
         return shown_maps(self.values, self.channels, self.unit)
 
     def plot(self, ax: object = None) -> object:
-        """Draw a map a channel with Matplotlib, and return the axes."""
+        """Draw one map per channel with Matplotlib, and return the axes."""
         from cnnum.sharing import plots
 
         return plots.maps(self.maps(), ax, self.unit)
@@ -254,7 +252,7 @@ class Frame(ByContent):
 
     @property
     def repeated(self) -> bool:
-        """Whether this is the scan before once more."""
+        """Whether this repeats the previous scan."""
         return bool(self.quality & Quality.REPEATED)
 
 

@@ -11,37 +11,36 @@ from cnnum.frame import Frame, Quality
 
 @dataclass(frozen=True, slots=True)
 class Counters:
-    """The counts of a driver so far: a snapshot, which does not change any more.
+    """Snapshot of the counts of a driver.
 
-    Of an array that numbers its scans, ``sent`` is known: it is ``frames + repeated + dropped +
-    skipped + waiting``.
+    For an array that numbers its scans, ``sent`` is ``frames + repeated + dropped + skipped +
+    waiting``.
 
     Attributes
     ----------
     frames : int
-        New scans handed on.
+        New scans that were delivered.
     bad : int
         Packets or rows whose check failed.
     dropped : int
-        Scans that never arrived whole, as the device's own numbers show. The bad ones are among
-        them, and so are those that a full queue pushed out. Of a recording, rows of its scans too
-        that another of its files lacks.
+        Scans that never arrived whole according to the device's numbers, including bad ones and
+        those that a full queue pushed out; in a recording, also rows that another of its files
+        lacks.
     repeated : int
-        Scans that came again and were marked so.
+        Scans that came again and were marked as repeated.
     skipped : int
         Good scans passed over because a newer one was already there (mode "latest").
     resyncs : int
-        Times the stream's beat was lost and found again.
+        Number of times that synchronisation was lost and found again.
     discarded : int
         Bytes that belonged to no good packet.
     gaps : int
-        Breaks of the connection, or restarts of the device. The device may count anew after one.
-        Then ``dropped`` holds the scans that its period makes of the time away, by the host's
-        clock.
+        Breaks of the connection, or restarts of the device. If the device then counts from 0,
+        ``dropped`` contains the scans that its period makes of the time away, by the host's clock.
     waiting : int
-        Scans that have come and were not handed on yet.
+        Scans that have arrived but were not delivered yet.
     sent : int or None
-        Scans that the device has sent by its own numbers, repeats included; None without numbers.
+        Scans that the device has sent by its numbers, including repeats; None without numbers.
     """
 
     frames: int = 0
@@ -92,7 +91,7 @@ class Driver(Protocol):
 
     @property
     def rate(self) -> float:
-        """Scans a second, Hz; 0 where it is unknown."""
+        """Scan rate in Hz; 0 if it is not known."""
         ...
 
     @property
@@ -105,7 +104,7 @@ class Driver(Protocol):
         ...
 
     def close(self) -> None:
-        """Let go of the source; a second call does nothing."""
+        """Close the source; a second call does nothing."""
         ...
 
     def __enter__(self) -> Self:
@@ -124,17 +123,17 @@ class Driver(Protocol):
 
 
 def lost_before(frame: Frame, last: int | None) -> int:
-    """Return how many scans never arrived between a frame and the one before it, by its number."""
+    """Return how many scans are missing between a frame and the previous one, by their numbers."""
     if last is None or not frame.quality & Quality.DROPPED_BEFORE:
         return 0
     return max(0, frame.sequence - last - 1)
 
 
 class Closing:
-    """The context manager that all drivers share: leaving the block closes the driver."""
+    """Context manager that all drivers share; leaving the block closes the driver."""
 
     def close(self) -> None:
-        """Let go of the source; nothing to let go of here."""
+        """Close the source, which needs nothing here."""
 
     def __enter__(self) -> Self:
         """Return the driver itself."""

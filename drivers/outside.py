@@ -70,7 +70,7 @@ def module_of(what: str, name: str, base: Path | None) -> ModuleType:
     Raises
     ------
     SceneError
-        If there is none.
+        If there is no such name.
     """
     parts = name.split(".")
     if not all(part.isidentifier() for part in parts):

@@ -30,7 +30,7 @@ def array_of(file: Path, topic: str = "") -> dict[str, object]:
     ----------
     file : Path
     topic : str
-        Of an MCAP file or a bag of others, in place of that of the layout.
+        Topic of an MCAP file or a bag of others, in place of that of the layout.
 
     Raises
     ------

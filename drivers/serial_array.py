@@ -34,11 +34,11 @@ class SerialOptions:
     descriptor : Path, optional
         A TOML file that describes the protocol, in place of a name.
     shape : (rows, cols), optional
-        Of an array whose protocol does not say it.
+        Shape of an array whose protocol does not say it.
     rate : float
         Hz that the array is asked for, where its protocol can; 0 leaves it as it is.
     address : int
-        Of the device behind the port, where there are several.
+        Address of the device behind the port, where there are several.
     bias : bool
         Whether the array is asked to zero itself when it has run for a second: unloaded only.
     baud : int, optional

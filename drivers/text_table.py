@@ -507,7 +507,7 @@ class _Lines:
     Attributes
     ----------
     number : int
-        Of the line that was read last, from 1.
+        Number of the line that was read last, from 1.
     comment : str
         The last comment before the first line of the table.
     commented : int

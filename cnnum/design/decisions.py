@@ -76,7 +76,7 @@ def decision_entry(
     inputs_are : str
         The meaning of the inputs.
     seed : int
-        Of the mismatch.
+        Seed of the mismatch.
 
     Raises
     ------

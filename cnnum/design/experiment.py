@@ -151,7 +151,7 @@ class Experiment:
         Raises
         ------
         UnknownNameError, TemplateFileError, TemplateError
-            If there is none.
+            If there is no such name.
         """
         from cnnum.templating.files import load_template
 

@@ -41,9 +41,9 @@ class Lesson:
     duration : float, optional
         Time constants; the form's unless given.
     step : float
-        Of the run, in time constants.
+        Step of the run, in time constants.
     method : str
-        Of the run.
+        Method of the run.
     shrink : float
         Of the sum of squares of all weights, which is added to the mean squared error.
     """
@@ -159,7 +159,7 @@ def learn(
     restarts : int
         Starts from normal numbers of width 0.5, the own feedback among them.
     iterations : int
-        Of each start, at most.
+        Iterations of each start, at most.
     enough : float
         A loss up to it ends all.
     seed : int
@@ -242,7 +242,7 @@ def untied(
     name : str
     inputs : int
     size : int
-        Of the kernels; odd.
+        Size of the kernels; odd.
     feedback : bool
         Whether A has neighbours; else the cell sees its own output alone.
     rows : bool

@@ -206,7 +206,7 @@ def example_table(
     examples : sequence of (input, state or None, output), each (rows, cols) float
         An output of 0 is free.
     boundary : float or str
-        Of the pictures: a number, "zero-flux" or "periodic".
+        Boundary of the pictures: a number, "zero-flux" or "periodic".
 
     Raises
     ------

@@ -95,7 +95,7 @@ class Spec:
         Raises
         ------
         TemplateError
-            If there is none.
+            If there is no such name.
         """
         if self.rule:
             return rule_table(self.rule, still=self.still, avoid=self.avoid, name=self.name)

@@ -349,7 +349,7 @@ def failures(results: Any) -> dict[str, int]:
     Parameters
     ----------
     results : xarray.Dataset
-        Of a sweep.
+        Results of a sweep.
     """
     counts = np.bincount(results["failed"].values.ravel())[1:].tolist()
     sentences = str(results.attrs.get("reasons", "")).split("\n")

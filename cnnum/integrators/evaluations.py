@@ -60,7 +60,7 @@ class Motion:
     Attributes
     ----------
     rates : (n,) complex
-        Of its modes, 1/time; those that grow count by their size.
+        Rates of its modes, 1/time; those that grow count by their size.
     growth : float
         Rate at which its cells run into saturation; 0 where none does.
     duration : float
@@ -104,7 +104,7 @@ class Stepper:
     ----------
     name : str
     order : int
-        Of its error estimate.
+        Order of its error estimate.
     smooth, bent, jumped : float
         Its error estimate over |hλ|^order, over h² where the rate bends, over h where it jumps.
     safety : float
@@ -132,7 +132,7 @@ class Effort:
     Attributes
     ----------
     name : str
-        Of the method.
+        Name of the method.
     evaluations : float
         Of the rates, about.
     stable : bool

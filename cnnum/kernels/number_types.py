@@ -110,7 +110,7 @@ class WholeNumbers:
     narrow, wide : str
         Names of the types.
     bits : int
-        Of the narrow one.
+        Bits of the narrow one.
     macro : str
         The macro that makes a literal of the wide one.
     """

@@ -26,7 +26,7 @@ class Hub:
     name : str
     shape : (rows, cols)
     channels : tuple of str
-        Of the numbers that `read` returns.
+        Channels of the numbers that `read` returns.
     unit : str
     rate : float, Hz
     read : callable

@@ -58,7 +58,7 @@ def get_program(name: str) -> Program:
     Raises
     ------
     UnknownNameError
-        If there is none.
+        If there is no such name.
     """
     for room in _ROOMS if isinstance(cast(object, name), str) else ():
         if name in _modules(room) and (program := _program(room, name)) is not None:

@@ -69,7 +69,7 @@ def attached(
         Where the first record begins, and the end of the file, bytes. Records that are damaged end
         the search: attachments stand before the frames.
     budget : Budget, optional
-        Of the work; a CodecError says that it is spent.
+        Budget of the work; a CodecError says that it is spent.
     """
     while found := read_prefix(file, place, size):
         opcode, end = found

@@ -185,7 +185,7 @@ class Waiting:
     index : tuple of (int, int)
         The host's time of each message in ns, and its place in `records`.
     channel : int
-        Of all these messages.
+        Channel of all these messages.
     """
 
     opening: bytes

@@ -53,7 +53,7 @@ class Decoder:
         ----------
         records : bytes
         budget : Budget, optional
-            Of the work.
+            Budget of the work.
 
         Raises
         ------

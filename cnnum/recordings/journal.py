@@ -29,9 +29,9 @@ class Journal:
     ----------
     path : Path
     rate : float, Hz
-        Of the array.
+        Rate of the array.
     calibration : Calibration or None
-        Of the array.
+        Calibration of the array.
     held : sequence of Held
         Files that travel in it.
 

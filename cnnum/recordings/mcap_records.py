@@ -45,7 +45,7 @@ class Budget:
     Parameters
     ----------
     size : int
-        Of the file, bytes.
+        Size of the file, bytes.
     factor : float
         How many times as much as usual it may take.
     """
@@ -122,7 +122,7 @@ def read_chunk(
     place, size : int
         Where to look, and the end of the file, bytes.
     budget : Budget, optional
-        Of what is read and unpacked.
+        Budget of what is read and unpacked.
     """
     file.seek(place)
     if budget is not None:

@@ -433,7 +433,7 @@ def part_of(content: Any, name: str) -> Any:
     Raises
     ------
     LookupError
-        If there is none.
+        If there is no such name.
     """
     for part in name.split(".") if name else ():
         if _is_list(content):

@@ -62,7 +62,7 @@ def scan(
     size : int
         Bytes of it that are looked at.
     budget : Budget, optional
-        Of the work.
+        Budget of the work.
 
     Raises
     ------

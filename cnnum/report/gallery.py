@@ -38,7 +38,7 @@ class Card:
     pictures : tuple of (caption, (rows, cols) float)
         Values from −1, white, to 1, black.
     result : CheckResult or None
-        Of its check.
+        Result of its check.
     """
 
     entry: Entry

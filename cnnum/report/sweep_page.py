@@ -32,7 +32,7 @@ def write_page(place: Path, results: Any, *, force: bool = False) -> Path:
     ----------
     place : Path
     results : xarray.Dataset
-        Of a sweep.
+        Results of a sweep.
     force : bool
         Whether a file that is there, and is no page of cnnum, is replaced.
 

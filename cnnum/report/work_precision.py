@@ -144,7 +144,7 @@ def climb_ladder(
     ladder : sequence of Rung
     shape : (rows, cols)
     seed : int
-        Of the random pictures.
+        Seed of the random pictures.
     batch : int
         Pictures a run, at least; the check's own are repeated up to that.
     repeats : int

@@ -68,7 +68,7 @@ def write_demo_report(
     record : SceneRecord
         From a `SceneRecorder` that was given every moment of the scene.
     checks : sequence of CheckResult
-        Of the templates, on any number of engines.
+        Checks of the templates, on any number of engines.
     work_precision : sequence of WorkPrecision
         Of a few templates, from `measure_work_precision`.
     plans : sequence of PlanCost

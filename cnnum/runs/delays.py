@@ -146,9 +146,9 @@ def halved(
     delay : float
     tolerances : (rtol, atol)
     precision : str
-        Of the engine.
+        Precision of the engine.
     step : float, optional
-        Of the first run; it is its time over its steps unless given.
+        Step of the first run; it is its time over its steps unless given.
     growth : float
         Bound on how fast states grow, 1/time.
     turns : bool

@@ -137,7 +137,7 @@ def compared(
     Parameters
     ----------
     result : Result
-        Of a batch, perhaps at several times.
+        Result of a batch, perhaps at several times.
     template : Template
     solver : Solver
         That took its steps.

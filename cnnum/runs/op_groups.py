@@ -21,7 +21,7 @@ class OpGroup:
     program : str
         The function, and its module.
     line : int
-        Of the module; 0 where none is known, or for all lines of a function.
+        Line of the module; 0 where none is known, or for all lines of a function.
     count : int
         Operations, bodies of loops counted once.
     flops : int

@@ -42,10 +42,10 @@ def plan_of(
     Parameters
     ----------
     name : str
-        Of the program.
+        Name of the program.
     graph : Graph
     channels : sequence of str
-        Of a frame, in the order of its last axis.
+        Channels of a frame, in the order of its last axis.
     needs : sequence of str or None
         Names of wanted outputs; None for all.
     engine : Backend
@@ -94,7 +94,7 @@ def graph_of(template: Template, shape: Shape, names: Sequence[str], spec: RunSp
     template : Template
     shape : (rows, cols)
     names : sequence of str
-        Of its maps: a role, and a number.
+        Names of its maps: a role, and a number.
     spec : RunSpec
 
     Returns

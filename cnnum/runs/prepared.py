@@ -212,7 +212,7 @@ def prepared_run(
     ----------
     template : Template
     plan : Plan
-        Of this template as it is, not of the linear one that it may be.
+        Plan of this template as it is, not of the linear one that it may be.
     given : mapping of str to (maps, rows, cols) float
         Maps by role.
     exact : bool

@@ -76,7 +76,7 @@ class OpenEngine:
         template : Template
         shape : (rows, cols)
         names : tuple of str
-            Of its maps: a role, and a number.
+            Names of its maps: a role, and a number.
         spec : RunSpec
         *about : hashable
             What else the plan depends on.
@@ -170,7 +170,7 @@ class Request:
     ready : Result or None
         Of the way to a rest, where it is known already.
     names : tuple of str
-        Of its maps: a role, and a number.
+        Names of its maps: a role, and a number.
     lead : tuple of int
         Leading axes that all maps broadcast to.
     settles : bool

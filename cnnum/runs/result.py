@@ -130,7 +130,7 @@ class Proven:
     Parameters
     ----------
     state : (..., rows, cols) float
-        Of a stable equilibrium, or close to it, with outputs that do not change any more.
+        A stable equilibrium, or close to it, with outputs that do not change any more.
     error : (...) float
     """
 
@@ -281,7 +281,7 @@ class Result(ByContent):
     def maps(self) -> dict[str, Floats]:
         """Return the (rows, cols) output and state of the first array and layer.
 
-        Of a run `at` times these are its outputs at a few of them.
+        For a run `at` times, these are its outputs at a few of them.
         """
         if self.times:
             first = self.output.reshape(len(self.times), -1, *self.output.shape[-2:])[:, 0]

@@ -62,7 +62,7 @@ def at_rest(
     Parameters
     ----------
     result : Result
-        Of a run to equilibrium.
+        Result of a run to equilibrium.
     template : Template
     given : mapping of str to (..., maps, rows, cols) float
         The run's maps, by role.
@@ -71,7 +71,7 @@ def at_rest(
     spec : RunSpec
         Its limit is the time constants after which a frame is said not to rest.
     precision : str
-        Of the engine: rates that are no more than its roundings move nothing.
+        Precision of the engine: rates that are no more than its roundings move nothing.
 
     Returns
     -------
@@ -145,7 +145,7 @@ def saturated(
     template : Template
     rtol, atol : float
     precision : str
-        Of the engine.
+        Precision of the engine.
     """
     if result is None or not result.settled.all() or template.output.name != "standard":
         return None
@@ -170,7 +170,7 @@ def lanes_at_rest(result: Result, template: Template, rtol: float, atol: float) 
     Parameters
     ----------
     result : Result
-        Of a batch, along its first axis.
+        Result of a batch, along its first axis.
     template : Template
         Of their form.
     rtol, atol : float

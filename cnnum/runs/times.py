@@ -138,7 +138,7 @@ def looked_at(
     times : sequence of float
         Rising, none after the end of the run.
     precision : str
-        Of the engine.
+        Precision of the engine.
     cuts : int
         Parts in which a piece of a step of fixed length is taken up to a time.
     """

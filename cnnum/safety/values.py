@@ -28,7 +28,7 @@ def expect(name: str, value: Any, kind: type, error: type[CnnumError]) -> None:
     Parameters
     ----------
     name : str
-        Of the argument.
+        Name of the argument.
     value : object
     kind : type
     error : type of CnnumError

@@ -201,7 +201,7 @@ def refuse_unfit(program: Program, spec: SceneSpec, driver: Driver, unit: str) -
     spec : SceneSpec
     driver : Driver
     unit : str
-        Of the values that the program sees.
+        Unit of the values that the program sees.
 
     Raises
     ------

@@ -89,7 +89,7 @@ class BadFrames:
         Parameters
         ----------
         number : int
-            Of the frame.
+            Number of the frame.
         time : float
             s, on the clock of the frames.
         error : CnnumError

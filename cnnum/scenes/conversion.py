@@ -169,7 +169,7 @@ def conversion_for(
     base : Path
         Folder that a relative path starts from.
     scale : ArrayCalibration, optional
-        Of the raw values, where the scene itself says it.
+        Scale of the raw values, where the scene itself says it.
 
     Raises
     ------

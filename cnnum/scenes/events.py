@@ -34,7 +34,7 @@ class Event:
     frame : int
         Number of the frame, from 0.
     phase : str or None
-        Of a slip: "incipient" or "gross".
+        "incipient" or "gross" for a slip.
     where : (row, column) or None
         In cells.
     place : (x, y) or None
@@ -44,9 +44,9 @@ class Event:
     strength : float or None
         In `unit`.
     unit : str or None
-        Of the strength: "N", "count"…, "score" (a pure number), or "share" (0 to 1).
+        Unit of the strength: "N", "count"…, "score" (a pure number), or "share" (0 to 1).
     sense : int or None
-        Of a twist: +1 from x towards y, −1 the other way. Of a squeeze: +1 outwards.
+        For a twist, +1 from x towards y and −1 the other way. For a squeeze, +1 outwards.
     after_gap : float or None
         For the first event of its flag after frames were lost or refused: how long the program saw
         nothing, in s. Of several gaps since the last event of the flag, the longest.
@@ -141,7 +141,7 @@ class EventRule:
     Attributes
     ----------
     kind : str
-        Of the event when the flag rises.
+        Kind of the event when the flag rises.
     flag : str
         Output that says whether it holds; of a map the largest value counts.
     ends : str
@@ -152,7 +152,7 @@ class EventRule:
     strength, sense : str
         Outputs; none where empty.
     unit : str
-        Of the strength.
+        Unit of the strength.
     load : bool
         Whether the strength is a load. While taxels stand at an end of their range it is a lower
         bound, and the end of the event is not reported: they are pressed.

@@ -106,7 +106,7 @@ def range_for(
     Parameters
     ----------
     unit : str
-        Of the driver's frames.
+        Unit of the driver's frames.
     precision : "float32" or "float64"
         The engine's.
     given : float, optional

@@ -33,7 +33,7 @@ class OrderWatch:
     Parameters
     ----------
     channels : sequence of str
-        Of the frames; nothing is done unless they are those of three axes.
+        Channels of the frames; nothing is done unless they are those of three axes.
     pads : int
         Pads side by side in the columns.
     """

@@ -82,23 +82,23 @@ class FrameResult(NamedTuple):
     Attributes
     ----------
     number : int
-        Of the frame, from 0.
+        Number of the frame, from 0.
     frame : Frame
-        As the driver read it.
+        Frame as the driver read it.
     values : (rows, cols, channels read) float or None
-        The program's input; None where the frame was bad or a repeat.
+        Input of the program; None if the frame was bad or a repeat.
     outputs : dict of str to array
-        The program's outputs; empty where the program did not run.
+        Outputs of the program; empty if it did not run.
     events : tuple of Event
     seconds : float
-        From the frame in host memory to its events.
+        Time from the frame in host memory to its events.
     error : CnnumError or None
-        The fault of a bad frame, which is passed over.
+        Fault of a bad frame, which is skipped.
     saturated : (rows, cols) bool or None
-        Taxels at an end of their range because of a load, all of them where it is not known which:
-        what is found of the load on them is a lower bound. None where there is none.
+        Taxels at an end of their range because of a load (all, if it is not known which), so that
+        loads found on them are lower bounds; None if there is none.
     masked : (rows, cols) bool or None
-        Taxels that have dropped out, and go on as their neighbours do. None where there is none.
+        Taxels that have dropped out and are continued from their neighbours; None if there is none.
     """
 
     number: int
@@ -128,7 +128,7 @@ class FramePath:
     stream : Stream
     detector : EventDetector
     range : FrameRange
-        The conditions on a good frame.
+        Conditions on a good frame.
     dead : DeadCells or None
         Taxels that are not looked at.
     saturation : Saturation or None
@@ -240,19 +240,19 @@ class Scene(OfThisProcess):
     plan : Plan
     rules : tuple of EventRule
     range : FrameRange
-        The conditions on a good frame.
+        Conditions on a good frame.
     dead : DeadCells or None
         Taxels whose values come from their neighbours.
     offered : tuple of str
-        Outputs that the program gives, wanted or not.
+        All outputs of the program, requested or not.
     push : PushWatch
-        Notices a rest that was none, and pushes that read as pulls.
+        Detects a rest that was not at rest, and pushes that read as pulls.
     orders : OrderWatch
-        Notices axes in a wrong order or with a wrong sign.
+        Detects axes in a wrong order or with a wrong sign.
     grid : Grid or None
-        Of taxels that lie on no square grid: the one that the program runs on.
+        Square grid on which the program runs, for taxels that are not on one.
     bad : BadFrames
-        Those passed over so far.
+        Frames skipped so far.
     """
 
     spec: SceneSpec
@@ -299,7 +299,7 @@ class Scene(OfThisProcess):
         Raises
         ------
         CnnumError
-            Whatever is wrong with the file, the array, the program or the device.
+            If the file, the array, the program or the device has a fault.
         """
         how = {"device": spec.device, "precision": spec.precision, "fallback": spec.fallback}
         used = engine or Engine(spec.engine, **how)
@@ -355,14 +355,14 @@ class Scene(OfThisProcess):
     def results(self, begin: float = 0.0) -> Iterator[FrameResult]:
         """Yield every frame with its results, until the source ends or the caller stops.
 
-        Each call is a pass from the first frame, with memories and counts of its own. The array is
+        Each call is a pass from the first frame, with its own memories and counts. The array is
         closed when the pass ends.
 
         Parameters
         ----------
         begin : float
-            s after the first frame. Frames before it run silently: rest, tare and memories are
-            those of the whole source, and so are all results from then on.
+            Time after the first frame, s. Earlier frames run silently, so that rest, tare,
+            memories and all later results are those of the whole source.
 
         Raises
         ------
@@ -480,7 +480,7 @@ class Scene(OfThisProcess):
         self.close()
 
     def path(self) -> "FramePath":
-        """Return the way of a frame from host memory to its events, with memories of its own."""
+        """Return the path of a frame from host memory to its events, with its own memories."""
         return self._path(self.plan, self.rules)
 
     def _path(self, plan: Plan, rules: tuple[EventRule, ...], *, quiet: bool = False) -> FramePath:
@@ -551,12 +551,12 @@ class Scene(OfThisProcess):
 
     @property
     def last_before(self) -> Frame | None:
-        """The last frame that ran silently, None where none did."""
+        """Last frame that ran silently, or None."""
         return self._last_before
 
     @property
     def seconds_before(self) -> float:
-        """Time from the first frame to the last one that ran silently, s; 0 where none did."""
+        """Time from the first frame to the last one that ran silently, s; 0 if none did."""
         return self._seconds_before
 
     @property
@@ -716,12 +716,12 @@ def _fitting(spec: SceneSpec, rule: EventRule, outputs: Collection[str]) -> Even
 
 
 def get_scene(name: str, *, engine: Engine | None = None) -> Scene:
-    """Return the scene of that name that comes with the package; `load_scene` takes files, too.
+    """Return a packaged scene by its name; `load_scene` takes files as well.
 
     Raises
     ------
     UnknownNameError
-        If there is none.
+        If there is no such name.
     """
     if name not in scene_names():
         raise name_error("scene", name, scene_names())
@@ -743,7 +743,7 @@ def load_scene(
     Parameters
     ----------
     scene : str or Path
-        A TOML file, or the name of a scene that comes with the package.
+        A TOML file, or the name of a packaged scene.
     engine : Engine, optional
         Engine to use instead of the scene's own.
     recording : Recording, optional
@@ -764,7 +764,7 @@ def load_scene(
     Raises
     ------
     CnnumError
-        Whatever is wrong with the file, the array, the program or the device.
+        If the file, the array, the program or the device has a fault.
     """
     if changes is not None and not isinstance(cast("object", changes), Mapping):
         raise SceneError(f"'changes' must be a mapping of keys to values, got {shown(changes)}.")

@@ -54,7 +54,8 @@ class SceneSpec:
     tares : tuple of float, s
         Times after the first frame from which on rest and noise are learned anew.
     positions : sequence of (x, y), mm
-        Of the taxels, row by row, where they lie on no square grid and the array does not say it.
+        Positions of the taxels, row by row, where they lie on no square grid and the array does not
+        say it.
     pitch : float or None, m
         Size of a cell of the grid that is made of them.
     reading : Reading
@@ -67,7 +68,7 @@ class SceneSpec:
         Name of a program of the library, "module:function" or "file.py:function" of one's own, or
         the program itself.
     parameters : mapping
-        Of the program.
+        Parameters of the program.
     engine, device, precision, fallback : str or None
     ranges : mapping or None
         Driver and options of a recording on which whole numbers measure their ranges.
@@ -128,7 +129,7 @@ class SceneSpec:
 
 
 def scene_names() -> tuple[str, ...]:
-    """Return the names of the scenes that come with the package."""
+    """Return the names of the packaged scenes."""
     folder = resources.files("cnnum.scenes")
     return tuple(sorted(f.name[:-5] for f in folder.iterdir() if f.name.endswith(".toml")))
 

@@ -7,38 +7,38 @@ from cnnum.drivers.driver import Counters
 
 @dataclass(frozen=True, slots=True)
 class Summary:
-    """The summary of a scene: ``sent == handed_on + dropped + skipped + refused``.
+    """Summary of a scene: ``sent == handed_on + dropped + skipped + refused``.
 
     Attributes
     ----------
     frames : int
-        Handed on by the driver; bad and repeated ones are among them. Those that ran silently,
-        before the part that was asked for, are not.
+        Frames that the driver delivered, including bad and repeated ones but not those that ran
+        silently before the requested part.
     handed_on : int
-        Those that the program ran on.
+        Frames on which the program ran.
     refused : int
-        Bad ones that were passed over: flagged by the driver, out of range, or of a kind that the
-        program cannot work with.
+        Bad frames that were skipped: flagged by the driver, out of range, or unusable for the
+        program.
     repeated : int
-        Repeats of the scan before.
+        Repeated scans.
     counters : Counters
-        The driver's own.
+        Counters of the driver.
     saturated : int
         Frames with a taxel at an end of its range because of a load: loads in them are lower
         bounds.
     masked : int
-        Frames with a taxel that had dropped out, and went on as its neighbours did.
+        Frames with a taxel that had dropped out and was continued from its neighbours.
     dropouts : int
         Times that a taxel has dropped out.
     longest_gap : float
-        s, the longest time between two frames that the program ran on. A bad or a lost one lies
-        between them; 0 where there was none.
+        Longest time in s between two frames on which the program ran, with a bad or lost frame
+        between them; 0 if there was none.
     p50_us, p99_us : float
         Time from a frame in host memory to its events, µs, within 1 %.
     arrival_p50_us, arrival_p99_us : float or None
-        Time from a frame's arrival at its port to its events, µs; None where none just came.
+        Time from the arrival of a frame at its port to its events, µs; None if none just arrived.
     before : int
-        Frames that ran silently, before the part that was asked for.
+        Frames that ran silently before the requested part.
     """
 
     frames: int
@@ -58,12 +58,12 @@ class Summary:
 
     @property
     def bad_frames(self) -> int:
-        """Those refused, and packets or rows that the driver found damaged itself."""
+        """Refused frames, and packets or rows that the driver found damaged."""
         return self.refused + self.counters.bad
 
     @property
     def dropped(self) -> int:
-        """Scans that were lost on the way; packets found damaged are among them."""
+        """Scans that were lost on the way, including damaged packets."""
         return self.counters.dropped
 
     @property
@@ -74,7 +74,7 @@ class Summary:
 
     @property
     def sent(self) -> int:
-        """Scans that the array says it has sent, repeats included; else those that came."""
+        """Scans that the array has sent according to its numbers, or otherwise those that came."""
         sent = self.counters.sent
         if sent is not None:
             return sent

@@ -39,7 +39,7 @@ class ArrayCalibration:
     offset : float, (channels,) or (rows, cols, channels)
         Raw values at rest.
     unit : str
-        Of the values; empty where the driver's stays.
+        Unit of the values; empty where the driver's stays.
     tare : int
         Frames at the start whose mean is taken as the offset, in every taxel.
 

@@ -39,7 +39,7 @@ def bump_inverse(taxels: Taxels, pitch: float, depth: float, spacing: float = 1.
     pitch, depth : float
         From bump to bump, and of the taxels below their feet, in bump radii.
     spacing : float
-        Of a pad's taxels, in bump radii.
+        Spacing of a pad's taxels, in bump radii.
 
     Returns
     -------
@@ -117,7 +117,7 @@ def shear_over_normal(reads: Reads, depth: float) -> float:
     ----------
     reads : "strain" or "stress"
     depth : float
-        Of the taxel below the bump's foot, in bump radii, 0.5 to 5.
+        Depth of the taxel below the bump's foot, in bump radii, 0.5 to 5.
 
     Returns
     -------

@@ -106,7 +106,7 @@ class Rectangle:
     ----------
     width, length : float
     angle : float, rad
-        Of the width, from x towards y.
+        Angle of the width, from x towards y.
     centre : (x, y) float
     """
 

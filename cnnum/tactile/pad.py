@@ -32,7 +32,7 @@ class Pad:
     Attributes
     ----------
     shape : (rows, cols) int
-        Of the one-axial pad; columns run along x, rows along y.
+        Shape of the one-axial pad; columns run along x, rows along y.
     corners : (bump_rows, bump_cols, 4, 2) int
         Row and column of S1, S2, S3, S4 of each bump: (−x, +y), (+x, +y), (−x, −y), (+x, −y)
         of its centre, as in Fig. 6.13, whose y points up.
@@ -133,7 +133,7 @@ class Pad:
         centres : (bump_rows, bump_cols, 2) or (bumps, 2) float, m
             Places (x, y) of the bumps; taxel (0, 0) is the origin. A list makes one row.
         spacing : float, m
-            Of the taxels.
+            Spacing of the taxels.
 
         Raises
         ------

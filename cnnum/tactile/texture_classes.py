@@ -156,7 +156,7 @@ def classify(
     groups : (n,) int
         The group of each sample; groups stay whole.
     names : sequence of str
-        Of the classes.
+        Names of the classes.
     folds : int
         At most as many as groups.
 

@@ -100,7 +100,7 @@ class Stroke:
     Attributes
     ----------
     direction : float, rad
-        Of the surface's motion, from x towards y.
+        Direction of the surface's motion, from x towards y.
     indentation : float, m
         Mean approach of surface and bump: how hard it is pressed.
     speed : float, m/s

@@ -28,13 +28,13 @@ class Touch:
     Attributes
     ----------
     radius : float
-        Of the contact.
+        Radius of the contact.
     centre : (x, y) float
         From the array's middle.
     pull : float
         Tangential over normal load.
     angle : float, rad
-        Of the pull, from x to y.
+        Angle of the pull, from x to y.
     friction : float
     """
 

@@ -34,9 +34,9 @@ class TemplateBatch(ByContent):
     A : (..., k, k) or (..., layers, layers, k, k) float, optional
     B : (..., k, k) or (..., layers, inputs, k, k) float, optional
     z, tau : (...) or (..., layers) float, optional
-        Of one layer (...).
+        Shape (...) for one layer.
     delay : (...) float, optional
-        Of the delayed couplings, in the unit of tau.
+        Delay of the delayed couplings, in the unit of tau.
     delayed_A, delayed_B : like `A` and `B`, optional
     nonlinear : sequence of ((..., k, k) float or None), optional
         Weights of each nonlinear coupling, in their order.

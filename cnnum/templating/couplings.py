@@ -223,7 +223,7 @@ class Gain:
     to, source : int
         The couplings A[to, source].
     table : Table
-        Of the time since the start, in the unit of tau.
+        Factor over the time since the start, in the unit of tau.
     """
 
     to: int

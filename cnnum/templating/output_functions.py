@@ -127,7 +127,7 @@ def output_function(value: str | OutputFunction) -> OutputFunction:
     Raises
     ------
     UnknownNameError
-        If there is none.
+        If there is no such name.
     TemplateError
         If one of a caller's own has the name of another, by which engines know it.
     """

@@ -45,7 +45,7 @@ def stability_class(template: Template, shape: Shape = (8, 8)) -> StabilityClass
     ----------
     template : Template
     shape : (rows, cols)
-        Of the array: on a torus, or with mirrors at the rim, couplings depend on it.
+        Shape of the array: on a torus, or with mirrors at the rim, couplings depend on it.
 
     Notes
     -----

@@ -65,8 +65,8 @@ class Descriptor:
         The factor of a raw number.
     unit : str
     limits : (low, high), or a pair a channel, optional
-        Of raw numbers. One outside is a sign that the bytes are no packet, where no check says that
-        they are; of a packet with a check the taxel has dropped out.
+        Limits of raw numbers. One outside is a sign that the bytes are no packet, where no check
+        says that they are; of a packet with a check the taxel has dropped out.
     full : float, optional
         A raw number at which, and beyond which, a cell is at the end of its range.
     rate : float

@@ -122,7 +122,7 @@ class Converter:
     Attributes
     ----------
     shape : (rows, cols)
-        Of the taxels, which the converter does not say.
+        Shape of the taxels, which the converter does not say.
     device : int
     """
 
@@ -184,7 +184,7 @@ class HighSpeedBoard:
     Attributes
     ----------
     shape : (rows, cols)
-        Of the module's taxels.
+        Shape of the module's taxels.
     """
 
     shape: Shape

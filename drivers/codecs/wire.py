@@ -63,7 +63,7 @@ class Asked:
     rate : float
         Hz that the array is asked for; 0 leaves it as it is.
     address : int
-        Of the device on its bus.
+        Address of the device on its bus.
     bias : bool
         Whether the array is asked to zero itself once it has run for a second.
     """
@@ -118,9 +118,9 @@ class Wire:
     form : Form or None
         The scans that `encode` takes; None where it takes any scan.
     positions : sequence of (x, y), mm
-        Of the taxels, where these lie on no square grid.
+        Positions of the taxels, where these lie on no square grid.
     limits : (low, high), or a pair a channel, or None
-        Of the values of a sound taxel.
+        Limits of the values of a sound taxel.
     reading : Reading or None
         How the numbers of a scan are meant, where not as they come.
     verified : bool

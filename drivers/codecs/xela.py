@@ -51,8 +51,8 @@ class Server:
     Parameters
     ----------
     shape : (rows, cols), optional
-        Of all pads together, row by row in the order of their numbers; or of the only one of its
-        size.
+        Shape of all pads together, row by row in the order of their numbers; or of the only one of
+        its size.
 
     Attributes
     ----------

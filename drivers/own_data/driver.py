@@ -59,7 +59,7 @@ class DataFileOptions:
         that of the same name with the suffix .toml. CSV and HDF5 files that cnnum wrote need
         none.
     topic : str
-        Of an MCAP file or a bag, in place of that of the layout.
+        Topic of an MCAP file or a bag, in place of that of the layout.
     """
 
     path: Path
@@ -221,9 +221,9 @@ class DataFile(Counting):
         Distance of the taxels, m, where the layout says so.
     layout : DataLayout or None
     limits : (low, high), or a pair a channel, or None
-        Of the values of sound taxels, where the layout has them.
+        Limits of the values of sound taxels, where the layout has them.
     positions : sequence of (x, y), mm
-        Of the taxels, where the layout has them; empty where not.
+        Positions of the taxels, where the layout has them; empty where not.
     calibration, total_frames
         As in `cnnum.drivers.mcap_file.McapFile`.
     """

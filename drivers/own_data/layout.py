@@ -73,7 +73,7 @@ class DataLayout:
         dates and times of day, too.
     time_unit : "s", "ms", "us" or "ns"
     time_format : str
-        Of dates that are not in a usual form: as `datetime.strptime` takes it.
+        Format of dates that are not in a usual form: as `datetime.strptime` takes it.
     truth : tuple of str
         Columns or arrays of the ground truth of every frame.
     pads : int
@@ -99,9 +99,9 @@ class DataLayout:
     block : bool
         Whether a text file has a block of lines a frame, one line a row of taxels.
     topic : str
-        Of the messages in an MCAP file or a bag.
+        Topic of the messages in an MCAP file or a bag.
     protocol : str
-        Of a file that holds what an array sent: its name, as of the driver "serial".
+        Protocol of a file that holds what an array sent: its name, as of the driver "serial".
     """
 
     RENAMED: ClassVar = {

@@ -109,7 +109,7 @@ def propose(path: Path, topic: str = "") -> Proposal:
     ----------
     path : Path
     topic : str
-        Of an MCAP file or a bag; that with the most numbers unless given.
+        Topic of an MCAP file or a bag; that with the most numbers unless given.
 
     Raises
     ------

@@ -25,7 +25,7 @@ def bumpy_influence(
     thickness : float, m
         Depth of the taxels below the foot of the bumps: 0.5 to 5 bump radii.
     youngs_modulus : float, Pa
-        Of an incompressible cover.
+        Young's modulus of an incompressible cover.
     bump_radius : float, m
 
     The shape is that of `flat_influence`.

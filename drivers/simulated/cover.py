@@ -58,7 +58,7 @@ def flat_influence(layout: Layout, thickness: float, youngs_modulus: float) -> F
     thickness : float, m
         Depth at which the taxels lie in the half-space.
     youngs_modulus : float, Pa
-        Of an incompressible cover.
+        Young's modulus of an incompressible cover.
 
     Returns
     -------

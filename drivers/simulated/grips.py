@@ -57,7 +57,7 @@ class Trial:
     sense : (frames,) int
         Of a twist that slips, +1 or −1; 0 elsewhere.
     direction : float, rad
-        Of the slip; NaN without one or where it is not known.
+        Direction of the slip; NaN without one or where it is not known.
     rows : (frames,) int
         Row of the log that each frame came from.
     setting : mapping
@@ -434,9 +434,9 @@ class Drawn:
     ----------
     mass : float, kg
     stiffness : float, N/m
-        Of the hand.
+        Stiffness of the hand.
     speed : float, m/s
-        Of the hand.
+        Speed of the hand.
     limit : float, N
         Static friction force.
     travel : float, m

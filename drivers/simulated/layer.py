@@ -37,9 +37,9 @@ def layer_influence(
     ----------
     layout : Layout
     thickness : float, m
-        Of the layer.
+        Thickness of the layer.
     youngs_modulus : float, Pa
-        Of an incompressible layer.
+        Young's modulus of an incompressible layer.
     height : float, m
         At which the taxels lie above the rigid base: below the thickness. On the base itself
         there is no normal strain.

@@ -42,7 +42,7 @@ class Settings:
     Attributes
     ----------
     seed : int
-        Of offsets and noise: the same seed gives the same frames, bit for bit.
+        Seed of offsets and noise: the same seed gives the same frames, bit for bit.
     shape : (rows, cols)
     rate : float, Hz
     pitch : float, m
@@ -50,10 +50,10 @@ class Settings:
         "flat" is a half-space, "layer" a layer on a rigid base. "bumpy" has a hemisphere over every
         taxel, with the response that finite elements give (`cnnum.tactile.cover.BumpCover`).
     thickness : float, m
-        Of the cover; with bumps, of the layer under them, 0.5 to 5 bump radii. A "layer" has at
-        least a twentieth of the pitch.
+        Thickness of the cover; with bumps, of the layer under them, 0.5 to 5 bump radii. A "layer"
+        has at least a twentieth of the pitch.
     taxel_height : float, m
-        Of a "layer": how high above its base the strain is read, 50 µm as in
+        Height of a "layer": how high above its base the strain is read, 50 µm as in
         `cnnum.tactile.cover.comparison`. On the base itself there is no normal strain.
     bump_radius : float, m
         At most half the pitch.
@@ -69,7 +69,7 @@ class Settings:
         What touches: a sphere; a round flat punch; a flat bar; a flat ring, half as wide inside as
         outside; two round punches on one handle; or, on bumps, a wide face with a relief.
     radius : float, m
-        Of the sphere.
+        Radius of the sphere.
     width, length : float, m
         Of flat faces: the diameter of a punch, a ring, or each of two bodies, and the sides of a
         bar; the length is that of the bar, or from the middle of one body to the other's.
@@ -87,9 +87,9 @@ class Settings:
     offset : float, V
         RMS of the bridges' offsets, after the amplifier.
     bits : int
-        Of the converter; 0 for no rounding.
+        Bits of the converter; 0 for no rounding.
     gain : float
-        Of the amplifier (Table 3.II: 50–60).
+        Gain of the amplifier (Table 3.II: 50–60).
     reduction : float, optional
         How many times less a point load above a taxel reads than on bare silicon. Unless given it
         is 30 at 0.5 mm, as measured, and grows as the 1.45th power of the thickness. The measured

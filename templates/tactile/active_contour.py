@@ -63,7 +63,7 @@ def active_contour(
         −1 for strain and stress, which count tension as positive; +1 for signals and counts that
         rise under a push.
     speed : float, cells/s
-        Of the front, along rows and columns.
+        Speed of the front, along rows and columns.
     share, depth, reads : float, float, "strain", "stress" or "force"
         As of `contact`.
 

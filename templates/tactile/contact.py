@@ -47,7 +47,7 @@ def contact(
     normal_gain : float
         Normal load over the reading of the normal channel, in the shear channels' unit.
     unit : float
-        Of the loads: 2/3 E pitch² for strain, pitch² for stress gives newtons.
+        Unit of the loads: 2/3 E pitch² for strain, pitch² for stress gives newtons.
 
     Returns
     -------

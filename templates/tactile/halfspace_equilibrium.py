@@ -45,7 +45,7 @@ def halfspace_equilibrium(
     frame, thickness, pitch, cells
         As in `halfspace_stress`, but the loads go on periodically beyond the rim.
     youngs_modulus : float, Pa
-        Of the cover.
+        Young's modulus of the cover.
     poisson : float
         Poisson's ratio, from 0 to below 1/2; the time to equilibrium goes as 1/(1 − 2ν).
     layers : int

@@ -33,13 +33,13 @@ def halfspace_layers(
     frame, thickness, pitch, cells
         As in `halfspace_stress`.
     youngs_modulus : float, Pa
-        Of the cover.
+        Young's modulus of the cover.
     layers : int
         Slabs between surface and taxels; below them they get thicker.
     order : 2 or 4
-        Of the error in the slabs: templates of 3×3 or of 5×5.
+        Order of the error in the slabs: templates of 3×3 or of 5×5.
     tolerance : float
-        Of the reflection at the end of the stack, as a share of the load.
+        Tolerance of the reflection at the end of the stack, as a share of the load.
     method : str
         How the layers come to rest: "auto" goes there without time steps where the engine can,
         "runge-kutta-chebyshev" relaxes.

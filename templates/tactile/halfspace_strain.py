@@ -30,7 +30,7 @@ def halfspace_strain(
     frame, thickness, pitch, cells
         As in `halfspace_stress`.
     youngs_modulus : float, Pa
-        Of the cover; 0.87 MPa is that of Vásárhelyi's calculations (2007).
+        Young's modulus of the cover; 0.87 MPa is that of Vásárhelyi's calculations (2007).
     tolerance : float
         As in `halfspace_stress`.
 

@@ -43,13 +43,13 @@ def halfspace_stress(
     frame : FrameFields
         Surface tractions, Pa: `shear_x`, `shear_y`, and the pressure `normal`, a value a cell.
     thickness : float, m
-        Of the cover.
+        Thickness of the cover.
     pitch : float, m
-        Of the taxels.
+        Pitch of the taxels.
     cells : int
         Cells a taxel along each axis: 8×8 taxels at 4 cells each are an array of 32×32.
     tolerance : float
-        Of every wave's fading, as a share of the load.
+        Tolerance of every wave's fading, as a share of the load.
 
     Returns
     -------

@@ -54,7 +54,7 @@ def localize(
     share : float
         Least load of a touched bump, as a share of the largest.
     unit : float
-        Of the loads: E r² for strain, r² for stress and pads gives newtons.
+        Unit of the loads: E r² for strain, r² for stress and pads gives newtons.
 
     Returns
     -------

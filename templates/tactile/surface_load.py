@@ -46,7 +46,7 @@ def surface_load(
     thickness, pitch : float, m
         Of the cover, and of the taxels.
     youngs_modulus : float, Pa
-        Of the cover.
+        Young's modulus of the cover.
     noise : float
         RMS of the noise of each strain, as measured at rest.
     likely : float, Pa
@@ -59,7 +59,7 @@ def surface_load(
     reach : int
         Taxels, along each axis, over which a load is felt.
     tolerance : float
-        Of the equilibrium where the array is too large for one exact product.
+        Tolerance of the equilibrium where the array is too large for one exact product.
     friction : float
         Highest coefficient of friction to expect: from a round on, nothing drags by more than that
         of the pressure above the noise.

@@ -66,7 +66,7 @@ class Facts:
     rate : float or None
         Frames a second that its constants of time are for; None where it has none.
     unit : str
-        Of the inputs; empty where it is not known.
+        Unit of the inputs; empty where it is not known.
     precision, method : str
     """
 

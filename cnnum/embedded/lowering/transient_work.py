@@ -28,7 +28,7 @@ class TransientWork:
     to : Builder
     template : Template
     index : int
-        Of its node.
+        Index of its node.
     given : mapping of str to sequence of Array or Quantity
         Arguments by role.
     picks : sequence of Node

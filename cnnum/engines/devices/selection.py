@@ -61,7 +61,7 @@ def devices_named(name: str | None) -> list[Device]:
     Raises
     ------
     DeviceError
-        If there is none.
+        If there is no such name.
     """
     if not isinstance(cast(object, name), str | None):
         raise DeviceError(f"A device must be named by a part of its label, got {name!r:.60}.")

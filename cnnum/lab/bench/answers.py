@@ -37,7 +37,7 @@ class Answer:
     ----------
     case, peer, device : str
     method : str
-        Of the engine.
+        Method of the engine.
     peer_seconds, seconds : float
         Medians of calls in turns, array to array, s.
     ratio : float

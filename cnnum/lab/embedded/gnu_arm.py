@@ -112,7 +112,7 @@ def firmware(name: str, inputs: Sequence[bytes], outputs: Sequence[bytes], stack
     Parameters
     ----------
     name : str
-        Of the program's functions.
+        Name of the program's functions.
     inputs, outputs : sequence of bytes
         The structures of each frame and of its answer.
     stack : int

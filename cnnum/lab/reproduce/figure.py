@@ -40,7 +40,7 @@ class Field:
     y : (rows,) float
     values : (rows, cols) float
     unit : str
-        Of the colour bar.
+        Unit of the colour bar.
     levels : int
         Contour lines drawn over it; 0 for none.
     diverging : bool

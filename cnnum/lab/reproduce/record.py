@@ -35,7 +35,7 @@ class Item:
     reason : str
         Why that tolerance; of a comparison, why the two need not agree.
     unit : str
-        Of the numbers; "" where they have none.
+        Unit of the numbers; "" where they have none.
     rule : str
         Kind of error: "absolute" |got − expected|, "relative" that over |expected|, "within"
         the distance from the range. "at least" is the part missing, "at most" the part too much.

@@ -42,7 +42,7 @@ def timeline(record: SceneRecord, verdicts: tuple[Verdict, ...], width: float) -
     record : SceneRecord
     verdicts : tuple of Verdict
     width : float
-        Of the picture in its own units; text keeps its size.
+        Width of the picture in its own units; text keeps its size.
     """
     time = Scale(float(record.times[0]), _end(record), LEFT, width - RIGHT)
     parts: list[str] = []

@@ -27,7 +27,7 @@ class BumpCover:
     Attributes
     ----------
     depth : float, m
-        Of the taxels below the foot of the bumps: 0.5 to 5 bump radii.
+        Depth of the taxels below the foot of the bumps: 0.5 to 5 bump radii.
     youngs_modulus : float, Pa
     bump_radius : float, m
         Ø 0.4 mm in the dissertation.

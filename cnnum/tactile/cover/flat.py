@@ -16,7 +16,7 @@ class FlatCover:
     Attributes
     ----------
     depth : float, m
-        Of the taxels.
+        Depth of the taxels.
     youngs_modulus : float, Pa
     poisson : float
         Above -1 and at most 0.5.

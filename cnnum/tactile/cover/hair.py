@@ -27,13 +27,13 @@ class HairCover:
     Attributes
     ----------
     radius : float, m
-        Of the rod.
+        Radius of the rod.
     length : float, m
-        Of the rod: the lever of a shear force.
+        Length of the rod: the lever of a shear force.
     above : float, m
         Of cover over the rod's top: 150–500 µm in the dissertation.
     youngs_modulus : float, Pa
-        Of the cover, and of the seat under the rod.
+        Young's modulus of the cover, and of the seat under the rod.
     poisson : float
         Above -1 and at most 0.5, of the cover.
 

@@ -37,7 +37,7 @@ class PlaneFigures:
     strain : (2, 2, 81) float
         ε_xz (tensor) and ε_zz at 200 µm, over x.
     force : (2,) float, N/m
-        Of the plate, for each metre along the third axis.
+        Force of the plate, for each metre along the third axis.
     indentation : (10,) float, m
         Steps of the pressed plate up to 100 µm (Fig. 6.11, 6.14).
     growth : (10, 4) float, m

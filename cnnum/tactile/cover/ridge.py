@@ -25,7 +25,7 @@ class RidgeCover:
     Attributes
     ----------
     depth : float, m
-        Of the taxels below the ridge's foot.
+        Depth of the taxels below the ridge's foot.
     youngs_modulus : float, Pa
     width : float, m
         0.36–0.76 mm in the dissertation.

@@ -91,7 +91,7 @@ def sliding_force(
     friction : (...) float
         μ: |(Q, R)| = μF.
     direction : (...) float, rad
-        Of the friction force on the cover, from x towards y.
+        Direction of the friction force on the cover, from x towards y.
 
     Returns
     -------

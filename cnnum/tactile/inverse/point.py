@@ -211,7 +211,7 @@ def _stress_errors(ratio: Array, noise: list[Array]) -> tuple[Array, Array]:
     ratio : (...) float
         |σ_shear| / |σ_zz|, the place over the depth.
     noise : list of (...) float
-        Of the shear and of the normal stress, over |σ_zz|.
+        Noise of the shear and of the normal stress, over |σ_zz|.
 
     Notes
     -----

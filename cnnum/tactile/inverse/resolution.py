@@ -37,7 +37,7 @@ def resolution_limit(
     quantity : {"strain", "stress"}
         The measured quantity.
     pitch : (...) float, m
-        Of the taxels.
+        Pitch of the taxels.
 
     Returns
     -------

@@ -37,7 +37,7 @@ class Bridge:
     von_mises_normal, von_mises_shear : float, Pa/N
         Largest equivalent stress of a normal and of a shear force.
     yield_stress : float, Pa
-        Of silicon.
+        Yield stress of silicon.
     largest_force : float, N
         On bare silicon; sensors broke at 5 to 10 mN, below the limit of their yield stress.
 

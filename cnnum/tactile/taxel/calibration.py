@@ -46,12 +46,12 @@ class Calibration:
     beta_ns : float
         Normal-to-shear sensitivity α_s/α_n (4.19), 1.5 in general.
     offsets : (4,) or (rows, cols, 4) float, V
-        Of the bridges without load, warm, at time 0.
+        Offsets of the bridges without load, warm, at time 0.
     cross : (3, 3) or (rows, cols, 3, 3) float
         Signals read = cross · signals of an ideal taxel; its diagonal is one taxel's
         sensitivity over another's.
     drift : (4,) or (rows, cols, 4) float, V/s
-        Of the offsets.
+        Drift of the offsets.
     heat : Heat
         Transient after switch-on.
     limit : float, V

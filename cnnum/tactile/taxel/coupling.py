@@ -68,7 +68,7 @@ class Coupling:
         depth : float, m
             Thickness of the cover.
         youngs_modulus : float, Pa
-            Of the cover.
+            Young's modulus of the cover.
         reduction : float
             A point load above the centre reads this many times less than on bare silicon;
             Table 3.II: 5–30, growing with the thickness.

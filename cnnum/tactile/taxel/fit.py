@@ -82,7 +82,7 @@ def fit_calibration(
     volts : (n, 4) or (n, rows, cols, 4) float, V
         Amplified bridge voltages of one taxel or of the array.
     youngs_modulus : float, Pa
-        Of the cover; α_n scales with its inverse.
+        Young's modulus of the cover; α_n scales with its inverse.
     depth : float, m, optional
         Thickness of the cover; fitted if not given.
     taxels : (rows, cols, 2) float, m, optional

@@ -101,15 +101,15 @@ class Readout:
     Attributes
     ----------
     gain : float
-        Of the amplifier, 50–60.
+        Gain of the amplifier, 50–60.
     noise : float, V
         White, RMS, after the amplifier: 2–3 mV.
     limit : float, V
         The converter's range is −limit … +limit; infinity for none.
     bits : int or None
-        Of the converter; None for no quantisation.
+        Bits of the converter; None for no quantisation.
     offsets : (4,) or (rows, cols, 4) float, V
-        Of the bridges, after the amplifier (unequal implanted resistors).
+        Offsets of the bridges, after the amplifier (unequal implanted resistors).
     heat : Heat
     """
 
@@ -153,7 +153,7 @@ class Readout:
         Parameters
         ----------
         voltages : (..., rows, cols, 4) float, V
-            Of the half bridges.
+            Voltages of the half bridges.
         time : (...) float, s
             Since switch-on, one a frame.
         rng : numpy.random.Generator, optional

@@ -30,7 +30,7 @@ class Scan:
     limit : float, V
     youngs_modulus : float, Pa
     weights : (n, taxels, 4) float or None
-        Of the readings in the fit; all alike without.
+        Weights of the readings in the fit; all alike without.
     """
 
     positions: Floats

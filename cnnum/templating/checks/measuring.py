@@ -204,7 +204,7 @@ def drift(template: Template, result: Result, measured: Measured) -> str:
     ----------
     template : Template
     result : Result
-        Of the check's case on 8×8 cells, seed 0.
+        Result of the check's case on 8×8 cells, seed 0.
     measured : Measured
     """
     if template.digest != measured.digest:

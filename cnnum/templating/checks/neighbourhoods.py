@@ -53,7 +53,7 @@ def covering(
         Decides where both colours are as good.
     shape : (rows, cols)
     boundary : Boundary
-        Of the pictures.
+        Boundary of the pictures.
     avoided : callable, optional
         Says which cells have a neighbourhood that no picture may show.
 

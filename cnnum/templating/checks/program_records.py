@@ -42,9 +42,9 @@ class ProgramForm:
     Attributes
     ----------
     name : str
-        Of the closed form.
+        Name of the closed form.
     program : str
-        Of the program in the library.
+        Program of the program in the library.
     needs : tuple of str
         Outputs that are compared.
     cases : callable

@@ -78,7 +78,7 @@ def run_program_check(
     engine : Engine
         Object with a name, a precision and `compile`.
     seed : int
-        Of the noise and the places drawn.
+        Seed of the noise and the places drawn.
     shape : (rows, cols)
     repeats : int
         Timed runs after a first one; their median is reported, or the first's time for 0.

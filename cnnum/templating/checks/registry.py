@@ -59,7 +59,7 @@ def closed_form(name: str) -> ClosedForm:
     Raises
     ------
     UnknownNameError
-        If there is none.
+        If there is no such name.
     """
     if name not in _FORMS:
         raise name_error("closed form", name, _FORMS)

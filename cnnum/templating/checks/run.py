@@ -42,7 +42,7 @@ def run_check(
     engine : Engine
         Object with a name, a precision and `run`.
     seed : int
-        Of the random pictures.
+        Seed of the random pictures.
     shape : (rows, cols)
     method : str
         Integration method, or "auto".

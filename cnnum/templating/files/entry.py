@@ -41,7 +41,7 @@ class Entry:
     measured : Measured or None
         Written by a command; None where nothing was measured yet.
     proof : Proof or None
-        Of a template that a command designed.
+        Proof of a template that a command designed.
 
     Raises
     ------

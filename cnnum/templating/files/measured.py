@@ -18,7 +18,7 @@ class Measured:
     Attributes
     ----------
     digest : str
-        Of all numbers that change a run, so that none changes unseen.
+        Digest of all numbers that change a run, so that none changes unseen.
     mean, rms : float
         Of the states at the end of the check's run on 8×8 cells.
     settle : tuple of (cells along a side, time constants)

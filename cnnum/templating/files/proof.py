@@ -24,7 +24,7 @@ class FlipRate:
     Attributes
     ----------
     mismatch : float
-        Of every weight, as a share of itself: the standard deviation.
+        Mismatch of every weight, as a share of itself: the standard deviation.
     rate : float
         Share of the drawn templates with a wrong cell.
     low, high : float
@@ -46,7 +46,7 @@ class Proof:
     Attributes
     ----------
     digest : str
-        Of the numbers that the proof is of.
+        Digest of the numbers that the proof is of.
     method : str
         "linear program", "search" or "gradients".
     examples : int

@@ -54,7 +54,7 @@ class Stack:
         The number of slabs above the plane of the taxels, all of one thickness, as is
         the one below.
     order : 2 or 4
-        Of the error in the slabs' thickness.
+        Order of the error in the slabs' thickness.
     """
 
     slabs: tuple[float, ...]

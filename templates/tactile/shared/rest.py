@@ -45,7 +45,7 @@ def level_at_rest(
     count : Field
         Frames at rest, this one among them.
     name : str
-        Of the memories, in traces.
+        Name of the memories, in traces.
     """
     low, high, mean = (frame.memory(f"{part}{name}") for part in ("least of ", "most of ", ""))
     begins = frame.first

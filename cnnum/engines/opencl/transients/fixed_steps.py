@@ -34,7 +34,7 @@ def repeated(
     text : TransientBuilder
     scheme : FixedSteps
     length : Expression
-        Of the step `n`.
+        Length of the step `n`.
     body : sequence of Statement
         A step of length `h`; where steps settle, it leaves the change in `change`.
     """

@@ -31,7 +31,7 @@ class Task:
     name : str
     input, target : (rows, cols) or (cells,) float
     size : int
-        Of the kernels.
+        Size of the kernels.
     """
 
     name: str

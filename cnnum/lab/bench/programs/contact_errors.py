@@ -74,9 +74,9 @@ def aliased(radius: float, depth: float, reads: Reads) -> float:
     Parameters
     ----------
     radius : float
-        Of the contact, pitches.
+        Radius of the contact, pitches.
     depth : float
-        Of the cover, pitches.
+        Depth of the cover, pitches.
     reads : "strain" or "stress"
 
     Returns

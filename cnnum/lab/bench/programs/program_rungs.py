@@ -55,7 +55,7 @@ def program_rungs(
     Parameters
     ----------
     name : str
-        Of a tactile program.
+        Name of a tactile program.
     engines : sequence of Engine
     quick : bool
         Fewer rungs.

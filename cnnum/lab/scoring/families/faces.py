@@ -46,7 +46,7 @@ class Face:
     approach : (loads,) float
         As a share of the approach under the whole load.
     radius : float, m
-        Of the circle with the area of the face.
+        Radius of the circle with the area of the face.
     stiffness : float
         Load over approach, as a share of that of a flat punch of that radius.
     """

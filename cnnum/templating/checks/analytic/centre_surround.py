@@ -28,7 +28,7 @@ def wave_after(
     Parameters
     ----------
     eigenvalue : float
-        Of the five-point Laplacian, 0 or below, 1/cells².
+        Eigenvalue of the five-point Laplacian, 0 or below, 1/cells².
     time : float
     widths : (near, far), cells²
         Coupling of receptors and of the surround.

@@ -60,7 +60,7 @@ class Sum:
     Attributes
     ----------
     weights : (26,) float
-        Of the 5×5 cells, row by row, and of the cell before.
+        Weights of the 5×5 cells, row by row, and of the cell before.
     constant : float
     """
 

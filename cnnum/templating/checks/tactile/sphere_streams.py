@@ -56,7 +56,7 @@ class Sphere:
     Attributes
     ----------
     radius : float
-        Of the contact.
+        Radius of the contact.
     friction : float
     centre : (x, y) float
         From the array's middle.
@@ -113,7 +113,7 @@ def pulled(
     time : float
         Frames from the start of the pull until all slips; c/a = √(1 − t/time).
     angle : float, rad
-        Of the pull, from x to y.
+        Angle of the pull, from x to y.
     frames : int
         From the start of the pull on; a sphere that slides moves on.
     share : float
