@@ -79,7 +79,7 @@ def load_picture(path: str | Path) -> Floats:
     Parameters
     ----------
     path : str or Path
-        File in a format that Pillow reads (PNG, BMP, GIF, JPEG, TIFF…); transparent parts are white.
+        File that Pillow reads (PNG, BMP, GIF, JPEG, TIFF…); transparent parts are white.
 
     Returns
     -------
