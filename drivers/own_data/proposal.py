@@ -764,10 +764,17 @@ def _block(lines: list[str], separator: str, decimal: str) -> Proposal | None:
     _block_times(proposal, head, between)
     words = " ".join(head).lower()
     unit = next(
-        (u for w, u in UNITS.items() if re.search(rf"units?\W+{re.escape(w)}\b", words)), ""
+        (u for w, u in UNITS.items() if re.search(rf"units?\W+{re.escape(w)}(?![\w/²^*])", words)),
+        "",
     )
     proposal.table["unit"] = unit or "count"
-    if not unit:
+    said = re.search(r"units?[\s:;,=]+([^\s,;:]+)", " ".join(head), re.IGNORECASE)
+    if not unit and said:
+        proposal.undecided.append(
+            f"unit: the file says {said[1]!r:.40}, which is none of {', '.join(UNITS.values())}: it "
+            "is taken as counts, which have no scale"
+        )
+    elif not unit:
         proposal.undecided.append("unit: the file does not say it; 'count' has no scale")
     return proposal
 
@@ -793,6 +800,12 @@ def _block_times(proposal: Proposal, head: list[str], between: list[list[str]]) 
             ]
             known = [t for t in times if t is not None]
             if len(known) == len(between) and known == sorted(known) and known[0] != known[-1]:
+                clock = ":" in line.partition(word)[2].strip(" :,;=\t")
+                unit = "s" if clock else _time_unit(word, np.array(known))
+                if not unit:
+                    continue
                 proposal.table["time"] = word.strip()
+                if unit != "s":
+                    proposal.table["time_unit"] = unit
                 return
     _no_rate(proposal)

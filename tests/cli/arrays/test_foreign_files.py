@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from foreign_files import FILES, FRAMES, PRESSED, RATE
+from foreign_files import FILES, FRAMES, PRESSED, RATE, press
 
 import cnnum
 
@@ -126,3 +126,67 @@ def test_what_is_no_file_of_frames_is_one_sentence(name, call, tmp_path):
     done = call("layout", path)
     assert (done.exit_code, done.stderr.count("\n")) == (2, 1), done.stderr
     assert said in done.stderr
+
+
+def xsensor(path, head, separator=",", form="{:.2f}", end="\n"):
+    """Blocks of rows, each behind a head of its own, as XSensor's text exports have them."""
+    lines = []
+    for n, frame in enumerate(press(8, 10, axes=1, size=200, offset=20, noise=0.6)[..., 0]):
+        lines += [*head(n), ""]
+        lines += [separator.join(form.format(value) for value in row) for row in frame]
+        lines.append("")
+    path.write_text(end.join(lines), newline="")
+
+
+def long_head(n):
+    clock = f"TIME:,12:00:{n / RATE:06.3f}"
+    return [
+        f"FRAME:,{n + 1}", "SENSOR:,HX210", "DATE:,2024-05-03", clock, "UNITS:,mmHg", "ROWS:,8",
+        "COLUMNS:,10",
+    ]  # fmt: skip
+
+
+def wide_head(n):
+    return [
+        f"Frame:,{n + 1}", f"Date:,2024-05-03,Time:,12:00:{n / RATE:06.3f}", "Units:,N/cm2",
+        "Rows:,8,Columns:,10", "Average pressure:,12.3", "Peak pressure:,40.1",
+    ]  # fmt: skip
+
+
+XSENSOR = {  # head, separator, format of a number, end of a line, unit that comes, words for people
+    "a head of many lines": (long_head, ",", "{:.2f}", "\n", "count", "the file says 'mmHg'"),
+    "several in a line": (wide_head, ",", "{:.2f}", "\r\n", "count", "the file says 'N/cm2'"),
+    "tabs": (
+        lambda n: [f"FRAME {n + 1} of 300", f"TIME {n / RATE:.3f} s", "UNITS kPa"],
+        "\t", "{:.1f}", "\n", "kPa", "",
+    ),
+    "ms and semicolons": (
+        lambda n: [f"Frame;{n + 1}", f"Time;{1000 * n / RATE:.0f}"],
+        ";", "{:.0f}", "\n", "count", "the file does not say it",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", XSENSOR)
+def test_blocks_of_xsensor_are_read_without_an_edit(call, records, tmp_path, kind):
+    head, separator, form, end, unit, undecided = XSENSOR[kind]
+    path = tmp_path / "session.csv"
+    xsensor(path, head, separator, form, end)
+    done = call("layout", path, "--write", "--json")
+    assert done.exit_code == 0, done.stderr
+    assert undecided in done.stdout
+    recording = cnnum.load_recording(path)
+    assert (len(recording), recording.shape, recording.unit) == (FRAMES, (8, 10), unit)
+    assert recording.rate == pytest.approx(RATE, rel=1e-3)
+    expected = press(8, 10, axes=1, size=200, offset=20, noise=0.6)
+    # rounded as the file has it
+    assert (
+        np.abs(recording.values - expected).max()
+        <= {"{:.2f}": 0.005, "{:.1f}": 0.05}.get(form, 0.5) + 1e-9
+    )
+    assert call("check", path).exit_code == 0
+    scene = tmp_path / "scene.toml"
+    scene.write_text(ONE)
+    first, *_ = records(call("replay", path, "--scene", scene, "--json").stdout)
+    assert first["kind"] == "onset"
+    assert PRESSED < first["t"] < PRESSED + 0.1
