@@ -14,17 +14,15 @@ U16, U32, U64 = 1 << 16, 1 << 32, 1 << 64
 
 
 def numbers_or_none(values: Floats) -> bool:
-    """Return whether all of a taxel's channels are numbers, or none, and most taxels have them.
+    """Return whether most taxels have numbers in all channels, and no number is infinite.
 
-    One chip of an array that is lost sends NaN in all its channels. Other packets of numbers that
-    are not finite are none of the array's.
+    A chip of an array that is lost sends NaN, in all its channels or but for its temperature. Other
+    packets of numbers that are not finite are none of the array's.
     """
-    finite = np.isfinite(values)
-    if finite.all():
+    if np.isfinite(values).all():
         return True
-    whole = finite.all(axis=2)
-    lost = np.isnan(values).all(axis=2)
-    return bool((whole | lost).all()) and 2 * int(lost.sum()) < lost.size
+    lost = np.isnan(values).any(axis=2)
+    return not np.isinf(values).any() and 2 * int(lost.sum()) < lost.size
 
 
 def within(values: Floats, limits: Limits | None) -> bool:

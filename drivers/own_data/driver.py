@@ -26,19 +26,21 @@ from cnnum.drivers.own_data.sources import (
 )
 from cnnum.errors import (
     ArrayError,
+    CnnumError,
     CodecError,
     RecordingError,
     RecordingWarning,
     SceneError,
     missing_file,
     name_error,
+    unreadable,
 )
 from cnnum.frame import Frame, Quality, unit_fault
 from cnnum.recordings.export import calibration_of
 from cnnum.recordings.messages import LOG_TIME, is_bag
 from cnnum.recordings.recording import Recording
 from cnnum.recordings.times import rate_of
-from cnnum.safety.reading import names_something
+from cnnum.safety.reading import names_something, open_regular
 from cnnum.tactile.taxel import Calibration
 
 MOST_SHARE_BACK = 0.05
@@ -98,6 +100,10 @@ class DataFileOptions:
             return DataFile(recording_by(path, layout), layout)
         except ArrayError as error:
             raise CodecError(f"'{path}': {error}") from None
+        except OSError as error:
+            if isinstance(error, CnnumError):
+                raise
+            raise unreadable(RecordingError, f"'{path}'", error) from None
 
     def _has_layout(self) -> bool:
         return self.layout is not None or names_something(self.path.with_suffix(".toml"))
@@ -105,6 +111,8 @@ class DataFileOptions:
     def _layout(self) -> Path:
         path = self.path.with_suffix(".toml") if self.layout is None else self.layout
         if not names_something(path):
+            if self.path.is_file():  # what stands in place of the data needs no layout
+                open_regular(self.path).close()
             raise SceneError(
                 f"There is no layout '{path}', which describes '{self.path.name}': write one "
                 f"with {EXAMPLE}; 'cnnum layout {self.path.name}' proposes it."

@@ -771,8 +771,8 @@ def _block(lines: list[str], separator: str, decimal: str) -> Proposal | None:
     said = re.search(r"units?[\s:;,=]+([^\s,;:]+)", " ".join(head), re.IGNORECASE)
     if not unit and said:
         proposal.undecided.append(
-            f"unit: the file says {said[1]!r:.40}, none of {', '.join(UNITS.values())}: it is taken "
-            "as counts, which have no scale"
+            f"unit: the file says {said[1]!r:.40}, none of {', '.join(UNITS.values())}: taken as "
+            "counts, which have no scale"
         )
     elif not unit:
         proposal.undecided.append("unit: the file does not say it; 'count' has no scale")

@@ -139,7 +139,8 @@ def sent_scans(path: Path, layout: DataLayout) -> Arrays:
         raise unreadable(RecordingError, f"'{path}'", error) from None
     if not scans:
         said = decoder.conflict or f"no scan of the protocol '{layout.protocol}'"
-        raise CodecError(f"'{path}' holds {said}.")
+        trouble = str(getattr(decoder, "trouble", ""))
+        raise CodecError(f"'{path}' holds {said}{f': {trouble}' if trouble else '.'}")
     if decoder.bad:
         warnings.warn(
             f"'{path}': {decoder.bad} packets of the protocol '{layout.protocol}' are damaged, and "
@@ -344,11 +345,9 @@ def arranged(layout: DataLayout, held: NDArray[Any], order: str) -> Floats:
     """Return values in an order of axes that fits as (frames, rows, cols, channels)."""
     sizes = _sizes(layout, held, order)
     axes = list(sizes)
-    whole = held.reshape(list(sizes.values()))
-    values = whole.transpose([axes.index(name) for name in AXES[0] if name in axes])
-    if "taxels" in axes:
-        values = whole.transpose([axes.index(name) for name in AXES[1]])
-        values = values.reshape(len(values), *layout.shape, len(layout.channels))
+    wanted = AXES[1] if "taxels" in axes else AXES[0]
+    values = held.reshape(list(sizes.values())).transpose([axes.index(name) for name in wanted])
+    values = values.reshape(len(values), *layout.shape, len(layout.channels))
     back = tuple(axis + 1 for axis, name in enumerate(("rows", "cols")) if name in layout.flip)
     numbers: Floats = np.flip(values, back).astype(np.float64)
     return np.asarray(numbers * np.array(layout.signs))

@@ -302,3 +302,29 @@ def test_a_wrong_recording_is_one_sentence(name):
     parts, said = BAD[name]
     with pytest.raises(CnnumError, match=said):
         cnnum.Recording(**parts)
+
+
+@pytest.mark.parametrize(
+    ("order", "turn"),
+    [
+        ("frames taxels channels", lambda v: v),
+        ("channels taxels frames", lambda v: v.transpose(2, 1, 0)),
+        ("taxels frames channels", lambda v: v.transpose(1, 0, 2)),
+    ],
+)
+def test_a_list_of_taxels_is_read_in_any_order_that_is_said(tmp_path, order, turn):
+    values = np.random.default_rng(0).normal(size=(50, 6, 3))
+    np.save(tmp_path / "a.npy", turn(values))
+    (tmp_path / "a.toml").write_text(f'shape = [2, 3]\nrate = 60.0\norder = "{order}"\n')
+    found = cnnum.load_recording(tmp_path / "a.npy").values
+    np.testing.assert_array_equal(found, values.reshape(50, 2, 3, 3))
+
+
+@pytest.mark.parametrize("suffix", [".parquet", ".bag", ".db3", ".npz", ".h5", ".csv", ".mcap"])
+def test_a_pointer_of_git_lfs_is_called_one_before_a_layout_is_asked_for(tmp_path, suffix):
+    path = tmp_path / f"a{suffix}"
+    path.write_text(
+        f"version https://git-lfs.github.com/spec/v1\noid sha256:{'4' * 64}\nsize 12345\n"
+    )
+    with pytest.raises(cnnum.CnnumError, match="a pointer of Git LFS"):
+        cnnum.load_recording(path)

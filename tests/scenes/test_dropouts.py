@@ -288,3 +288,15 @@ def test_pads_of_two_sizes_are_named_or_one_is_chosen():
     twice = wire("xela", Asked(shape=(4, 4))).decoder()
     assert twice.feed(message(0, 16, 16, 24)) == []
     assert "do not form one array" in twice.trouble
+
+
+@pytest.mark.parametrize("name", ["anyskin", "anyskin-text"])
+def test_a_chip_that_has_its_temperature_alone_costs_no_frame(name):
+    known = wire(name)
+    decoder, got = known.decoder(), []
+    for n in range(30):
+        values = np.random.default_rng(n).normal(20.0, 5.0, (1, 5, 4))
+        values[0, 2, 1:] = np.nan
+        got += decoder.feed(known.encode(Scan(values, known.form.channels, "uT")))
+    assert len(got) >= 28
+    assert np.isnan(got[0].values[0, 2, 1:]).all()
