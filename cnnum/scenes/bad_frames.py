@@ -50,9 +50,9 @@ class BadFrame:
 
     def __str__(self) -> str:
         if self.count == 1:
-            return f"Frame {self.frame} is bad and passed over: {self.why}."
+            return f"Frame {self.frame} is bad and was skipped: {self.why}."
         return (
-            f"{self.count} more frames are bad and passed over, the last of them frame "
+            f"{self.count} more frames are bad and were skipped, the last of them frame "
             f"{self.frame}: {self.why}."
         )
 
@@ -119,9 +119,10 @@ class BadFrames:
         self._persistent |= new
         listed = ", ".join(f"[{row}, {col}]" for row, col in sorted(new))
         logging.getLogger("cnnum").warning(
-            "No frame has been good for %.1f s, for these taxels were bad in all of them: declare "
-            "them dead with 'frames.dead = [%s]' in the scene (or --set), and their values come "
-            "from their neighbours; or set 'frames.range' if their values are right.",
+            "No frame has been good for %.1f s because these taxels were bad in all of them: "
+            "declare them dead with 'frames.dead = [%s]' in the scene (or --set), so that "
+            "they take the values of their neighbours, or set 'frames.range' if their values "
+            "are right.",
             t - self._since,
             listed,
         )

@@ -251,9 +251,9 @@ class Dropouts:
         more = f" and {len(cells) - LISTED} more" if len(cells) > LISTED else ""
         numbers = ", ".join(f"{value:g}" for value in frame.values[tuple(cells[0])].tolist())
         logging.getLogger("cnnum").warning(
-            "At %.3f s the taxels %s%s have dropped out (the first reads %s %s): until they are "
-            "steady again they go on as their neighbours do; check the wiring, or declare them "
-            "dead with 'frames.dead'.",
+            "At %.3f s the taxels %s%s have dropped out (the first reads %s %s): they are "
+            "continued from their neighbours until they are steady again; check the wiring, "
+            "or declare them dead with 'frames.dead'.",
             frame.time, which, more, numbers, frame.unit,
         )  # fmt: skip
 
@@ -382,8 +382,8 @@ class Liveness:
         which = ", ".join(f"[{row}, {col}]" for row, col in cells[:LISTED])
         more = f" and {len(cells) - LISTED} more" if len(cells) > LISTED else ""
         logging.getLogger("cnnum").warning(
-            "%s read %s for %g s at %.3f s: nothing shows that the array lives there, and no event "
-            "can come from it; check its supply and its wiring.",
+            "%s read %s for %g s at %.3f s: nothing shows that the array is alive there, and "
+            "it can cause no event; check its supply and its wiring.",
             "All taxels have" if whole else f"The taxels {which}{more} have",
             f"{frame.values[0, 0, 0]:g} in every channel" if alike else "the same to the bit",
             SILENT, frame.time,

@@ -412,9 +412,9 @@ class Scene(OfThisProcess):
         if seen is None:
             return
         said = (
-            f"Scene '{self.spec.name}': the program counts on {rate:.6g} frames a second, and the "
-            f"times of the first {TIMED} frames have {seen:.4g}: set "
-            f"'program.parameters.rate' or the times of the array right."
+            f"Scene '{self.spec.name}': the program assumes {rate:.6g} frames per second, but "
+            f"the times of the first {TIMED} frames show {seen:.4g}: correct "
+            "'program.parameters.rate' or the times of the array."
         )
         if not getattr(self.driver, "live", False):
             raise SceneError(said)

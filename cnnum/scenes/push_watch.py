@@ -106,8 +106,8 @@ class PushWatch:
         if moved > MOVES * self._noise and not self._said_of_rest:
             self._said_of_rest = True
             logging.getLogger("cnnum").warning(
-                "The first %.2g s are taken as rest, and readings have moved by %.3g in them (%.3g "
-                "times the noise): begin without a motion, or tare once nothing touches.",
+                "The first %.2g s define the rest, but readings moved by %.3g in them (%.3g "
+                "times the noise): begin without motion, or tare once nothing touches.",
                 time - self._began,
                 moved,
                 moved / self._noise,
@@ -138,7 +138,7 @@ class PushWatch:
     def released(self) -> str:
         """Return the message of a rest that was a touch."""
         return (
-            "The readings stand far below those at the start, and are more even than them: the "
-            "rest at the start was a touch. It is learned anew when nothing has moved for 10 s, or "
-            "at once by a tare."
+            "The readings are far below those at the start, and more even: the rest at the "
+            "start was a touch. The rest is learned again when nothing has moved for 10 s, "
+            "or at once by a tare."
         )

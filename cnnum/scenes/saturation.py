@@ -198,7 +198,7 @@ class Saturation:
         if not known:
             cure = "the array does not say which: find them with 'cnnum probe'"
         logging.getLogger("cnnum").warning(
-            "Taxels have stood at an end of their range %s, and a load on them is not seen: %s.",
+            "Taxels have been at an end of their range %s, so a load on them is not seen: %s.",
             how,
             cure,
         )

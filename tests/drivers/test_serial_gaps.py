@@ -249,7 +249,7 @@ def test_a_bad_frame_is_named_once_and_a_bad_cell_with_its_cure(
     with caplog.at_level(logging.WARNING, "cnnum"):
         run(scene, 300)
     first, cure = [record.getMessage() for record in caplog.records]
-    assert "Frame 20 is bad and passed over: taxel (2, 3) reads nan strain" in first
+    assert "Frame 20 is bad and was skipped: taxel (2, 3) reads nan strain" in first
     assert "taxels [2, 3] have dropped out" in cure
     # bad until it is known that the taxel stays so, and without it from then on
     summary = scene.summary()

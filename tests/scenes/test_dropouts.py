@@ -195,7 +195,7 @@ def test_silence_is_an_event_and_one_sentence(tmp_path, caplog, fault):
         _, events = played(tmp_path, values)
     assert [kind for kind, _ in events] == ["silent", "silent_end"]
     assert [at for _, at in events] == pytest.approx([11.0, 12.0], abs=0.02)
-    assert caplog.text.count("nothing shows that the array lives") == 1
+    assert caplog.text.count("nothing shows that the array is alive") == 1
 
 
 def frame(values, number):

@@ -87,8 +87,8 @@ def test_bad_frames_are_named_now_and_then(caplog):
             named.append((number, bad.named.count))
     assert named == [(0, 1), (40, 40), (80, 40)]
     said = [record.getMessage() for record in caplog.records]
-    assert said[0] == "Frame 0 is bad and passed over: it is wrong."
-    assert said[1].startswith("40 more frames are bad and passed over, the last of them frame 40")
+    assert said[0] == "Frame 0 is bad and was skipped: it is wrong."
+    assert said[1].startswith("40 more frames are bad and were skipped, the last of them frame 40")
     assert bad.count == 100
 
 

@@ -345,7 +345,7 @@ def test_a_rest_that_moves_is_said(tmp_path, caplog):
     values[..., 2] += np.clip(t, 0.0, 0.4)[:, None, None] * 200.0
     with caplog.at_level(logging.WARNING, "cnnum"):
         played(tmp_path, values, 200.0, needs="slip")
-    assert "readings have moved by" in caplog.text
+    assert "readings moved by" in caplog.text
 
 
 def test_a_rate_that_contradicts_the_times_is_refused(tmp_path):

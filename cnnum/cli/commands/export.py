@@ -138,7 +138,9 @@ def _show(exported: "Exported", out: Path, output: Output) -> None:
         }
     )
     timed = (
-        [] if facts.rate is None else [f"Constants of time are for {facts.rate:g} frames a second."]
+        []
+        if facts.rate is None
+        else [f"Time constants are those for {facts.rate:g} frames per second."]
     )
     output.show(
         f"Wrote {', '.join(sorted(exported.files))} to {out}.",

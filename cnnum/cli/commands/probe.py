@@ -393,8 +393,8 @@ def _unverified(driver: "Driver") -> list[tuple[str, str]]:
     return [
         (
             "check",
-            "frames of this protocol cannot be verified: one that jumps away from its neighbours "
-            "counts as bad, other damage goes unseen",
+            "frames of this protocol cannot be verified: a frame that jumps away from its "
+            "neighbours counts as bad, and other damage is not detected",
         )
     ]
 

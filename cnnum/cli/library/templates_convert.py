@@ -75,6 +75,6 @@ def export(name: str, file: str, force: bool, as_json: bool) -> None:
     )
     if lost:
         output.show(
-            f"Other programs will not see its {', '.join(lost)}: the format has no words for that, "
-            "and it stands in comments, which cnnum reads back."
+            f"Other programs will not see its {', '.join(lost)}: the format cannot express "
+            "this, so it is written as comments, which cnnum reads back."
         )

@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from cnnum.templating.template import Template
 
 _UNCHECKED = (
-    "Settle times are of black-and-white pictures. Name a check in [check], so that margin and "
-    "robustness are known: they need the right answer."
+    "Settling times are those of black-and-white pictures. Margin and robustness need the "
+    "right answer: name a check in [check]."
 )
 
 _DRAWS = 50
@@ -142,7 +142,11 @@ def report(
     shown = table("change of the weights", ">templates that flip", ">wrong cells")
     for change in changes:
         shown.add_row(change.change, _share(change), f"{100 * change.wrong:.2g} %")
-    output.show(shown, f"Of mismatch {_DRAWS} are drawn; in brackets the share's 95 % interval.")
+    output.show(
+        shown,
+        f"{_DRAWS} chips are drawn for each mismatch, and brackets have the 95 % interval of the "
+        "share.",
+    )
     for change in changes:
         if change.failed:
             output.show(f"{change.change}: {change.failed} were not run. {change.reason}")

@@ -61,7 +61,7 @@ def _by_words(words: str, most: int, output: Output) -> None:
             {"template": hit.name, "fit": round(hit.score, 3), "description": hit.summary}
         )
         shown.add_row(hit.name, f"{hit.score:.2f}", hit.summary)
-    output.show(shown if hits else f"No template is described by '{words}'.")
+    output.show(shown if hits else f"No template matches '{words}'.")
 
 
 def _by_example(given: Path, wanted: Path, state: Path | None, most: int, output: Output) -> None:
