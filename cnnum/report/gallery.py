@@ -14,7 +14,7 @@ from cnnum.arrays import Floats
 from cnnum.report.pictures.svg import plain
 from cnnum.templating.checks import CheckResult, form_of
 from cnnum.templating.checks.measuring import unsettled
-from cnnum.templating.checks.running import Engine, run_case
+from cnnum.templating.checks.running import Engine, run_case, run_way
 from cnnum.templating.files import Entry
 from cnnum.templating.numbers_in_words import functions, matrices
 from cnnum.templating.template import Template
@@ -51,7 +51,7 @@ def filmstrip(template: Template, engine: Engine) -> tuple[tuple[str, Floats], .
     """Return input, start, half-way and end of one picture of a template's check."""
     form = form_of(template)
     case = form.cases(template, np.random.default_rng(3), SHAPE)
-    whole = run_case(template, engine, case, form.rtol)
+    whole = run_way(template, engine, case, form.rtol)
     end = float(np.max(whole.time))
     times = [0.1 * end, 0.3 * end] if template.delayed is None and end > 0 else [0.5 * end]
     if template.output.discrete:

@@ -130,14 +130,16 @@ class Proven:
     Parameters
     ----------
     state : (..., rows, cols) float
-        A stable equilibrium, or close to it, with outputs that do not change any more.
+        An equilibrium, or close to it, with outputs that do not change any more.
     error : (...) float
+    keeps : (...) bool
+        Whether it is stable.
     """
 
-    __slots__ = ("_error", "_state")
+    __slots__ = ("_error", "_keeps", "_state")
 
-    def __init__(self, state: Floats, error: Floats) -> None:
-        self._state, self._error = state, error
+    def __init__(self, state: Floats, error: Floats, keeps: NDArray[np.bool_]) -> None:
+        self._state, self._error, self._keeps = state, error, keeps
 
     @property
     def certified(self) -> NDArray[np.str_]:
@@ -147,7 +149,7 @@ class Proven:
     @property
     def stability(self) -> NDArray[np.str_]:
         """The stability of the equilibrium at each frame's state."""
-        return np.full(self._error.shape, "stable")
+        return np.where(self._keeps, "stable", "unstable")
 
     @property
     def decision(self) -> Decision:

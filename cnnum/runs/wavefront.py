@@ -9,8 +9,12 @@ in. A cell that is left then sees enough to stay at 1 even after all these falls
 no cell at −1 sees enough to rise. So the outputs stay between those of the start and those of the
 end, and each cell on the list does fall: above 1 it decays to a value below 1, and between 1 and −1
 its rate is negative. Outputs are then constant, and the states decay to A ∗ y + B ∗ u + z. The same
-holds with all signs reversed, for arrays that rise. Where cells go both ways, or a sum is as close
-to the edge as roundings are, nothing is said, and the run takes its way.
+holds with all signs reversed, for arrays that rise. Where a sum is as close to the edge as roundings
+are, nothing is said, and the run takes its way.
+
+Where some cells rise and others fall, the array is bounded by two that go one way each: one that
+begins with all that may fall having fallen, and one with all that may rise having risen. If both
+end alike, so does the array between them.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -36,6 +40,9 @@ REASON = "the order of events cannot change where the array ends, so the way the
 
 SPARE = 4.0
 """Roundings are taken to be so many times what the terms of a sum give."""
+
+FINEST, LARGEST = 2.0**12, 2.0**10
+"""Multiples of 1/4096 up to 1024: products of two, and sums of a thousand, have 53 bits."""
 
 EPSILON = float(np.finfo(np.float64).eps)
 
@@ -136,13 +143,13 @@ def without_way(request: Request, down: Callable[[Request], Result]) -> Result:
         state=state,
         time=together([end.time for end in found], "time"),
         steps=together([0] * len(found), "steps"),
-        settled=together([True] * len(found), "settled"),
+        settled=together([end.keeps for end in found], "settled"),
         error=together([end.error for end in found], "error"),
         method=WAVEFRONT if below is None else below.method,
         reason=REASON if below is None else f"{below.reason}; of {len(found)} frames, {REASON}",
     )
     if below is None:
-        object.__setattr__(result, "proof", Proven(result.state, result.error))
+        object.__setattr__(result, "proof", Proven(result.state, result.error, result.settled))
     return result
 
 
@@ -163,11 +170,15 @@ def _refusal(request: Request) -> str:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _End:
-    """The end of one array: its state, the time when that is reached, and how far it is off."""
+    """The end of one array: its state, the time when that is reached, and how far it is off.
+
+    A cell at just 1 or −1 is only just held: the array comes there, and the least push moves it on.
+    """
 
     state: Floats
     time: float
     error: float
+    keeps: bool
 
     @classmethod
     def of(cls, request: Request, known: Monotone, frame: tuple[int, ...]) -> "_End | str":
@@ -180,50 +191,98 @@ class _End:
         end = _rest(template, known, maps, request.shape)
         if isinstance(end, str):
             return end
-        state, time, error, largest = end
+        state, time, error, largest, keeps = end
         duration = template.duration if spec.duration is None else spec.duration
         if duration == "settle":
-            return cls(state, time, error)
+            return cls(state, time, error, keeps)
         left = float(duration) - time
         if left < 0.0:
             return f"its outputs may change until {time:.4g}"
         error += 2.0 * largest * float(np.exp(-left / float(template.tau[0])))
         if spec.method != WAVEFRONT and error > spec.atol + spec.rtol:  # all states are beyond 1
             return "its states still move at that time"
-        return cls(state, float(duration), error)
+        return cls(state, float(duration), error, keeps)
 
 
 def _rest(
     template: Template, known: Monotone, maps: Given, shape: Shape
-) -> tuple[Floats, float, float, float] | str:
-    """Return the equilibrium, the time to it, its error, and the size of states; or why not."""
+) -> tuple[Floats, float, float, float, bool] | str:
+    """Return the equilibrium, the time to it, its error, the size of states, and whether it keeps.
+
+    A string says why there is none.
+    """
     from cnnum.engines.numba.wavefront import END, GREY, front  # Numba takes its time
 
     start = maps.get("state", maps.get("input") if template.initial == "input" else None)
     if start is None:
         start = np.broadcast_to(np.float64(template.initial), shape)
     held = maps["mask"] != 0.0 if "mask" in maps else np.zeros((0, 0), dtype=bool)
+    drive, size, terms = _drive(template, known, maps, shape)
     weights = known.feedback[2]
-    # the other way where the first is none; which is first saves time where all begin alike
-    for sign in (1.0, -1.0) if start[0, 0] > 0.0 else (-1.0, 1.0):
-        drive, size, terms = _drive(template, known, maps, shape)
-        size += known.centre + float(weights.sum())
-        rounding = SPARE * (terms + 2 * weights.size) * EPSILON * size
-        about = (known.feedback, known.centre, known.rim, sign, rounding)
-        outcome, time, state = front(start, held, drive, *about)
-        if outcome == GREY:
-            return "a cell begins between −1 and 1"
-        if outcome == END:
-            largest = max(float(np.abs(start).max()), size)
-            own = rounding + EPSILON * largest
-            return state, time * float(template.tau[0]), own, largest
-    return "some of its cells rise and others fall, or a sum is too close to the edge to tell"
+    size += known.centre + float(weights.sum())
+    rounding = SPARE * (terms + 2 * weights.size) * EPSILON * size
+
+    def gone(
+        begun: NDArray[np.floating], sign: float, margin: float, *, alone: bool = False
+    ) -> tuple[int, float, Floats]:
+        about = (known.feedback, known.centre, known.rim, sign, margin)
+        return front(begun, held, drive.copy(), *about, alone=alone)
+
+    def end_within(margin: float) -> tuple[int, float, Floats]:
+        """Return the end of cells that go one way, else the one that bounds of both ways share."""
+        # the other way where the first is none; which is first saves time where all begin alike
+        first = 1.0 if start[0, 0] > 0.0 else -1.0
+        found = gone(start, first, margin)
+        if found[0] in (END, GREY):
+            return found
+        found = gone(start, -first, margin)
+        if found[0] == END:
+            return found
+        ends = list[tuple[int, float, Floats]]()
+        for sign, bound in ((1.0, np.minimum), (-1.0, np.maximum)):
+            # from a state below (above): all that may fall (rise) has done so at once
+            outcome, _, reached = gone(start, sign, margin, alone=True)
+            if outcome != END:
+                return found
+            ends.append(gone(bound(start, np.sign(reached)), -sign, margin))
+        (below, early, low), (above, late, high) = ends
+        if below != END or above != END or not bool((low == high).all()):
+            return found
+        return END, max(early, late), low
+
+    outcome, time, state = end_within(rounding)
+    if outcome not in (END, GREY) and _sums_exactly(template, known, maps):
+        outcome, time, state = end_within(0.0)
+    if outcome == GREY:
+        return "a cell begins between −1 and 1"
+    if outcome != END:
+        return (
+            "cells that rise may race others that fall, or a sum is too close to the edge to tell"
+        )
+    largest = max(float(np.abs(start).max()), size)
+    own = rounding + EPSILON * largest
+    free = np.abs(state[~held]) if held.size else np.abs(state)
+    keeps = bool((free > 1.0).all())
+    return state, time * float(template.tau[0]), own, largest, keeps
 
 
 def _rim(boundary: Boundary) -> tuple[int, float]:
     if boundary.constant is not None:
         return 0, min(max(float(boundary.constant), -1.0), 1.0)
     return (1, 0.0) if boundary.pad_mode == "symmetric" else (2, 0.0)
+
+
+def _sums_exactly(template: Template, known: Monotone, maps: Given) -> bool:
+    """Return whether no sum of the run is rounded: all numbers are multiples of a power of two."""
+    numbers = [template.z, template.A, template.B, np.float64(known.rim[1])]
+    numbers += [maps[role] for role in ("input", "bias") if role in maps]
+    if template.input_boundary.constant is not None:
+        numbers.append(np.float64(template.input_boundary.constant))
+    scaled = (np.asarray(one, dtype=np.float64) * FINEST for one in numbers)
+    return all(
+        bool((np.abs(one) < FINEST * LARGEST).all() and (one == np.rint(one)).all())
+        for one in scaled
+    )
 
 
 def _drive(

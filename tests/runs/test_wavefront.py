@@ -151,6 +151,24 @@ def test_pictures_are_those_of_scipy(shape):
         assert result.decision.saturated.all()
 
 
+def test_a_cell_that_is_held_by_nothing_to_spare_stays():
+    """FIGREC leaves a white cell among eight black ones at a rate of just 0."""
+    engine = cnnum.Engine("numba")
+    ring = -np.ones((9, 14))
+    ring[:, :9] = 1.0
+    ring[4, 4] = ring[6, 2] = -1.0
+    marks = -np.ones((9, 14))
+    marks[0, 0] = marks[4, 12] = 1.0  # the second one lies on no object, and falls
+    found = engine.run("FIGREC", input=ring, state=marks)
+    np.testing.assert_array_equal(found.output, ring)
+    assert (found.method, float(found.error) < 1e-12) == ("wavefront", True)
+    assert not found.settled
+    assert found.stability == "unstable"
+    assert found.certified == "proven"
+    off = engine.run("FIGREC", input=ring, state=marks, bias=np.full((9, 14), 1e-3))
+    assert off.output[6, 2] == 1.0
+
+
 def test_what_is_not_proven_takes_its_way():
     engine = cnnum.Engine("numba")
     rng = np.random.default_rng(2)

@@ -26,6 +26,8 @@ def front(
     rim: tuple[int, float],
     sign: float,
     margin: float,
+    *,
+    alone: bool = False,
 ) -> tuple[int, float, Floats]:
     """Let every cell fall that the others no longer hold.
 
@@ -46,7 +48,10 @@ def front(
     sign : float
         1 for cells that fall, −1 for cells that rise.
     margin : float
-        By which roundings may move a sum.
+        By which roundings may move a sum; 0 where sums are exact, and then a cell that sees just
+        what holds it stays.
+    alone : bool
+        Cells at −1 stay there, whatever they see; the state is then no equilibrium.
 
     Returns
     -------
@@ -56,7 +61,7 @@ def front(
     state : (rows, cols) float
         The equilibrium that the array comes to.
     """
-    return _front(start, held, drive, *feedback, centre, *rim, sign, margin, ROOM)
+    return _front(start, held, drive, *feedback, centre, *rim, sign, margin, alone, ROOM)
 
 
 @inlined
@@ -85,6 +90,7 @@ def _front(
     value: float,
     sign: float,
     margin: float,
+    alone: bool,
     room: int,
 ) -> tuple[int, float, Floats]:
     rows, cols = start.shape
@@ -146,7 +152,7 @@ def _front(
             if anywhere and held[r, c]:
                 continue
             if y[own + c] < 0:
-                mixed |= not (total - centre < -1.0 - margin)
+                mixed |= not (alone or total - centre <= -1.0 - margin)
             elif centre + total < 1.0 - margin:
                 queue[count] = own + c
                 count += 1
@@ -215,7 +221,7 @@ def _front(
             if anywhere and held[r, c]:
                 drive[r, c] = start[r, c]
             elif y[own + c] > 0:
-                mixed |= not (centre + s[own + c] > 1.0 + margin)
+                mixed |= not (centre + s[own + c] >= 1.0 + margin)
                 drive[r, c] = sign * (centre + s[own + c])
             else:
                 drive[r, c] = sign * (s[own + c] - centre)

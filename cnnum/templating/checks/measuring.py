@@ -12,7 +12,7 @@ from cnnum.errors import CnnumError
 from cnnum.templating.checks.pictures import binary_case
 from cnnum.templating.checks.records import Case, ClosedForm
 from cnnum.templating.checks.registry import form_of, posed
-from cnnum.templating.checks.running import Engine, Result, run_case
+from cnnum.templating.checks.running import Engine, Result, run_case, run_way
 from cnnum.templating.files.measured import Measured
 from cnnum.templating.reads import autonomous
 from cnnum.templating.template import Template
@@ -53,7 +53,7 @@ def measure(template: Template, engine: Engine) -> Measured:
     """
     form = form_of(template)
     case, _ = posed(template, 0, SHAPE)
-    mean, rms = summary(run_case(template, engine, case, form.rtol).state)
+    mean, rms = summary(run_way(template, engine, case, form.rtol).state)
     return Measured(
         template.digest,
         mean,
@@ -194,7 +194,7 @@ def _start(case: Case) -> Floats:
 
 def _run(template: Template, engine: Engine, case: Case) -> Result:
     rtol = _RTOL if template.check is None else form_of(template).rtol
-    return run_case(template, engine, case, rtol)
+    return run_way(template, engine, case, rtol)
 
 
 def drift(template: Template, result: Result, measured: Measured) -> str:
