@@ -9,8 +9,8 @@ in. A cell that is left then sees enough to stay at 1 even after all these falls
 no cell at −1 sees enough to rise. So the outputs stay between those of the start and those of the
 end, and each cell on the list does fall: above 1 it decays to a value below 1, and between 1 and −1
 its rate is negative. Outputs are then constant, and the states decay to A ∗ y + B ∗ u + z. The same
-holds with all signs reversed, for arrays that rise. Where a sum is as close to the edge as roundings
-are, nothing is said, and the run takes its way.
+holds with all signs reversed, for arrays that rise. Where a sum is as close to the edge as
+roundings are, nothing is said, and the run takes its way.
 
 Where some cells rise and others fall, the array is bounded by two that go one way each: one that
 begins with all that may fall having fallen, and one with all that may rise having risen. If both
