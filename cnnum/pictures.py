@@ -88,7 +88,7 @@ def load_picture(path: str | Path) -> Floats:
     Raises
     ------
     PictureError
-        If the file cannot be read, or is no image.
+        If the file cannot be read, or is not an image.
     MissingExtraError
         If Pillow is not installed.
     """
@@ -105,7 +105,7 @@ def load_picture(path: str | Path) -> Floats:
     except OSError as error:
         if error.errno is not None:
             raise unreadable(PictureError, f"'{path}'", error) from None
-        why = "it is no image that Pillow reads"
+        why = "it is not an image that Pillow reads"
         raise PictureError(f"'{path}' cannot be read as a picture: {why}.") from None
     except (ValueError, SyntaxError, image.DecompressionBombError) as error:
         raise PictureError(f"'{path}' cannot be read as a picture: {error}.") from None

@@ -121,7 +121,7 @@ def array_shapes(path: Path) -> dict[str, tuple[tuple[int, ...], str]]:
     except OSError as error:
         raise unreadable(RecordingError, f"'{path}'", error) from None
     except DAMAGE as error:
-        raise CodecError(f"'{path}' is no NumPy file: {str(error).rstrip('.')}.") from None
+        raise CodecError(f"'{path}' is not a NumPy file: {str(error).rstrip('.')}.") from None
     return found
 
 
@@ -130,7 +130,7 @@ def _read(path: Path, file: IO[bytes], wanted: Collection[str]) -> dict[str, NDA
     try:
         archive = zipfile.ZipFile(_Bounded(file))  # pyright: ignore[reportArgumentType, reportCallIssue]
     except DAMAGE:
-        raise CodecError(f"'{path}' is no NumPy archive (.npz), or it is cut off.") from None
+        raise CodecError(f"'{path}' is not a NumPy archive (.npz), or it is cut off.") from None
     with archive:
         members = _members(path, archive, wanted)
         headers = {name: _header(path, archive, info) for name, info in members.items()}

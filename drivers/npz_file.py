@@ -140,13 +140,13 @@ def read_npz(path: Path) -> Archive:
     RecordingError
         If the file cannot be read, or needs more memory than there is.
     CodecError
-        If it is no recording or is damaged; the sentence names the file and the fault.
+        If it is not a recording or is damaged; the sentence names the file and the fault.
     """
     held = read_arrays(path, _WANTED)
     try:
         return _checked(_recording(held))
     except (CodecError, CalibrationError) as error:
-        raise CodecError(f"'{path}' is no recording of cnnum: {error}") from None
+        raise CodecError(f"'{path}' is not a recording of cnnum: {error}") from None
 
 
 def _recording(held: Mapping[str, NDArray[Any]]) -> Archive:
@@ -237,7 +237,7 @@ class NpzOptions:
         RecordingError
             If the file cannot be read.
         CodecError
-            If it is no recording.
+            If it is not a recording.
         """
         return NpzFile(read_npz(self.path))
 

@@ -67,7 +67,7 @@ def read_options_file(
     Raises
     ------
     SceneError
-        If the file cannot be read, is no TOML, or a key is unknown, missing or wrong.
+        If the file cannot be read, is not TOML, or a key is unknown, missing or wrong.
     """
     try:
         table = parse_toml(read_text(path, most=LARGEST_FILE))

@@ -57,7 +57,7 @@ def array_of(file: Path, topic: str = "") -> dict[str, object]:
         return {"driver": "npz", "path": path}
     if suffix in READERS or _has_layout(file):
         return {"driver": "file", "path": path}
-    raise RecordingError(f"'{file}' is no recording: {expected}")
+    raise RecordingError(f"'{file}' is not a recording: {expected}")
 
 
 def _refuse_others(file: Path) -> None:
@@ -125,7 +125,7 @@ def load_recording(path: str | Path, *, budget: float = 1.0, topic: str = "") ->
     Raises
     ------
     RecordingError, CodecError
-        If it cannot be read, or is no recording.
+        If it cannot be read, or is not a recording.
     SceneError
         If its layout is missing or wrong.
     """

@@ -156,7 +156,7 @@ def _counts(table: TextTable) -> Floats:
 
 
 def _refuse_several(folder: Path) -> None:
-    """Raise if a folder is no trial, but has trials in it."""
+    """Raise if a folder is not a trial, but has trials in it."""
     if any(names_something(folder / name) for name in PAD_FILES):
         return
     found = sorted({file.parent.name for name in PAD_FILES for file in folder.glob(f"*/{name}")})
@@ -168,8 +168,8 @@ def _refuse_several(folder: Path) -> None:
             f"({names}{more})."
         )
     raise RecordingError(
-        f"'{folder}' is no trial: expected a folder with {' or '.join(map(repr, PAD_FILES))}; name "
-        "it by 'array.path', as in '--set array.path=FOLDER'."
+        f"'{folder}' is not a trial: expected a folder with {' or '.join(map(repr, PAD_FILES))}; "
+        "name it by 'array.path', as in '--set array.path=FOLDER'."
     )
 
 

@@ -233,7 +233,7 @@ class _Choice:
         if bound == 0.0:
             raise MethodError(
                 f"No step of '{method}' is known to be stable for template '{self.template.name}' "
-                f"({reason}): take method='auto', or force=True with a step."
+                f"({reason}): use method='auto', or force=True with a step."
             )
         raise MethodError(
             f"dt={step:g} is outside the stability bound {bound:.4g} of '{method}' for template "

@@ -192,7 +192,7 @@ def implicit_steps(
     if network.states > MOST_STATES:
         raise MethodError(
             f"'{spec.method}' factorises the array at each step, which may have up to "
-            f"{MOST_STATES:,} states, got {network.states:,}: take method='auto'."
+            f"{MOST_STATES:,} states, got {network.states:,}: use method='auto'."
         )
     if spec.dt is not None:
         raise MethodError(f"'{spec.method}' chooses its own steps: leave dt out.")

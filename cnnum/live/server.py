@@ -59,7 +59,7 @@ class Place:
     Raises
     ------
     SceneError
-        If others than this machine could connect and no token is set, or the token is no text.
+        If others than this machine could connect and no token is set, or the token is not text.
     """
 
     host: str = "127.0.0.1"

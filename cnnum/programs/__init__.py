@@ -106,7 +106,7 @@ class Program:
         Raises
         ------
         OtherProcessError
-            If the function is no program of a module, as one made inside another function.
+            If the function is not defined at the top of a module.
         """
         place = self.function.__module__, self.function.__qualname__
         try:

@@ -89,7 +89,7 @@ def in_own_units(
     Raises
     ------
     ProgramError
-        If a text is no number with a unit that fits. Or if a length is given where pitches are
+        If a text is not a number with a unit that fits. Or if a length is given where pitches are
         meant, and no pitch is known.
     """
     found = dict(parameters)

@@ -167,7 +167,7 @@ class Layout:
         try:
             return Calibration.from_text(self.calibration, path)
         except CalibrationError as error:
-            raise CodecError(f"'{path}' is no recording of cnnum: {error}") from None
+            raise CodecError(f"'{path}' is not a recording of cnnum: {error}") from None
 
 
 def _names(text: str) -> tuple[str, ...]:

@@ -202,7 +202,7 @@ def _of_mcap(path: Path, topic: str) -> Generator[Message, None, None]:
     except Exception as error:  # whatever the library finds in a damaged record
         raise CodecError(f"'{path}' is damaged: {_said(error)}.") from None
     if not seen:
-        raise CodecError(f"'{path}' is no MCAP file, or has no whole message.")
+        raise CodecError(f"'{path}' is not an MCAP file, or has no complete message.")
     if holes:
         warnings.warn(
             f"'{path}' is damaged: {unreadable_bytes(holes)} bytes in {len(holes)} places are not "
@@ -307,7 +307,7 @@ def _of_bag(path: Path, topic: str) -> Generator[Message, None, None]:
     except (CnnumError, MemoryError):
         raise
     except Exception as error:  # whatever the library finds in a damaged bag
-        raise CodecError(f"'{path}' is no bag that can be read: {_said(error)}.") from None
+        raise CodecError(f"'{path}' cannot be read as a bag: {_said(error)}.") from None
 
 
 def _of_lines(path: Path) -> Generator[Message, None, None]:

@@ -199,7 +199,7 @@ def look(path: Path, budget: float = 1.0) -> Contents:
             held = tuple(one for _, _, one in attached(file, len(MAGIC), size, spent))
     if decoder.layout is None or not tally.frames:
         raise CodecError(
-            f"'{path}' is no recording of cnnum: there is no whole chunk of frames in its "
+            f"'{path}' is not a recording of cnnum: there is no whole chunk of frames in its "
             f"{size} bytes."
         )
     return Contents(
@@ -283,7 +283,7 @@ def _decoded(decoder: Decoder, chunk: WholeChunk, path: Path, budget: Budget) ->
         except SpentError:
             raise
         except CodecError as error:
-            raise CodecError(f"'{path}' is no recording of cnnum: {error}") from None
+            raise CodecError(f"'{path}' is not a recording of cnnum: {error}") from None
         budget.take(len(rows))
     return rows
 

@@ -117,7 +117,7 @@ def analyse(template: Template | str, shape: Sequence[int] = (8, 8)) -> Analysis
     ArrayError
         If the shape is not that of an array.
     TemplateError
-        If it is no template.
+        If it is not a template.
     UnknownNameError
         If there is none of that name.
 
@@ -152,7 +152,7 @@ def analyse_program(
     Raises
     ------
     ProgramError
-        If it is no program, or cannot be traced.
+        If it is not a program, or cannot be traced.
     """
     expect("program", program, Program, ProgramError)
     thinned = schedule(program.trace(shape, channels), channels, None)

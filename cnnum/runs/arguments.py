@@ -186,5 +186,5 @@ def _put(role: str, array: NDArray[np.floating], planes: NDArray[np.floating]) -
     except FloatingPointError:
         raise ArrayError(
             f"'{role}' reaches {np.abs(array).max():.3g}, more than {planes.dtype} holds: scale it "
-            "down, or take precision='float64'."
+            "down, or use precision='float64'."
         ) from None

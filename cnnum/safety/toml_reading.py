@@ -21,7 +21,7 @@ def parse_toml(text: str) -> dict[str, Any]:
     Raises
     ------
     ValueError
-        If it is no TOML, is nested too deep, or holds a whole number of more than 64 bits. The
+        If it is not TOML, is nested too deep, or holds a whole number of more than 64 bits. The
         message says which and ends without a full stop.
     """
     # the pattern is tried where a line has the dots for it alone: it takes a fifth of a file's time

@@ -165,7 +165,7 @@ def _made(template: Template, parts: Parts, lead: tuple[int, ...]) -> TemplateBa
 
 
 def _form(template: Template) -> tuple[object, ...]:
-    """Return all of a template that is no number of a batch."""
+    """Return all of a template that is not a number of a batch."""
     delayed, one = template.delayed, np.ones((1, 1))
     return (
         template.A.shape,

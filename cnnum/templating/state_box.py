@@ -118,6 +118,6 @@ def sampled_slopes(output: OutputFunction, reach: float) -> tuple[float, float]:
 def refuted(output: OutputFunction, sampled: tuple[float, float]) -> bool:
     """Return whether samples show slopes beyond those that an output function declares."""
     allowed = ROUNDINGS * max(output.steepest, 1.0)
-    # written so that a function that is no number somewhere is refuted, too
+    # written so that a function that is not a number somewhere is refuted, too
     within = sampled[0] >= output.slope[0] - allowed and sampled[1] <= output.slope[1] + allowed
     return not within

@@ -201,7 +201,7 @@ def read_descriptor(path: Path, shape: Shape | None = None) -> Descriptor:
     Raises
     ------
     SceneError
-        If the file cannot be read, is no TOML, or a key is unknown, missing or wrong.
+        If the file cannot be read, is not TOML, or a key is unknown, missing or wrong.
     """
     known = read_options_file(Descriptor, "The descriptor", path, {})
     if shape is None or shape == known.shape:

@@ -89,7 +89,7 @@ def _index(lines: list[bytes], full: list[bytes], rows: int) -> int:
 
 
 def _floats(line: bytes) -> list[float]:
-    """Return the numbers of a line; none where one is no number."""
+    """Return the numbers of a line; none where one is not a number."""
     if line.translate(None, ALLOWED):
         return []
     try:

@@ -61,7 +61,7 @@ def read_own_csv(path: Path) -> Recording:
     Raises
     ------
     CodecError
-        If columns are missing, or a field is no number.
+        If columns are missing, or a field is not a number.
     RecordingError
         If it cannot be read.
     """
@@ -119,7 +119,7 @@ def read_own_hdf5(path: Path) -> tuple[Recording, Calibration | None] | None:
         text = str(attributes.get("calibration", ""))
         return made, Calibration.from_text(text, path) if text else None
     except (KeyError, TypeError, ValueError, CalibrationError) as error:
-        raise CodecError(f"'{path}' is no recording of cnnum: {error}") from None
+        raise CodecError(f"'{path}' is not a recording of cnnum: {error}") from None
 
 
 def _recording(

@@ -75,9 +75,11 @@ def npy_array(path: Path, layout: DataLayout) -> Arrays:
         raise unreadable(RecordingError, f"'{path}'", error) from None
     except (*DAMAGE, MemoryError) as error:
         why = str(error).rstrip(".") or type(error).__name__
-        raise CodecError(f"'{path}' is no NumPy array: {why}.") from None
+        raise CodecError(f"'{path}' is not a NumPy array: {why}.") from None
     if not isinstance(held, np.ndarray):
-        raise CodecError(f"'{path}' is no NumPy array but an archive: give it the suffix '.npz'.")
+        raise CodecError(
+            f"'{path}' is not a NumPy array but an archive: give it the suffix '.npz'."
+        )
     return {VALUES: cast("NDArray[Any]", held)}
 
 

@@ -182,7 +182,7 @@ class Fixed:
             return found
         raise NotSupportedError(
             f"A power in whole numbers has the exponent 1/2, 1/3, 1, 2, 3 or 4, got {exponent!s}: "
-            "take precision='float32'."
+            "use precision='float32'."
         )
 
     def exponential(self, a: Quantity, finest: int) -> Quantity:
@@ -194,7 +194,7 @@ class Fixed:
             Always.
         """
         raise NotSupportedError(
-            "An exponential has no form in whole numbers: take precision='float32', or leave out "
+            "An exponential has no form in whole numbers: use precision='float32', or leave out "
             "the outputs that need it."
         )
 
@@ -207,7 +207,7 @@ class Fixed:
             Always.
         """
         raise NotSupportedError(
-            "A logarithm has no form in whole numbers: take precision='float32', or leave out the "
+            "A logarithm has no form in whole numbers: use precision='float32', or leave out the "
             "outputs that need it."
         )
 

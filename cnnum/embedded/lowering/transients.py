@@ -424,7 +424,7 @@ def stepped(work: TransientWork, scheme: FixedSteps) -> dict[int, Array]:
     """
     if scheme.tableau != EULER:
         raise NotSupportedError(
-            f"Steps of '{scheme.tableau.name}' are not exported: take method='euler'."
+            f"Steps of '{scheme.tableau.name}' are not exported: use method='euler'."
         )
     to, template = work.to, work.template
     work.prepare()

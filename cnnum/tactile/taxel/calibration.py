@@ -25,7 +25,7 @@ def identity_of(text: str) -> str:
     Raises
     ------
     CalibrationError
-        If it is no text.
+        If it is not text.
     """
     if not isinstance(cast(object, text), str):
         raise CalibrationError(f"A calibration must be TOML text, got {type(text).__name__}.")

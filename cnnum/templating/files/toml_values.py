@@ -22,7 +22,7 @@ def read_table(kind: str, path: Path) -> dict[str, object]:
     TemplateFileError
         If the file cannot be read.
     TemplateError
-        If it is no TOML.
+        If it is not TOML.
     """
     try:
         return parse_toml(read_text(path, most=LARGEST))

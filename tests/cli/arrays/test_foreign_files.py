@@ -108,7 +108,7 @@ WRONG = {
     "words.csv": (b"some, words\nand, more\n", "no table of numbers"),
     "noise.bin": (bytes(range(256)) * 40, "neither a table in a text file, nor what an array"),
     "flat.npy": ("flat", "no array of frames"),
-    "cut.mcap": (b"\x89MCAP0\r\n", "no MCAP file, or has no whole message"),
+    "cut.mcap": (b"\x89MCAP0\r\n", "not an MCAP file, or has no complete message"),
     "bad.jsonl": (b"{not json\n", "line 1: expected JSON"),
     "page.html": (b"<!DOCTYPE html><html></html>", "no table of numbers"),
     "pointer.npz": (b"version https://git-lfs.github.com/spec/v1\n", "a pointer of Git LFS"),

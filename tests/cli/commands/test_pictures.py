@@ -31,7 +31,7 @@ def test_black_is_plus_one_and_what_is_transparent_is_white(tmp_path):
     ("call_it", "said"),
     [
         (lambda at: cnnum.load_picture(at / "none.png"), "cannot be read: No such file"),
-        (lambda at: cnnum.load_picture(at / "text.png"), "no image that Pillow reads"),
+        (lambda at: cnnum.load_picture(at / "text.png"), "not an image that Pillow reads"),
         (lambda at: cnnum.save_picture(PICTURE, at / "p.nothing"), "cannot be written"),
         (lambda at: cnnum.save_picture(PICTURE, at / "no" / "p.png"), "cannot be written"),
         (lambda at: cnnum.save_picture(np.zeros(3), at / "p.png"), "holds .rows, cols."),

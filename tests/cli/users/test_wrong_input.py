@@ -67,11 +67,11 @@ def test_recording_that_is_none(call, tmp_path):
     for name, content in (("a.npz", b"PK\x03\x04 cut off"), ("b.npz", b""), ("c.npz", b"hello")):
         (tmp_path / name).write_bytes(content)
         said = sentence(call("replay", tmp_path / name))
-        assert f"'{tmp_path / name}' is no NumPy archive" in said
+        assert f"'{tmp_path / name}' is not a NumPy archive" in said
     (tmp_path / "trial.csv").write_text("1,2\n3,4\n")
     assert "There is no layout" in sentence(call("replay", tmp_path / "trial.csv"))
     (tmp_path / "trial.wav").write_text("1,2\n")
-    assert "is no recording" in sentence(call("replay", tmp_path / "trial.wav"))
+    assert "is not a recording" in sentence(call("replay", tmp_path / "trial.wav"))
 
 
 def test_a_folder_that_cannot_be_made_is_refused_before_the_export(call, tmp_path, monkeypatch):

@@ -51,7 +51,7 @@ def test_no_time_is_no_change(engines, label, duration):
 
 @pytest.mark.parametrize("label", NAMES)
 def test_masked_cells_rest_at_their_exact_start(engines, label):
-    """Their start is no number of single precision, and their neighbours rest by it."""
+    """Their start is not a number of single precision, and their neighbours rest by it."""
     template = Template(
         "held",
         [[0.0, 0.0, 0.0], [0.0, 0.9, 0.4], [0.0, 0.0, 0.0]],
