@@ -261,25 +261,34 @@ def _sum_cases(
         each = coupled(rows, state, whole=whole, between=between)
         share = PART if uneven(moments.scheme) else None
         for at in rows.block:
-            each.append(_end(rows, layers[at.layer].stages[number], at, seen, whole, share))
+            stage = layers[at.layer].stages[number]
+            each.append(_end(rows, stage, at, seen, whole, share, first=number == 0))
         found = {CHANGE.text: f"number / {moments.stages}"} if seen else {}
         cases.append(rows.case(number, each, moments.head(number), found))
     return cases
 
 
 def _end(
-    rows: Rows, stage: Stage, at: At, seen: Watch | None, whole: bool, share: ir.Name | None
+    rows: Rows,
+    stage: Stage,
+    at: At,
+    seen: Watch | None,
+    whole: bool,
+    share: ir.Name | None,
+    *,
+    first: bool,
 ) -> ir.Block:
     """Return the statements that make the sums of a row, once its d is known.
 
-    Where `whole`, its sum is the new state; else d comes with a `share`.
+    Where `whole`, its sum is the new state; else d comes with a `share`. A cell that comes to its
+    limit after the `first` stage is there at the end of the step.
     """
     limited, known = rows.text.template.output.limited, set[int]()
     if not whole:
         known |= {place for one in stage.sums for place, _ in one.terms}
         known |= {stage.state} if limited or seen else set[int]()
     lines = [vector(_kept(place), rows.array(_array_of(place), at)) for place in sorted(known)]
-    if limited and not whole:
+    if limited and first and not whole:
         lines.append(ir.Assign(at.sum, ir.call("inwards", at.sum, _kept(stage.state), ONES)))
     if rows.masked:
         still = rows.array(_array_of(stage.state), at) if whole else ONES - ONES
