@@ -171,7 +171,7 @@ def measure_true_error(device: str | None, *, quick: bool = False) -> Iterator[T
 
 def _known(*, quick: bool) -> Iterator[KnownAnswer]:
     """Yield all frames of which the answer is known."""
-    few, sides = (3, (8,)) if quick else (20, (8, 16))
+    few, sides = (3, (8,)) if quick else (8, (8, 16))
     for side in (4, *sides):
         yield contact(side, 2 * few)
         yield receptors_in_space(side)

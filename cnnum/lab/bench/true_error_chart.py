@@ -113,7 +113,8 @@ def _delays(axes: Axes, rows: Sequence[Row]) -> None:
                           textcoords="offset points")  # fmt: skip
     axes.margins(0.12)
     axes.set(xscale="log")
-    axes.set_ylim(0.0, 1.3 * max([1.0, *(1e3 * _number(row, "delay_s") for row in rows)]))
+    top = 1.3 * max([1.0, *(1e3 * _number(row, "delay_s") for row in rows)])
+    axes.set_ylim(-0.05 * top, top)  # many report with the first frame
     axes.set_xlabel("µs of work a second of touch", fontsize=8)
     axes.set_ylabel("delay of the report, ms", fontsize=8)
 
