@@ -65,7 +65,7 @@ class Recording(ByContent):
     truth : mapping of str to (frames,) float, optional
         Ground truth of every frame, by name.
     quality : (frames,) int, optional
-        Flags of `cnnum.Quality`.
+        Flags of `cnnum.Quality`; unless given, frames before which scans are missing have theirs.
     saturated : (frames, rows, cols) bool, optional
         Taxels at an end of their range, where it is known which; their frames have the flag.
     sequence : (frames,) int, optional
@@ -134,6 +134,8 @@ class Recording(ByContent):
             )
         if sequence is not None:
             scans = _whole("sequence", sequence, frames)
+            if quality is None:
+                flags[1:][np.diff(scans) > 1] |= int(Quality.DROPPED_BEFORE)
         elif times is None:
             scans = np.arange(frames)
         else:

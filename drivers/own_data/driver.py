@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cnnum.arrays import Floats, Shape
+from cnnum.drivers.codecs.wire import Asked, wire
 from cnnum.drivers.driver import Counters, Counting, lost_before
 from cnnum.drivers.own_data.layout import EXAMPLE, SECONDS, DataLayout, read_layout
 from cnnum.drivers.own_data.own_files import is_own_csv, read_own_csv, read_own_hdf5
@@ -254,6 +255,8 @@ class DataFile(Counting):
         self.pitch = None if layout is None else layout.pitch
         self.limits = None if layout is None else layout.sound
         self.positions = () if layout is None else layout.positions
+        if layout is not None and layout.protocol and not self.positions:
+            self.positions = wire(layout.protocol, Asked(layout.shape)).positions
         self.total_frames = len(recording)
 
     def frames(self) -> Iterator[Frame]:

@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import cnnum
 from cnnum.recordings.times import numbered, rate_of
 
 RATES = st.floats(1.0, 2000.0)
@@ -58,3 +59,16 @@ def test_a_coarse_clock_gives_the_rate(rate, digit):
 @pytest.mark.parametrize("times", [[0.0], [1.0, 1.0], [0.0, np.nan, 1.0], [0.0, 1e-9]])
 def test_times_that_give_no_rate(times):
     assert rate_of(np.array(times)) == 0.0
+
+
+def test_numbers_that_jump_are_losses(tmp_path):
+    """Also where only the numbers say so; flags that are given stay as they are."""
+    scans = np.array([0, 1, 2, 9, 10])
+    values = np.zeros((5, 1, 1, 1))
+    found = cnnum.Recording(values, rate=10.0, sequence=scans, times=scans / 10.0)
+    assert found.quality.tolist() == [0, 0, 0, 1, 0]
+    kept = cnnum.Recording(values, rate=10.0, sequence=scans, quality=[0] * 5)
+    assert kept.quality.tolist() == [0] * 5
+    for suffix in (".csv", ".h5", ".npz", ".mcap"):
+        found.save(tmp_path / f"a{suffix}")
+        assert cnnum.load_recording(tmp_path / f"a{suffix}").quality.tolist() == [0, 0, 0, 1, 0]

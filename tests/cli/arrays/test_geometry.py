@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import cnnum
+from cnnum.drivers.codecs.scan import Scan
 from cnnum.drivers.codecs.wire import Asked, described_wire, wire
 from cnnum.drivers.geometry import Grid
 from cnnum.drivers.virtual.array import VirtualArray
@@ -244,3 +245,23 @@ def test_taxels_in_one_line_are_a_line():
     line = grid.maps(np.array([0.0, 1.0, 2.5]).reshape(1, 3, 1))[0, :, 0]
     np.testing.assert_allclose(line, [grid.place(0, c)[0] for c in range(grid.shape[1])])
     assert Grid([(2.0, 3.0)], (1, 1)).place(0, 0) == (2.0, 3.0)
+
+
+def test_packets_of_an_anyskin_lie_on_its_cross(call, records, tmp_path):
+    known, centre = wire("anyskin"), np.array([2.0, -1.5])
+    places = np.array(known.positions)
+    t = np.arange(300) / 100.0
+    load = 300.0 * np.clip((t - 1.0) / 0.1, 0, 1)
+    values = np.random.default_rng(1).normal(0.0, 0.5, (300, 1, 5, 4))
+    values[:, 0, :, 3] += load[:, None] * bump(places, centre, 7.0)
+    sent = [known.encode(Scan(one, known.form.channels, "uT")) for one in values]
+    (tmp_path / "skin.bin").write_bytes(b"".join(sent))
+    (tmp_path / "skin.toml").write_text(
+        'shape = [1, 5]\nprotocol = "anyskin"\nchannels = ["temperature", "x", "y", "z"]\n'
+        'unit = "uT"\nrate = 100.0\n'
+    )
+    path = scene(tmp_path, '[engine]\nname = "numba"')
+    out = call("run", path, "--set", "array.path=skin.bin", "--set", 'needs=["contact"]', "--json")
+    first, *_ = records(out.stdout)
+    assert first["kind"] == "contact"
+    np.testing.assert_allclose(first["place_mm"], centre, atol=2.33 + 0.3 * 7.0)
