@@ -72,7 +72,7 @@ class Reading:
     def of(self, values: Floats) -> Floats:
         """Return the numbers of a frame, (rows, cols, channels), as they are meant."""
         if self.order:
-            sizes = dict(zip(AXES, values.shape, strict=True))
+            sizes: dict[str, int] = dict(zip(AXES, values.shape, strict=True))
             parts = self.order.split()[1:]
             whole = values.reshape([sizes[name] for name in parts])
             values = whole.transpose([parts.index(name) for name in AXES])
