@@ -53,8 +53,8 @@ def true_error(rows: Sequence[Row]) -> Picture:
     return figure
 
 
-def _key(row: Row) -> tuple[str, str]:
-    return str(row["case"]), str(row["knob"])
+def _key(row: Row) -> tuple[str, str, bool]:
+    return str(row["case"]), str(row["knob"]), _is_event(row)
 
 
 def _is_event(row: Row) -> bool:

@@ -183,11 +183,13 @@ def test_the_picture_has_a_panel_a_program():
                  method="auto", **numbers, delay_s=math.nan, missed=math.nan,
                  too_early=math.nan, seconds=1e-5, spread=0.0)  # fmt: skip
     event = field | dict.fromkeys(numbers, math.nan) | {
-        "case": "b", "knob": "frames a second", "delay_s": 0.02, "missed": 0.5, "too_early": 0.0,
+        "knob": "frames a second", "delay_s": 0.02, "missed": 0.5, "too_early": 0.0,
     }  # fmt: skip
-    rows = [as_row(true_error.TrueError(**each)) for each in (field, event)]  # type: ignore[arg-type]
+    other = field | {"knob": "frames a second"}  # of the same name and knob as the reports
+    each_row = (field, other, event)
+    rows = [as_row(true_error.TrueError(**each)) for each in each_row]  # type: ignore[arg-type]
     figure = CHARTS["truth"](rows)
     titles = [axes.get_title() for axes in figure.axes if axes.axison]
-    assert [title[0] for title in titles] == ["a", "b"]
+    assert [title[0] for title in titles] == ["a", "a", "a"]
     texts = [text.get_text() for axes in figure.axes for text in axes.texts]
-    assert texts == ["1", "1/s, 50% missed"]
+    assert texts == ["1", "1", "1/s, 50% missed"]
