@@ -427,7 +427,7 @@ def _course(time: Floats, matrix: Floats, drive: Floats) -> Floats:
     start = np.zeros(n + 3)
     start[2] = 0.5
     step = time[1] - time[0]
-    rises, rests = expm(rising * step), expm(resting * step)
+    rises, rests = (np.asarray(expm(each * step), np.float64) for each in (rising, resting))
     states = [start]
     # one after another: `RISE` is a whole number of steps
     for before in time[:-1]:
