@@ -29,7 +29,7 @@ def test_scaling_is_part_of_the_weights():
 
 def test_inputs_with_neighbours_cannot_be_unscaled():
     wide = replace(FORM, B=np.ones((1, 2, 3, 3)))
-    with pytest.raises(TemplateError, match="neighbours"):
+    with pytest.raises(TemplateError, match="neighbouring cells"):
         unscaled(wide, MIDDLE, WIDTH)
 
 
