@@ -233,7 +233,7 @@ def cnnum_command(folder, *words):
     ("changes", "words"),
     [
         ({"engine": "cuda"}, "Unknown engine 'cuda'"),
-        ({"draws": 2.5}, "'draws' is a whole number"),
+        ({"draws": 2.5}, "'draws' must be a whole number"),
         ({"axes": {"B": (1.0,)}, "template": "RECALL_WITHOUT_INPUT"}, "Unknown template"),
         ({"axes": {"z": (10**400,)}}, "'z' takes finite numbers"),
         ({"axes": {"z": (True,)}}, "'z' takes finite numbers"),
