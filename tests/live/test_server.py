@@ -120,7 +120,7 @@ def test_the_address_that_is_printed_is_let_in(token: str) -> None:
 
 @GATE
 def test_a_token_that_is_no_text_is_refused() -> None:
-    with pytest.raises(SceneError, match="no text"):
+    with pytest.raises(SceneError, match="must be text"):
         Place(token="\udcff")
 
 

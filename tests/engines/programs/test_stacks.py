@@ -117,7 +117,7 @@ def test_stack_can_be_looked_at(reference):
         (lambda frame, stack: stack + frame.a, "got 1 and 3"),
         (lambda frame, stack: cnnum.shift(stack, 1), "single maps"),
         (lambda frame, stack: stack, "stack of 3 maps"),
-        (lambda frame, stack: stack.argmax()[0], "one map"),
+        (lambda frame, stack: stack.argmax()[0], "a single map"),
         (lambda frame, stack: frame.memory().store(stack), "maps="),
         (lambda frame, stack: cnnum.loop(lambda _: stack, frame.a, limit=2).value, "as many"),
     ],
