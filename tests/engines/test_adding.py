@@ -175,7 +175,7 @@ def test_a_coupling_kind_of_ones_own_bounds_steps_and_stays_in_python(tmp_path, 
     assert bounds[1] < 0.5 * bounds[0]
     assert "coupling 1" in numbers_of(own)
     assert "table 1" not in numbers_of(own)
-    with pytest.raises(NotSupportedError, match=r"is no table|centre less neighbour"):
+    with pytest.raises(NotSupportedError, match=r"is not a table|centre less neighbour"):
         save_template(own, tmp_path / name)
     assert not list(tmp_path.iterdir())
     with pytest.raises(TemplateError, match="give the coupling a centre"):

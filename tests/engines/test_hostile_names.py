@@ -151,7 +151,7 @@ def test_own_output_functions_run_and_differ_by_more_than_their_name(engine):
 
 
 def test_own_output_functions_do_not_take_a_name_that_is_taken():
-    with pytest.raises(TemplateError, match="'standard' already"):
+    with pytest.raises(TemplateError, match="There is already an output function 'standard'"):
         template(output=OutputFunction("standard", np.tanh, "tanh(x)"))
     standard = output_function("standard")
     copy = OutputFunction("standard", standard.numpy, standard.opencl)
