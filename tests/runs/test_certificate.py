@@ -216,7 +216,7 @@ def test_an_array_with_a_negative_weight_between_cells_keeps_no_order():
 def test_all_cells_of_a_large_picture_are_proven_where_the_error_says_nothing():
     """HOLE's wave passes 48×48 cells, and an error may grow in each of them."""
     picture = np.where(np.random.default_rng(1).random((48, 48)) < 0.4, 1.0, -1.0)
-    found = cnnum.Engine("numba").run("HOLE", input=picture)
+    found = cnnum.Engine("numba").run("HOLE", input=picture, method="dormand-prince")
     filled = np.where(binary_fill_holes(picture > 0.0), 1, -1)
     assert not np.isfinite(found.error)
     np.testing.assert_array_equal(found.decision.sign, filled)
