@@ -60,7 +60,7 @@ def test_tare_is_the_mean_of_the_first_frames():
     got = [read(Frame(raw, FORCE_AXES, "count", 0, 0.0)) for raw in RAW]
     assert np.abs(np.array(got)[3:] - expected[3:]).max() < 1e-9
     assert not got[0].any()
-    with pytest.raises(CalibrationError, match="4 frames at least"):
+    with pytest.raises(CalibrationError, match="at least 4 frames"):
         calibration.apply(RAW[:3])
 
 
