@@ -220,6 +220,8 @@ def _rest(
     drive, size, terms = _drive(template, known, maps, shape)
     weights = known.feedback[2]
     size += known.centre + float(weights.sum())
+    if not np.isfinite(size):  # maps of many cells are not looked at before
+        return "its maps are not finite"
     rounding = SPARE * (terms + 2 * weights.size) * EPSILON * size
 
     def gone(

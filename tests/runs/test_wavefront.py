@@ -215,7 +215,9 @@ def test_what_was_asked_for_and_cannot_be_says_so(options, said):
 
 
 def test_numbers_that_are_none_are_refused():
-    picture = np.ones((300, 300))
-    picture[7, 8] = np.nan
-    with pytest.raises(cnnum.errors.ArrayError, match="NaN"):
-        cnnum.Engine("numba").run("HOLE", input=picture)
+    for bad in (np.nan, np.inf, -np.inf):
+        picture = np.ones((300, 300))
+        picture[7, 8] = bad
+        for one in (picture, np.full((300, 300), bad)):
+            with pytest.raises(cnnum.errors.ArrayError, match="NaN or infinite"):
+                cnnum.Engine("numba").run("HOLE", input=one)
