@@ -77,6 +77,35 @@ def _fall(total: float, centre: float, largest: float) -> float:
     return math.log((largest - end) / (1.0 - end)) + math.log((above + 1.0) / (above - 1.0)) / slope
 
 
+@inlined
+def _see_less(
+    seer: int,
+    lost: float,
+    edge: float,
+    s: Floats,
+    y: NDArray[np.int8],
+    queue: NDArray[np.int32],
+    count: int,
+    level: float,
+) -> tuple[int, float]:
+    """Let a cell see less, and put it into the queue if that no longer holds it.
+
+    Returns
+    -------
+    count : int
+        Cells in the queue.
+    level : float
+        What the one among those that fall next sees which is held best.
+    """
+    total = float(s[seer] - lost)
+    s[seer] = total
+    if y[seer] == 1 and total < edge:
+        y[seer] = -1
+        queue[count] = seer
+        return count + 1, max(level, total)
+    return count, level
+
+
 @kept
 def _front(
     start: NDArray[np.floating],
@@ -180,13 +209,7 @@ def _front(
             place = queue[at]
             for k in range(couplings):
                 seer = place - flat[k]
-                total = float(s[seer] - lost[k])
-                s[seer] = total
-                if y[seer] == 1 and total < edge:
-                    y[seer] = -1
-                    queue[count] = seer
-                    count += 1
-                    level = max(level, total)
+                count, level = _see_less(seer, lost[k], edge, s, y, queue, count, level)
             if kind == 0:
                 continue
             r, c = place // wide - radius, place % wide - radius
@@ -207,13 +230,7 @@ def _front(
                         a, b = p - downs[k], q - rights[k]
                         if 0 <= a < rows and 0 <= b < cols:
                             seer = (a + radius) * wide + radius + b
-                            total = float(s[seer] - lost[k])
-                            s[seer] = total
-                            if y[seer] == 1 and total < edge:
-                                y[seer] = -1
-                                queue[count] = seer
-                                count += 1
-                                level = max(level, total)
+                            count, level = _see_less(seer, lost[k], edge, s, y, queue, count, level)
         first, last = last, count
     for r in range(rows):
         own = (r + radius) * wide + radius
