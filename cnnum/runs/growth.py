@@ -6,6 +6,8 @@ steps that are within the tolerance of a large state may be long for a small one
 grow it by too little. Gains in time move the rates by themselves, and couplings by tables have
 slopes of their own. And what a step's rates show is the error of a linear array: where the output
 is curved, as tanh is, it may vanish by chance while the step is as far off as its tolerance allows.
+An array may also shrink before it grows: while its rates fall, errors rise unseen in the part that
+grows later.
 In these cases the first run is compared with one whose tolerances are a tenth, and
 relative to the start, and whose order is no less than 5. The true error is below the distance of
 the two and the error of the second.
@@ -33,6 +35,10 @@ from cnnum.templating.template import Template
 FAR = 3.0
 """States that grow by more than this are compared with a finer run: those of pictures grow to twice
 of what they begin with."""
+
+AMPLIFIED = 100.0
+"""An error of more tolerances than this has grown on the way, perhaps where the rates showed less
+of it. One that is larger than the state says nothing, and another run would not change that."""
 
 FINER = 0.1
 """Share of the tolerances in those of the finer run."""
@@ -87,6 +93,15 @@ def followed(request: Request, down: Callable[[Request], Result]) -> Result:
         return down(request.by(finer, request.frames(frames)))
 
     return compared(result, request.ran, request.solver, request.given, request.spec, again)
+
+
+def looks_again(
+    solver: Solver, begun: Floats | float, ended: Floats | float, error: Floats | float
+) -> NDArray[np.bool_]:
+    """Return whether a run's own error is not enough, by its sizes at the start and at the end."""
+    tolerance = solver.atol + solver.rtol * np.asarray(ended)
+    amplified = (error > AMPLIFIED * tolerance) & (error < FAR * np.asarray(ended))
+    return np.asarray((np.asarray(ended) > FAR * begun) | amplified)
 
 
 def _even(solver: Solver) -> bool:
@@ -152,7 +167,8 @@ def compared(
     sizes = {role: np.abs(maps).max(axis=(-2, -1)) for role, maps in given.items()}
     begun = np.broadcast_to(scale(template, sizes), lead)
     ended = np.abs(result.state).max(axis=inner, initial=0.0)
-    grew = ((ended > FAR * begun) | hides_errors(template, solver)) & np.isfinite(result.error)
+    again_by_size = looks_again(solver, begun, ended, np.asarray(result.error, dtype=np.float64))
+    grew = (again_by_size | hides_errors(template, solver)) & np.isfinite(result.error)
     times = len(result.times) if result.times else 1
     frames = np.flatnonzero(grew.reshape(times, -1).any(axis=0))
     if not len(frames):

@@ -16,7 +16,7 @@ from cnnum.engines.backend import OneFrame
 from cnnum.errors import MethodError
 from cnnum.plan import Plan
 from cnnum.runs.arguments import LEAST_SQUARES, ROLES, refuse_grey_levels
-from cnnum.runs.growth import FAR, hides_errors, may_grow, scale
+from cnnum.runs.growth import hides_errors, looks_again, may_grow, scale
 from cnnum.runs.linear_range import may_stay_linear
 from cnnum.runs.request import Ask, Form, Request
 from cnnum.runs.result import Result, result_of, with_fallback, with_proof
@@ -115,7 +115,7 @@ class PreparedRun:
     def run(self, arrays: Sequence[object]) -> Result | None:
         """Run arrays of the prepared form; None where a number is not finite in the precision.
 
-        None, too, where the state has grown so far that its error takes a closer look.
+        None, too, where the state or its error has grown so far that it takes a closer look.
 
         Parameters
         ----------
@@ -148,8 +148,10 @@ class PreparedRun:
         if not all_finite(packed):
             self._plan.refuse_infinite(outputs)
         found = result_of(outputs, 1, self._solver.method, self._solver.reason)
-        if self._roles and float(np.abs(found.state).max()) > FAR * begun:
-            return None
+        if self._roles:
+            ended, error = float(np.abs(found.state).max()), float(np.max(found.error))
+            if looks_again(self._solver, begun, ended, error):
+                return None
         return with_fallback(found, self._plan)
 
     def _begun(self) -> float:

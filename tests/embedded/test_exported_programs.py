@@ -15,7 +15,7 @@ from cnnum.embedded.emulator import cleared
 from cnnum.embedded.formats import precision_named
 from cnnum.embedded.making import make
 from cnnum.embedded.program import array_names
-from cnnum.errors import ProgramError
+from cnnum.errors import ArrayError, ProgramError
 from cnnum.graph.passes import schedule
 from tests.embedded.conftest import SANITIZERS, compiled
 
@@ -313,6 +313,18 @@ def test_the_header_states_the_range_of_inputs():
     header = exported(lambda frame: {"a": frame.a}, "q5.6").export(FRAMES).files["mine.h"]
     assert "#define MINE_IN_A_LEAST (-2048)" in header
     assert "#define MINE_IN_A_LARGEST 2047" in header
+
+
+def test_streams_beyond_float32_are_no_part_of_the_vector():
+    """They gave a sentence about kernels, and a warning of NumPy's."""
+    made = exported(lambda frame: {"cube": frame.a**3, "fine": frame.b}, "float32")
+    streams = np.repeat(FRAMES, 3, axis=1)
+    streams[3, [0, 2], ..., 0] = 1e20
+    wanted = made.export(streams[:, 1:2]).files["vector.c"]
+    assert made.export(streams).files["vector.c"] == wanted
+    streams[5, 1, 0, 0, 0] = 1e20
+    with pytest.raises(ArrayError, match=r"Output 'cube' is not finite in float32 in any stream"):
+        made.export(streams)
 
 
 @pytest.mark.parametrize("power", [10**400, -(10**400)])

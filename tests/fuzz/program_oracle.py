@@ -30,8 +30,9 @@ class Rounding:
     """What a precision holds: a mantissa of floats, or words as docs/microcontrollers.md has them.
 
     Stored maps have `word` bits, and a quarter of room above the largest number seen (four times
-    where words are longer than 16 bits); values on the way have 31 bits and 16 times the room;
-    constant factors have as many bits as a word. Limited states take Euler's `steps`, of half their
+    where words are longer than 16 bits), or a fixed fraction; values on the way have 31 bits and 16
+    times the room; constant factors have as many bits as a word. Floats below `least` are 0 or lose
+    digits, and those beyond `most` are refused. Limited states take Euler's `steps`, of half their
     stability bound, in words and in exported floats.
     """
 
@@ -44,11 +45,22 @@ class Rounding:
     def step(self, most):
         """Return the distance of stored numbers, and the largest that surely fits."""
         if self.fraction is not None:
-            return 2.0**-self.fraction, 2.0 ** (self.word - 1 - self.fraction) - 2.0**-self.fraction
+            stored = 2.0**-self.fraction
+            return max(stored, self.register(most)), 2.0 ** (self.word - 1) * stored - stored
         room = 1.25 if self.word <= 16 else 4.0
         whole = math.ceil(math.log2(room * most * (1.0 + 2.0 ** (1 - self.word))))
         stored = 2.0 ** (whole + 1 - self.word)
         return max(stored, self.register(most)), room * most
+
+    @property
+    def least(self):
+        """Return the smallest normal float: devices take smaller ones for 0."""
+        return 2.0**-126 if self.mantissa == 23 else 2.0**-1022
+
+    @property
+    def most(self):
+        """Return a float beyond which numbers may not be finite."""
+        return 2.0**127 if self.mantissa == 23 else 2.0**1023
 
     @staticmethod
     def register(most):
@@ -118,7 +130,9 @@ class Oracle:
         rounding = self.rounding
         if rounding.mantissa:
             held = (v == np.round(v * 4096.0) / 4096.0) & (np.abs(v) < 2048.0) & (off == 0.0)
-            return V(v, off + np.where(held, 0.0, np.abs(v) * 2.0 ** (3 - rounding.mantissa)))
+            step = np.abs(v) * 2.0 ** (3 - rounding.mantissa) + rounding.least
+            off = off + np.where(held, 0.0, step)
+            return V(v, np.where(np.abs(v) + off > rounding.most, np.inf, off))
         most = self.later.get(key) or self.early.get(key) or 1.0
         step, fits = rounding.step(most)
         held = (v == np.round(v / step) * step) & (off == 0.0)

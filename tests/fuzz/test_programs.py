@@ -7,9 +7,10 @@ import os
 import shutil
 import time
 
+import numpy as np
 import pytest
 
-from cnnum.errors import NoOpenCLError
+from cnnum.errors import FrameError, NoOpenCLError
 from tests.fuzz.conftest import SECONDS, TESTS
 from tests.fuzz.program_oracle import FLOAT32, FLOAT64, WHOLE, Oracle, V
 from tests.fuzz.program_writer import Writer
@@ -65,6 +66,22 @@ def test_a_wrong_number_is_found(rounding):
         found += bool(shard.wrong)
         assert all(isinstance(one, V) for answer in answers for one in answer.values())
     assert found >= 10
+
+
+@pytest.mark.parametrize("seed", [400_003, 401_674, 402_053])
+def test_numbers_at_the_ends_of_formats(seed):
+    """Too large for a float32, too small for one, and beyond the room of a word within a loop."""
+    shard = Shard(engines=("reference", "numba"))
+    shard.one(seed)
+    assert not shard.wrong
+
+
+def test_a_refusal_of_numbers_that_fit_is_wrong():
+    one = V(np.zeros((2, 1, 1)), np.zeros((2, 1, 1)))
+    error = FrameError("Output 'a' of program 'p' is not finite: the values are too large for it.")
+    shard = Shard()
+    shard.refuse(1, "float32", error, [{"a": one}])
+    assert shard.wrong
 
 
 def test_a_constant_that_float32_rounds_has_a_bound_where_its_product_is_exact():

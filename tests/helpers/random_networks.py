@@ -13,7 +13,7 @@ import json
 import sys
 import warnings
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import followed
@@ -496,9 +496,10 @@ class Account:
     wrong: list[str] = field(default_factory=list)
     loose: list[float] = field(default_factory=list)
 
-    def take(self, engine: cnnum.Engine, seed: int, number: int) -> None:
-        """Judge one network of a seed."""
+    def take(self, engine: cnnum.Engine, seed: int, number: int, **how: Any) -> None:
+        """Judge one network of a seed, run as it draws or as `how` says."""
         net = network_of(seed, number)
+        net = replace(net, how={**net.how, **how})
         verdicts: list[Verdict] = []
         for tolerance in (ROUGH, FINE, FINEST):
             try:

@@ -8,10 +8,12 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cnnum import kernels as ir
 from cnnum.embedded.emulator import Emulator, Numbers, cleared
 from cnnum.embedded.program import IntegerProgram
+from cnnum.errors import ArrayError
 from cnnum.kernels.expressions import operands
 
 Frames = Sequence[Mapping[str, Numbers]]
@@ -88,10 +90,15 @@ def vector_of(program: IntegerProgram, streams: Frames) -> Vector:
     program : IntegerProgram
     streams : sequence of mapping of str to (batch, cells) int or float
         Frames of streams side by side, among which some are chosen.
+
+    Raises
+    ------
+    ArrayError
+        If an output is not finite in any of the streams.
     """
     batch = max([1, *(len(one) for frame in streams for one in frame.values())])
-    moving = _moving(_answers(program, [(streams, batch)]))
-    lanes = _chosen(moving, batch)
+    known = _answers(program, [(streams, batch)])
+    lanes = _chosen(_moving(known), batch, _finite(program, known, batch))
     parts = [
         [{n: one[at : at + 1] for n, one in frame.items()} for frame in streams] for at in lanes
     ]
@@ -127,19 +134,35 @@ def _moving(answers: Sequence[Mapping[str, Numbers]]) -> dict[str, Numbers]:
     found = dict[str, Numbers]()
     for name in answers[0]:
         values = np.stack([answer[name] for answer in answers])
-        found[name] = (np.diff(values, axis=0) != 0).any(axis=-1).sum(axis=0)
+        found[name] = (values[1:] != values[:-1]).any(axis=-1).sum(axis=0)
     return found
 
 
-def _chosen(moving: Mapping[str, Numbers], batch: int) -> list[int]:
+def _finite(
+    program: IntegerProgram, answers: Sequence[Mapping[str, Numbers]], batch: int
+) -> NDArray[np.bool_]:
+    """Return of each stream whether all its answers are finite, (batch,); some must be."""
+    found = np.ones(batch, dtype=bool)
+    for name, array in program.outputs.items():
+        for answer in answers:
+            found &= np.isfinite(answer[array]).all(axis=-1)
+        if not found.any():
+            raise ArrayError(
+                f"Output '{name}' is not finite in float32 in any stream of the test vector: scale "
+                "the quantity behind it, or leave it out of the outputs that are needed."
+            )
+    return found
+
+
+def _chosen(moving: Mapping[str, Numbers], batch: int, finite: NDArray[np.bool_]) -> list[int]:
     """Return the streams that change the most outputs which those before do not."""
     moves = np.stack([np.broadcast_to(one, batch) for one in moving.values()])
     left, found = np.ones(len(moves), dtype=bool), list[int]()
     while len(found) < STREAMS:
         gain = (moves[left] > 0).sum(axis=0) + moves.mean(axis=0) / (1.0 + moves.max())
-        gain[found] = -1.0
+        gain[found] = gain[~finite] = -1.0
         best = int(np.argmax(gain))
-        if found and not (moves[left, best] > 0).any():
+        if gain[best] < 0.0 or (found and not (moves[left, best] > 0).any()):
             break
         found.append(best)
         left &= moves[:, best] == 0

@@ -1,8 +1,10 @@
 """Implicit steps that follow their own error estimate, with sparse solves of the array.
 
-A run is solved twice, to the tolerance and to a tenth of it: how far the coarser one is off is the
-error that is stated. Steps are no longer than the growth of the array allows: an implicit method
-damps modes that it steps over, and would hold an array on a saddle.
+A run is solved three times, to ten times the tolerance, to the tolerance and to a tenth of it. The
+error that is stated of the last is how far the one before is off. The first says what that would
+be if the two were off alike by chance. Steps are no longer than the growth of the array allows: an
+implicit method damps modes that it steps over, and would hold an array on a saddle. Finer runs take
+shorter ones there, too.
 """
 
 import math
@@ -23,7 +25,7 @@ from cnnum.templating.network import taps
 from cnnum.templating.template import Template
 
 FINER = 0.1
-"""Part of the tolerance to which the run is solved the second time."""
+"""Part of the tolerance to which the run is solved the last time."""
 
 ROUNDINGS = 8.0
 """Of the end: those of its last steps, as parts of the largest state."""
@@ -74,14 +76,14 @@ class _Array:
         scaled.data = scaled.data * fast[scaled.indices]
         return splu(csc_array(eye_array(size, format="csc") / (h * gamma) - scaled))
 
-    def longest(self, slopes: Floats, h: float) -> float:
-        """Return h, or the time constant of the fastest growth where that is shorter."""
+    def longest(self, slopes: Floats, h: float, share: float) -> float:
+        """Return h, or a share of the time constant of the fastest growth where that is shorter."""
         bound = self._bound(slopes)
-        if bound * h <= 1.0:
+        if bound * h <= share:
             return h
         linear = np.flatnonzero(slopes.ravel() * self.moving)
         if len(linear) > MOST_LINEAR:
-            return 1.0 / bound
+            return share / bound
         # the others see themselves decay alone, with any couplings to other layers
         known = self.growths.get(key := slopes.tobytes())
         if known is None:
@@ -90,7 +92,7 @@ class _Array:
             self.growths.clear()
             values = np.asarray(np.linalg.eigvals(part), dtype=np.complex128)
             known = self.growths[key] = float(values.real.max(initial=0.0))
-        return min(h, 1.0 / known) if known > 0.0 else h
+        return min(h, share / known) if known > 0.0 else h
 
     def _bound(self, slopes: Floats) -> float:
         """Return a bound on the real parts of J: Gershgorin's, every layer scaled at its best.
@@ -141,24 +143,37 @@ def march_implicit(
         If the end is not reached within `MOST_STEPS`.
     """
     array = _Array.of(equation)
-    coarse, _, first = _march(array, solver, scheme)
-    finer = replace(solver, rtol=FINER * solver.rtol, atol=FINER * solver.atol)
-    x, time, second = _march(array, finer, scheme)
+    order, time, steps, ends = scheme.rosenbrock.order, 0.0, 0, list[Floats]()
+    for part in (1.0 / FINER, 1.0, FINER):
+        own = replace(solver, rtol=part * solver.rtol, atol=part * solver.atol)
+        # where growth sets the steps, a finer run would take the same ones, and be off alike
+        x, time, taken = _march(array, own, scheme, (FINER * part) ** (1.0 / order))
+        ends.append(x)
+        steps += taken
+    rough, coarse, x = ends
+    apart = max(_distance(x, coarse), _distance(x, rough) * FINER ** ((order - 1) / order))
     size = float(np.abs(x).max(initial=0.0))
-    # where both end in one long step they may be off alike, by less than it may add
-    last = finer.atol + finer.rtol * size + ROUNDINGS * float(np.finfo(np.float64).eps) * size
-    return x, time, first + second, float(np.abs(x - coarse).max(initial=0.0)) + last
+    # where all end in one long step they may be off alike, by less than it may add
+    last = FINER * (solver.atol + solver.rtol * size)
+    return x, time, steps, apart + last + ROUNDINGS * float(np.finfo(np.float64).eps) * size
 
 
-def _march(array: _Array, solver: Solver, scheme: ImplicitSteps) -> tuple[Floats, float, int]:
+def _distance(one: Floats, other: Floats) -> float:
+    return float(np.abs(one - other).max(initial=0.0))
+
+
+def _march(
+    array: _Array, solver: Solver, scheme: ImplicitSteps, share: float
+) -> tuple[Floats, float, int]:
+    """Return state, time and steps of a run whose steps are a share of the growth's, at most."""
     equation, control = array.equation, scheme.control
     drive, slowest = equation.drive(), float(equation.template.tau.max())
-    x, time, h, end, taken = equation.start(), 0.0, scheme.first_step, solver.duration, 0
+    x, time, h, end, taken = equation.start(), 0.0, share * scheme.first_step, solver.duration, 0
     while time < end * (1.0 - 1e-12):
         late = taken >= LOOKED_AT and time * MOST_STEPS < end * taken
         refuse_unfinished(np.array([late or taken == MOST_STEPS]))
         slopes, rate = array.slopes(x), equation.rate(drive, x, None, time)
-        h, taken = min(array.longest(slopes, h), end - time), taken + 1
+        h, taken = min(array.longest(slopes, h, share), end - time), taken + 1
         new, off = _step(array, scheme, drive, x, rate, slopes, h)
         size = np.maximum(np.abs(x), np.abs(new))
         worst = float((np.abs(off) / (solver.atol + solver.rtol * size)).max())
