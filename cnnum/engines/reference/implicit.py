@@ -155,7 +155,8 @@ def march_implicit(
     size = float(np.abs(x).max(initial=0.0))
     # where all end in one long step they may be off alike, by less than it may add
     last = FINER * (solver.atol + solver.rtol * size)
-    return x, time, steps, apart + last + ROUNDINGS * float(np.finfo(np.float64).eps) * size
+    last += ROUNDINGS * float(np.finfo(np.float64).eps) * size
+    return x, time, steps, apart + last
 
 
 def _distance(one: Floats, other: Floats) -> float:
