@@ -24,8 +24,8 @@ from .programs.fields import where as where
 from .programs.library import get_program as get_program
 from .programs.library import load_program as load_program
 from .programs.library import program_names as program_names
-from .programs.logic import logic as logic
 from .programs.loops import branch as branch
+from .programs.loops import logic as logic
 from .programs.loops import loop as loop
 from .programs.machine import FrameFields as FrameFields
 from .programs.machine import LocalMemory as LocalMemory

@@ -14,7 +14,7 @@ from cnnum.engines.fallback import opened
 from cnnum.engines.whole import measuring
 from cnnum.errors import ProgramError
 from cnnum.frame import FORCE_AXES
-from cnnum.graph.graph import Graph
+from cnnum.graph.nodes import Graph
 from cnnum.plan import Plan
 from cnnum.programs import Program
 from cnnum.programs.library import get_program

@@ -8,9 +8,9 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
+from cnnum import sharing
 from cnnum.arrays import Floats
 from cnnum.errors import ArrayError
-from cnnum.sharing import html
 from cnnum.values import ByContent, read_only
 
 FORCE_AXES = ("shear_x", "shear_y", "normal")
@@ -226,9 +226,9 @@ class Frame(ByContent):
 
     def _repr_html_(self) -> str:
         top = float(np.nanmax(np.abs(self.values), initial=0.0))
-        shown = [html.picture(name, values, top) for name, values in self.maps().items()]
+        shown = [sharing.picture(name, values, top) for name, values in self.maps().items()]
         pairs = [("time", f"{self.time:.4f} s"), ("unit", self.unit)]
-        return html.facts(f"Frame {self.sequence}", pairs, shown)
+        return sharing.facts(f"Frame {self.sequence}", pairs, shown)
 
     def maps(self) -> dict[str, NDArray[np.float64]]:
         """Return the (rows, cols) values of each channel by its name, as `shown_maps`."""
@@ -236,9 +236,9 @@ class Frame(ByContent):
 
     def plot(self, ax: object = None) -> object:
         """Draw one map per channel with Matplotlib, and return the axes."""
-        from cnnum.sharing import plots
+        from cnnum import sharing
 
-        return plots.maps(self.maps(), ax, self.unit)
+        return sharing.maps(self.maps(), ax, self.unit)
 
     @property
     def shape(self) -> tuple[int, int]:

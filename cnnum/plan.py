@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cnnum import sharing
 from cnnum.arrays import (
     HELD,
     Floats,
@@ -25,12 +26,10 @@ from cnnum.engines.backend import Backend, Executable
 from cnnum.engines.fallback import FallbackExecutable
 from cnnum.errors import ArrayError, FrameError, MethodError, ProgramError
 from cnnum.graph.nodes import Transient
-from cnnum.graph.parts import Parts, parts_of
-from cnnum.graph.schedule import LeftOut, Schedule
+from cnnum.graph.schedule import LeftOut, Parts, Schedule, parts_of
 from cnnum.graph.tracing import TraceStep, everything_kept, trace_steps
 from cnnum.integrators.cost import operation_flops, work
 from cnnum.integrators.solver import Solvers
-from cnnum.sharing import html
 from cnnum.stream import Stream
 from cnnum.values import OfThisProcess
 
@@ -175,11 +174,11 @@ class Plan(OfThisProcess):
     def _repr_html_(self) -> str:
         head, *rest = str(self.explain()).splitlines()
         pairs = [(name, about) for name, _, about in (line.strip().partition(" ") for line in rest)]
-        return html.facts(head, pairs)
+        return sharing.facts(head, pairs)
 
     def plot(self, ax: object = None) -> object:
         """Draw the arithmetic of the costliest operations, and return the axes."""
-        from cnnum.sharing import plots
+        from cnnum import sharing
 
         costs = [
             (operation_flops(n, self.solvers.get(n.index), self.schedule.shape), n)
@@ -187,7 +186,7 @@ class Plan(OfThisProcess):
         ]
         costs.sort(key=lambda cost: -cost[0])
         named = {f"{n.operation} ({n.index})": float(flops) for flops, n in costs[:COSTLIEST]}
-        return plots.bars(named, ax, "flops a frame")
+        return sharing.bars(named, ax, "flops a frame")
 
     @property
     def source(self) -> str:

@@ -13,9 +13,8 @@ from cnnum.frame import Limits, limits_of
 from cnnum.recordings.recording import channel_names
 from cnnum.renamed import by_new_names
 from cnnum.safety.names import shown
-from cnnum.safety.reading import read_text
-from cnnum.safety.toml_reading import LARGEST as LARGEST_FILE
-from cnnum.safety.toml_reading import parse_toml
+from cnnum.safety.reading import LARGEST as LARGEST_FILE
+from cnnum.safety.reading import parse_toml, read_text
 
 Record = TypeVar("Record")
 

@@ -11,7 +11,7 @@ from click.shell_completion import CompletionItem
 
 from cnnum.safety.files import refuse_target
 from cnnum.safety.names import shown
-from cnnum.safety.toml_reading import parse_toml
+from cnnum.safety.reading import parse_toml
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 Changes = dict[str, object]

@@ -1,4 +1,4 @@
-"""Ending by a signal without losing the work at hand."""
+"""Ending a command: by a signal, or by Ctrl-C, without losing the work at hand."""
 
 import signal
 import threading
@@ -6,6 +6,8 @@ from collections.abc import Generator
 from contextlib import contextmanager
 from types import FrameType
 from typing import Any
+
+import click
 
 
 @contextmanager
@@ -71,3 +73,29 @@ def undisturbed() -> Generator[None, None, None]:
     hang_up = [_HANG_UP] if _HANG_UP is not None else []
     with handled(signal.SIG_IGN, signal.SIGINT, signal.SIGTERM, *hang_up):
         yield
+
+
+STOPPED = 130
+"""Exit code after Ctrl-C, SIGTERM or SIGHUP."""
+
+
+class Stopping:
+    """Whether a block was stopped by a signal."""
+
+    stopped = False
+
+    def say(self, done: int, total: int, what: str, *, as_json: bool) -> int:
+        """Say how far the work came, and return the exit code."""
+        click.echo(f"Stopped after {done} of {total} {what}.", err=as_json)
+        return STOPPED
+
+
+@contextmanager
+def until_stopped() -> Generator[Stopping, None, None]:
+    """Let Ctrl-C, SIGTERM and SIGHUP end the block, and go on after it."""
+    stop = Stopping()
+    try:
+        with stoppable():
+            yield stop
+    except KeyboardInterrupt:
+        stop.stopped = True

@@ -14,8 +14,7 @@ from cnnum.templating.batch import TemplateBatch
 from cnnum.templating.checks.intervals import wilson
 from cnnum.templating.checks.robustness import mismatched
 from cnnum.templating.checks.running import Engine
-from cnnum.templating.files.entry import About, Entry
-from cnnum.templating.files.proof import FlipRate, Proof
+from cnnum.templating.files.entry import About, Entry, FlipRate, Proof
 from cnnum.templating.template import Template
 
 MISMATCHES = (0.0, 0.01, 0.05, 0.1)

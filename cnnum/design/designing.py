@@ -20,8 +20,7 @@ from cnnum.templating.checks.measuring import measure
 from cnnum.templating.checks.registry import form_of
 from cnnum.templating.checks.robustness import flips
 from cnnum.templating.checks.running import Engine
-from cnnum.templating.files.entry import About, Entry
-from cnnum.templating.files.proof import FlipRate, Proof
+from cnnum.templating.files.entry import About, Entry, FlipRate, Proof
 from cnnum.templating.library import get_template
 from cnnum.templating.template import Check, Template
 

@@ -19,7 +19,7 @@ from cnnum.arrays import Floats, finite
 from cnnum.design.adjoint import STEP, Numbers, Pictures
 from cnnum.design.search import Group, groups_of, with_weights
 from cnnum.errors import TemplateError
-from cnnum.templating.output_functions import output_function
+from cnnum.templating.functions import output_function
 from cnnum.templating.template import Template
 
 LARGEST = 1e6

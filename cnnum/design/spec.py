@@ -12,8 +12,7 @@ from cnnum.arrays import Floats
 from cnnum.design.local_rules import Table, example_table, rule_table
 from cnnum.errors import TemplateError
 from cnnum.safety.names import checked_name
-from cnnum.safety.reading import read_text
-from cnnum.safety.toml_reading import LARGEST, parse_toml
+from cnnum.safety.reading import LARGEST, parse_toml, read_text
 from cnnum.templating.files import toml_values as toml
 from cnnum.templating.template import Initial
 

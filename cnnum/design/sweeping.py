@@ -30,7 +30,7 @@ from cnnum.safety.files import (
     written_folder,
 )
 from cnnum.safety.reading import DAMAGE, MEGABYTE, open_regular, read_text
-from cnnum.sharing.tables import dataset
+from cnnum.sharing import dataset
 
 MANIFEST = "manifest.json"
 

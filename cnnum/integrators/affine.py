@@ -1,18 +1,28 @@
-"""Linear operations on maps: the exact answers of templates, and sums of maps.
+"""Linear operations on maps, and chains of them that become one dense product."""
 
-An affine map of a program's values is kept as one matrix for each value that it reads. The constant
-is a map. A linear template without time steps takes such maps to such maps.
-"""
-
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from cnnum.arrays import Floats, Shape
 from cnnum.graph.elementwise import ADD, DIVIDE, MULTIPLY, NEGATE, SUBTRACT, SUM
-from cnnum.graph.nodes import Apply, Constant, ConstantMap, Node, Pick, Reduce, Transient
-from cnnum.integrators.solver import Linear, Scheme
+from cnnum.graph.nodes import (
+    Apply,
+    Constant,
+    ConstantMap,
+    Memory,
+    Node,
+    Operation,
+    Pick,
+    Product,
+    Reduce,
+    Transient,
+)
+from cnnum.graph.schedule import LeftOut, Schedule
+from cnnum.integrators.cost import operation_flops
+from cnnum.integrators.solver import Linear, Scheme, Solver
 from cnnum.templating.boundary import Boundary
 from cnnum.templating.network import taps
 from cnnum.templating.template import Template
@@ -203,3 +213,219 @@ def _padded(maps: Floats, boundary: Boundary, radius: int, *, still: bool) -> Fl
         edge = float(boundary.constant or 0.0) if still else 0.0
         return np.pad(maps, width, mode="constant", constant_values=edge)
     return np.pad(maps, width, mode=boundary.pad_mode)
+
+
+FUSED_CELLS = 256
+"""Largest array whose chains are fused. The matrices of 16×16 cells take 256 kB each. At 23×23 they
+take 1 MB each, and no longer stay in a core's cache."""
+
+Sources = Mapping[int, frozenset[int]]
+"""The linear operations of a schedule, and the outside arguments of each, by index."""
+
+
+def fuse(schedule: Schedule, solvers: Mapping[int, Solver]) -> Schedule:
+    """Return the schedule with its chains of linear operations fused where that is cheaper."""
+    if schedule.cells > FUSED_CELLS:
+        return schedule
+    chains = _Chains.of(schedule, solvers)
+    chosen = chains.cheapest()
+    if not chosen:
+        return schedule
+    found = _rewritten(schedule, _products(chains, chosen))
+    item = LeftOut(
+        _what(chains, found),
+        f"linear, and nothing reads the values between: fused into {len(chosen)} dense products",
+        0,
+        chains.flops(frozenset()) - chains.flops(chosen),
+    )
+    return replace(found, left_out=(*schedule.left_out, item))
+
+
+def _sources(schedule: Schedule, solvers: Mapping[int, Solver]) -> dict[int, frozenset[int]]:
+    """Return the arguments of linear operations, at first hand or through other linear ones."""
+    asked: dict[int, list[Pick]] = {}
+    for node in schedule.nodes:
+        if isinstance(node.operation, Pick):
+            asked.setdefault(node.arguments[0].index, []).append(node.operation)
+    found: dict[int, frozenset[int]] = {}
+    for node in schedule.nodes:
+        # a number that is not constant is not worth a matrix
+        if any(argument.scalar and argument.index not in found for argument in node.arguments):
+            continue
+        # nor are stacks, which no transient can read
+        if any(each.maps > 1 for each in (node, *node.arguments)):
+            continue
+        operation = node.operation
+        if isinstance(operation, Transient):
+            scheme = solvers[node.index].scheme
+            kept = is_linear(operation, scheme, asked.get(node.index, []))
+        elif isinstance(operation, Pick):
+            kept = node.arguments[0].index in found
+        else:
+            kept = is_affine(node, [found.get(a.index) == frozenset() for a in node.arguments])
+        if kept:
+            reads = (found.get(a.index, frozenset({a.index})) for a in node.arguments)
+            found[node.index] = frozenset[int]().union(*reads)
+    return found
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Chains:
+    """The linear operations of a schedule.
+
+    Attributes
+    ----------
+    schedule : Schedule
+    solvers : mapping of int to Solver
+    sources : mapping of int to set of int
+    roots : tuple of Node
+        Maps that something else reads, whose product takes less arithmetic than all they are
+        made of.
+    others : tuple of Node
+        Linear operations that something else reads too, and that are not to be fused.
+    """
+
+    schedule: Schedule
+    solvers: Mapping[int, Solver]
+    sources: Sources
+    roots: tuple[Node, ...] = ()
+    others: tuple[Node, ...] = ()
+
+    @classmethod
+    def of(cls, schedule: Schedule, solvers: Mapping[int, Solver]) -> "_Chains":
+        """Return the chains of a schedule."""
+        found = cls(schedule, solvers, _sources(schedule, solvers))
+        roots, others = list[Node](), list[Node]()
+        for node in found._read_outside():
+            worth = not node.scalar and bool(found.sources[node.index])
+            below = found._flops_of(found.below([node])) if worth else 0
+            (roots if below > found._dense(node) else others).append(node)
+        return replace(found, roots=tuple(roots), others=tuple(others))
+
+    def _read_outside(self) -> list[Node]:
+        kept = [*self.schedule.outputs.values()]
+        kept += [memory.store for memory in self.schedule.memories.values()]
+        for node in self.schedule.nodes:
+            if node.index not in self.sources:
+                kept += node.arguments
+        return list({n.index: n for n in kept if n.index in self.sources}.values())
+
+    def below(self, nodes: Iterable[Node], fused: frozenset[int] = frozenset()) -> dict[int, Node]:
+        """Return linear operations that nodes are made of, themselves among them.
+
+        The product stands there without the operations that it is made of.
+        """
+        seen: dict[int, Node] = {}
+        stack = list(nodes)
+        while stack:
+            node = stack.pop()
+            if node.index in self.sources and node.index not in seen and node.index not in fused:
+                seen[node.index] = node
+                stack += node.arguments
+        return seen
+
+    def _flops_of(self, nodes: Mapping[int, Node]) -> int:
+        shape = self.schedule.shape
+        return sum(operation_flops(n, self.solvers.get(i), shape) for i, n in nodes.items())
+
+    def _dense(self, node: Node) -> int:
+        return 2 * self.schedule.cells**2 * len(self.sources[node.index])
+
+    def flops(self, fused: frozenset[int]) -> int:
+        """Return the arithmetic of all chains where these roots are fused."""
+        left = [node for node in self.roots if node.index not in fused]
+        dense = sum(self._dense(node) for node in self.roots if node.index in fused)
+        return dense + self._flops_of(self.below([*left, *self.others], fused))
+
+    def cheapest(self) -> frozenset[int]:
+        """Return the roots to fuse: all that pay, beginning with all; none where that is less.
+
+        One root at a time is taken in or out as long as that saves arithmetic.
+        """
+        fused = frozenset(node.index for node in self.roots)
+        least, moved = self.flops(fused), True
+        while moved:
+            moved = False
+            for node in self.roots:
+                other = fused ^ {node.index}
+                if (flops := self.flops(other)) < least:
+                    fused, least, moved = other, flops, True
+        return fused if least < self.flops(frozenset()) else frozenset()
+
+
+def _products(chains: _Chains, chosen: frozenset[int]) -> dict[int, Node]:
+    """Return the product that stands for each chosen root."""
+    schedule, cells = chains.schedule, chains.schedule.cells
+    nodes = {node.index: node for node in schedule.nodes}
+    inside = chains.below(nodes[index] for index in chosen)
+    last = {a.index: index for index in sorted(inside) for a in inside[index].arguments}
+    values: dict[int, tuple[Affine, ...]] = {}
+    found: dict[int, Node] = {}
+    for index in sorted(inside):
+        node = inside[index]
+        values[index] = _value(node, values, chains, cells)
+        if index in chosen:
+            found[index] = _product(node, values[index][0], chains, nodes)
+        for argument in node.arguments:  # matrices are large
+            if last[argument.index] == index:
+                values.pop(argument.index, None)
+    return found
+
+
+def _value(
+    node: Node, values: Mapping[int, tuple[Affine, ...]], chains: _Chains, cells: int
+) -> tuple[Affine, ...]:
+    """Return the affine map of a node; of a template, that of every layer."""
+    operation = node.operation
+    if isinstance(operation, Pick):
+        return (values[node.arguments[0].index][operation.layer],)
+    arguments = [
+        values[a.index][0] if a.index in values else Affine.source(a.index, cells)
+        for a in node.arguments
+    ]
+    if isinstance(operation, Transient):
+        scheme = chains.solvers[node.index].scheme
+        return states(operation, scheme, arguments, chains.schedule.shape)
+    return (local(node, arguments, cells),)
+
+
+def _product(node: Node, value: Affine, chains: _Chains, nodes: Mapping[int, Node]) -> Node:
+    parts = {number: matrix for number, matrix in value.parts.items() if matrix.any()}
+    operation: Operation = Product(tuple(parts.values()), value.constant)
+    if not parts:  # all arguments cancel
+        operation = ConstantMap.of(value.constant.reshape(chains.schedule.shape))
+    read = tuple(nodes[n] for n in parts)
+    return Node(node.index, operation, read, scalar=False, logic=False, origin=node.origin)
+
+
+def _rewritten(schedule: Schedule, products: Mapping[int, Node]) -> Schedule:
+    """Return the schedule with products in the place of nodes, and without unread ones."""
+    new: dict[int, Node] = {}
+    for node in schedule.nodes:
+        moved = products.get(node.index, node)
+        arguments = tuple(new[argument.index] for argument in moved.arguments)
+        new[node.index] = replace(moved, arguments=arguments)
+    outputs = {name: new[node.index] for name, node in schedule.outputs.items()}
+    memories = {
+        number: Memory(new[memory.read.index], new[memory.store.index])
+        for number, memory in schedule.memories.items()
+    }
+    stack = [*outputs.values(), *(n for m in memories.values() for n in (m.read, m.store))]
+    live = set[int]()
+    while stack:
+        node = stack.pop()
+        if node.index not in live:
+            live.add(node.index)
+            stack += node.arguments
+    nodes = tuple(node for node in new.values() if node.index in live)
+    return replace(schedule, nodes=nodes, outputs=outputs, memories=memories)
+
+
+def _what(chains: _Chains, fused: Schedule) -> str:
+    """Return in words the operations that no longer run."""
+    left = {node.index for node in fused.nodes}
+    gone = [n.operation for n in chains.schedule.nodes if n.index not in left]
+    names = Counter(str(operation) for operation in gone if isinstance(operation, Transient))
+    others = sum(not isinstance(operation, Transient | Pick) for operation in gone)
+    parts = [f"{count} × {name}" for name, count in names.items()]
+    return ", ".join([*parts, f"{others} local and global operations"])

@@ -1,15 +1,22 @@
-"""The cost of operations by the way they run: answers without time steps, and loops."""
+"""The cost of operations and transients: how many evaluations of the rates each will take."""
 
-from collections.abc import Iterable, Mapping
+import math
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
-from cnnum.arrays import Shape
-from cnnum.graph.cost import node_flops
+from cnnum.arrays import Floats, Shape, distinct
 from cnnum.graph.nodes import Constant, ConstantMap, Loop, Node, Parameter, Pick, Transient
-from cnnum.integrators.schemes import FixedSteps
+from cnnum.graph.schedule import node_flops
+from cnnum.integrators.estimate import linear_growth
+from cnnum.integrators.schemes import AdaptiveSteps, FixedSteps
 from cnnum.integrators.solver import Linear, Solver
+from cnnum.integrators.spectrum import Spectrum
+from cnnum.integrators.tableau import MAX_STAGES, ButcherTableau, chebyshev_method, stages_about
+from cnnum.templating.reads import bends
+from cnnum.templating.template import Template
 
 FREE = (Constant, ConstantMap, Parameter, Pick)
 """Operations that only name a value and do not run."""
@@ -66,3 +73,244 @@ def operation_flops(node: Node, solver: Solver | None, shape: Shape) -> int:
         control = 2 * int(np.count_nonzero(template.B)) * cells
         return control + scheme.flops(template.layers * cells, shape)
     return node_flops(node, shape, scheme.count if isinstance(scheme, FixedSteps) else 1)
+
+
+MODES = 64
+"""Rates that stand for those of an array."""
+
+TIMES = 40
+"""Instants at which a step's length is looked at."""
+
+SIZE = 0.5
+"""Size of a state, taken where the tolerance is relative to it."""
+
+SWITCHES = 8
+"""Bends of the rates for each cell along a front's way, in arrays that grow."""
+
+WAITING = 1.4
+"""Time to rest of an array that grows, over that of its decay alone: cells switch before."""
+
+STILL = 1e-6
+"""Part of the fastest rate below which a mode is taken for one that does not move."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Motion:
+    """The figures of a transient that decide its number of steps.
+
+    Attributes
+    ----------
+    rates : (n,) complex
+        Rates of its modes, 1/time; those that grow count by their size.
+    growth : float
+        Rate at which its cells run into saturation; 0 where none does.
+    duration : float
+        Until it ends, or rests.
+    busy : float
+        Time during which cells saturate.
+    tolerance : float
+    bends : float
+        How often the rates bend, or jump.
+    jumps : bool
+        Whether they jump.
+    """
+
+    rates: NDArray[np.complex128]
+    growth: float
+    duration: float
+    busy: float
+    tolerance: float
+    bends: float
+    jumps: bool
+
+    def times(self) -> Floats:
+        """Return instants from the start to the end, closer at the start."""
+        first = min(self.duration, 1.0 / float(np.abs(self.rates).max()))
+        later = np.geomspace(1e-3 * first, self.duration, TIMES)
+        return distinct(np.concatenate([[0.0], later, [self.busy]]))
+
+    def wanted(self, times: Floats, order: int) -> Floats:
+        """Return the rate that sets the steps of a method of that order at each instant."""
+        decays = np.minimum(self.rates.real, 0.0) / order
+        left = np.exp(np.maximum(decays * times[:, np.newaxis], -200.0))
+        modes = np.asarray((np.abs(self.rates) * left).max(axis=1), dtype=np.float64)
+        return np.maximum(modes, np.where(times <= self.busy, self.growth, 0.0))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Stepper:
+    """The figures of a method that decide its number of evaluations.
+
+    Attributes
+    ----------
+    name : str
+    order : int
+        Order of its error estimate.
+    smooth, bent, jumped : float
+        Its error estimate over |hλ|^order, over h² where the rate bends, over h where it jumps.
+    safety : float
+        Part of the step that the estimate allows.
+    longest : float
+        Longest step.
+    stages : function of (n,) float
+        Evaluations of steps of these lengths.
+    """
+
+    name: str
+    order: int
+    smooth: float
+    bent: float
+    jumped: float
+    safety: float
+    longest: float
+    stages: Callable[[Floats], Floats]
+
+
+@dataclass(frozen=True, slots=True)
+class Effort:
+    """The effort of a method for a transient.
+
+    Attributes
+    ----------
+    name : str
+        Name of the method.
+    evaluations : float
+        Of the rates, about.
+    stable : bool
+        Whether stability sets more than half of its steps, not the tolerance.
+    """
+
+    name: str
+    evaluations: float
+    stable: bool
+
+
+def pair(method: ButcherTableau, steps: AdaptiveSteps) -> Stepper:
+    """Return an embedded pair in these steps."""
+
+    def stages(steps: Floats) -> Floats:
+        return np.full_like(steps, method.stages - 1)  # the last is the first of the next step
+
+    bent, jumped = method.estimate_bent, method.estimate_jumped
+    if steps.bends:
+        bent, jumped = max(bent, method.truncation_bent), max(jumped, method.truncation_jumped)
+    errors = (method.estimate_smooth, bent, jumped)
+    return Stepper(method.name, method.order, *errors, 0.9, steps.longest, stages)
+
+
+def chebyshev(name: str, fastest: float) -> Stepper:
+    """Return Chebyshev's method for rates that are real.
+
+    Its estimate is 0.8 (x − x⁺) + 0.4 h (k₀ + k₁). With P(z) = 1 + z + z²/2 + c z³ it is
+    (0.2 − 0.8 c) |z|³, c = 0 for two stages and 1/10 for many. Where the rate bends at θ it is
+    0.4 θ (1 − θ) h², where it jumps |0.8 θ − 0.4| h.
+    """
+    longest = chebyshev_method(MAX_STAGES).real_stability / fastest
+
+    def stages(steps: Floats) -> Floats:
+        return stages_about(steps * fastest)
+
+    return Stepper(name, 3, 0.2, 0.4 / 6.0, 0.2, 0.8, longest, stages)
+
+
+def motion(
+    template: Template,
+    shape: Shape,
+    found: Spectrum,
+    duration: float,
+    tolerances: tuple[float, float],
+    *,
+    settle: bool,
+) -> Motion:
+    """Return the known figures of a transient before it runs.
+
+    Parameters
+    ----------
+    template : Template
+    shape : (rows, cols)
+    found : Spectrum
+    duration : float
+        Above 0; the limit where it runs to equilibrium.
+    tolerances : (rtol, atol)
+    settle : bool
+    """
+    tolerance = SIZE * tolerances[0] + tolerances[1]
+    growth = _growth(template, found)
+    rates = _rates(template, found)
+    if settle:
+        duration = min(
+            duration, max(math.log(1.0 / tolerance), 1.0) * _rest(template, rates, growth)
+        )
+    length = max(shape)
+    busy = min(duration, length / growth) if growth else 0.0
+    bent = SWITCHES * length * template.layers if growth and bends(template) else 0.0
+    return Motion(rates, growth, duration, busy, tolerance, bent, template.output.limited)
+
+
+def effort(method: Stepper, known: Motion) -> Effort:
+    """Return about how many evaluations of the rates a method takes for a transient."""
+    times = known.times()
+    each = (method.smooth / known.tolerance) ** (1.0 / method.order) / method.safety
+    wanted = 1.0 / (each * known.wanted(times, method.order))
+    steps = np.minimum(wanted, method.longest)
+    smooth = float(np.trapezoid(1.0 / steps, times))
+    held = float(np.trapezoid((wanted >= method.longest) / steps, times))
+    bends = _around_bends(method, known, each)
+    # the first and the last step are shorter than they could be; the first rates come before it
+    short = 1.0 + (1.0 + bends) * float(method.stages(np.zeros(1))[0])
+    count = float(np.trapezoid(method.stages(steps) / steps, times)) + short
+    return Effort(method.name, count, stable=held > 0.5 * (smooth + bends))
+
+
+def _around_bends(method: Stepper, known: Motion, each: float) -> float:
+    """Return how many steps more a method takes where the rates bend or jump."""
+    if not known.bends:
+        return 0.0
+    usual = min(1.0 / (each * known.growth), method.longest)
+    if known.jumps:
+        short = known.tolerance / method.jumped / known.growth
+    else:
+        short = math.sqrt(known.tolerance / method.bent) / known.growth
+    if short >= usual:
+        return 0.0
+    apart = known.bends * 2.0 * math.log(usual / short, 5.0)
+    close = known.busy / short
+    return 1.0 / (1.0 / apart + 1.0 / close)
+
+
+def _rest(template: Template, rates: NDArray[np.complex128], growth: float) -> float:
+    """Return the time in which an array comes nearer to rest by a factor of e."""
+    if growth:
+        return WAITING * float(template.tau.max())
+    decays = -rates.real[rates.real < -STILL * np.abs(rates).max()]
+    return 1.0 / float(decays.min()) if len(decays) else math.inf
+
+
+def _growth(template: Template, found: Spectrum) -> float:
+    """Return the rate at which cells run into saturation, of couplings that are not plain apart."""
+    if template.output.linear:
+        return 0.0
+    if not len(found.values):
+        return max(linear_growth(template), 0.0)
+    fastest = float(found.values.real.max())
+    return fastest if fastest > STILL * found.fastest else 0.0
+
+
+def _rates(template: Template, found: Spectrum) -> NDArray[np.complex128]:
+    """Return rates that stand for all of them, and those of cells that saturate.
+
+    Relative to itself, a state that grows without end never gets slower: it counts as if it turned.
+    """
+    rates = found.values
+    if len(rates) > MODES:
+        ends = [int(np.abs(rates).argmax()), int(rates.real.argmax()), int(rates.real.argmin())]
+        rates = np.concatenate([rates[:: -(-len(rates) // MODES)], rates[ends]])
+    growing = rates.real > STILL * found.fastest
+    others = rates[~growing]
+    if template.output.linear:
+        others = np.concatenate([others, 1j * np.abs(rates[growing])])
+    if not len(found.values):
+        others = np.array([-found.fastest], dtype=np.complex128)
+    if not template.output.linear or not np.any(others):
+        others = np.concatenate([others, -1.0 / template.tau])
+    return np.asarray(others, dtype=np.complex128)

@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cnnum.arrays import Floats, Shape, distinct
-from cnnum.integrators.enclosure import Discs, discs, torus_coupling
-from cnnum.integrators.exact_ends.spectral import diagonal_in_modes, mode_rates
+from cnnum.integrators.exact_ends import diagonal_in_modes, mode_rates
+from cnnum.integrators.spectrum import Discs, discs, torus_coupling
 from cnnum.integrators.tableau import ButcherTableau, Row
 from cnnum.templating.network import Network
 from cnnum.templating.template import Template

@@ -10,10 +10,9 @@ its first term on, so that no d outlives its stage. Exponential steps are sums o
 
 from dataclasses import dataclass
 
-from cnnum.integrators.chebyshev import MAX_STAGES, chebyshev_method
 from cnnum.integrators.estimate import SAFETY
 from cnnum.integrators.exponential import ETD_RK2, EXPONENTIAL_EULER
-from cnnum.integrators.tableau import Explicit, LayerMethod, Pair, Row
+from cnnum.integrators.tableau import MAX_STAGES, Explicit, LayerMethod, Pair, Row, chebyshev_method
 
 MAX_STEPS = 100_000
 """Steps after which an adaptive run gives up and says so."""

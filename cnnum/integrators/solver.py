@@ -3,10 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from cnnum.integrators.exact_ends.circulant import Circulant
-from cnnum.integrators.exact_ends.propagator import Decay, Propagator
-from cnnum.integrators.exact_ends.separate import Separate
-from cnnum.integrators.exact_ends.spectral import Spectral
+from cnnum.integrators.exact_ends import Circulant, Decay, Propagator, Separate, Spectral
 from cnnum.integrators.rosenbrock import ImplicitSteps
 from cnnum.integrators.schemes import AdaptiveSteps, ChebyshevSteps, FixedSteps
 

@@ -1,18 +1,161 @@
-"""Where the eigenvalues of an array's Jacobian lie: exactly where they are known, else a bound.
-
-J = S(A D − 1) with D = diag f'(x), 0 ≤ f' ≤ 1, whatever cells saturate.
-"""
+"""Where the eigenvalues of an array's Jacobian lie: exactly, or within a region."""
 
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cnnum.arrays import Shape
-from cnnum.integrators.enclosure import Discs, discs, field_of_values, torus_coupling
-from cnnum.integrators.exact_ends.spectral import diagonal_in_modes, mode_rates
+from cnnum.arrays import Floats, Shape, distinct
+from cnnum.integrators.estimate import error_growth
+from cnnum.integrators.exact_ends import diagonal_in_modes, mode_rates
+from cnnum.safety.memory import refuse_on_host
 from cnnum.templating.network import Network
+from cnnum.templating.reads import widened
 from cnnum.templating.template import Template
+
+Complexes = NDArray[np.complex128]
+
+POINTS = 400
+"""Points a side of a box or a quarter of a circle."""
+
+MODE_BYTES = 80
+"""Held at once for a Fourier mode of one layer: its coupling, its eigenvalues and their copies."""
+
+SAMPLE_LIMIT = 800
+"""States of the small array whose rows stand for those of a large one; more take seconds."""
+
+
+@dataclass(frozen=True, slots=True)
+class Box:
+    """Real parts from `left` to `right`, imaginary parts from −`height` to `height`, 1/time."""
+
+    left: float
+    right: float
+    height: float
+
+    def decaying(self) -> Complexes:
+        """Return points around its part with Re ≤ 0, upper half; none where all of it grows."""
+        if self.left > 0.0:
+            return np.zeros(0, dtype=np.complex128)
+        along = np.linspace(self.left, min(self.right, 0.0), POINTS)
+        up = 1j * np.linspace(0.0, self.height, POINTS)
+        sides = (along + 0j, along + 1j * self.height, along[0] + up, along[-1] + up)
+        return distinct(np.concatenate(sides).astype(np.complex128))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Discs:
+    """Gershgorin's discs of an array whatever cells saturate.
+
+    Attributes
+    ----------
+    points : (n,) complex
+        Around their union, upper half, 1/time.
+    growth : float
+        Their largest real part where it is positive, else 0.
+    reach : float
+        Their largest |λ|.
+    """
+
+    points: Complexes
+    growth: float
+    reach: float
+
+
+def discs(network: Network) -> Discs:
+    """Return the discs of an array; couplings that are not plain widen them by their slopes."""
+    template, reach = network.template, network.fastest_rate()
+    own = _own(template)
+    growth = max(error_growth(template), 0.0)
+    parts: list[Complexes] = []
+    for layer, tau in enumerate(template.tau.tolist()):
+        # a cell that saturates sees nothing of itself; a linear one does not saturate
+        least, seen = (slope * float(own[layer]) for slope in template.output.slope)
+        parts.append(_around(least - 1.0, seen - 1.0, _others(template, layer)) / tau)
+    return Discs(distinct(np.concatenate(parts)), growth, reach)
+
+
+def _around(one: float, other: float, radius: float) -> Complexes:
+    """Return points around two discs and those in between, upper half."""
+    angles = np.linspace(0.0, np.pi, 2 * POINTS)
+    turn = np.asarray(radius * np.exp(1j * angles), dtype=np.complex128)
+    tops = np.linspace(one, other, POINTS, dtype=np.complex128) + 1j * radius
+    return np.concatenate([one + turn, other + turn, tops])
+
+
+def _own(template: Template) -> Floats:
+    middle = template.A.shape[-1] // 2
+    return np.array([template.A[n, n, middle, middle] for n in range(template.layers)])
+
+
+def _others(template: Template, layer: int) -> float:
+    total = float(np.abs(template.A[layer]).sum()) - abs(float(_own(template)[layer]))
+    total *= template.output.steepest
+    return total + float(widened(template)[layer])
+
+
+def field_of_values(network: Network) -> Box:
+    """Return a box around the field of values of an unsaturated array with plain couplings.
+
+    With D = S^½ the matrix is D⁻¹ M D = −S + D A D, which has the same eigenvalues.
+    """
+    template = network.template
+    if template.boundary.constant is not None:
+        return _torus_box(network)
+    radius = template.A.shape[-1] // 2
+    # an array of this size has every row of a large one, and the reach into it from the rim
+    rows, cols = (min(n, 4 * radius + 1) for n in network.shape)
+    sample = Network(template, (rows, cols))
+    if sample.states > SAMPLE_LIMIT:
+        return _row_box(network)
+    system = sample.linear_system()
+    root = np.sqrt(system.rates)
+    matrix = system.matrix / root[:, None] * root
+    even, odd = 0.5 * (matrix + matrix.T), 0.5 * (matrix - matrix.T)
+    middle = np.diag(even)
+    radii = np.abs(even).sum(axis=1) - np.abs(middle)
+    height = float(np.abs(odd).sum(axis=1).max())
+    return Box(float((middle - radii).min()), float((middle + radii).max()), height)
+
+
+def _torus_box(network: Network) -> Box:
+    """An array with a fixed rim is part of a torus that is larger by the radius of its couplings.
+
+    The field of values of a part lies within that of the whole.
+    """
+    template = network.template
+    radius = template.A.shape[-1] // 2
+    root = np.sqrt(1.0 / template.tau)
+    coupling = torus_coupling(template, (network.shape[0] + radius, network.shape[1] + radius))
+    matrix = coupling * np.outer(root, root) - np.diag(root**2)
+    adjoint = np.conj(np.swapaxes(matrix, -1, -2))
+    real = np.linalg.eigvalsh(0.5 * (matrix + adjoint))
+    turning = np.linalg.eigvalsh(-0.5j * (matrix - adjoint))
+    return Box(float(real.min()), float(real.max()), float(np.abs(turning).max()))
+
+
+def _row_box(network: Network) -> Box:
+    around = discs(network)
+    return Box(-around.reach, error_growth(network.template), float(around.points.imag.max()))
+
+
+def torus_coupling(template: Template, shape: tuple[int, int]) -> Complexes:
+    """Return A of every Fourier mode of a torus, (rows, cols, layers, layers).
+
+    Raises
+    ------
+    SizeError
+        If they do not fit into memory.
+    """
+    refuse_on_host("The modes of an array", shape, MODE_BYTES * template.layers**2)
+    radius = int(template.A.shape[-1]) // 2
+    offsets = np.arange(-radius, radius + 1)
+    waves = [2j * np.pi * np.outer(np.arange(n) / n, offsets) for n in shape]
+    found = np.einsum(
+        "ri,tfij,cj->rctf", np.exp(waves[0]), template.A, np.exp(waves[1]), optimize=True
+    )
+    return np.asarray(found, dtype=np.complex128)
+
 
 EIGENVALUE_LIMIT = 256
 """States up to which the eigenvalues of an array without known modes are computed: a tenth of a

@@ -10,12 +10,17 @@ from numpy.typing import NDArray
 
 from cnnum.arrays import Floats, as_shape
 from cnnum.errors import name_error
-from cnnum.integrators.chebyshev import MAX_STAGES, chebyshev_method
 from cnnum.integrators.delays import delayed_rates, delayed_step
 from cnnum.integrators.rosenbrock import IMPLICIT_METHODS, may_be_implicit
 from cnnum.integrators.schemes import CHEBYSHEV, LAYER_METHODS
 from cnnum.integrators.spectrum import Spectrum, spectrum
-from cnnum.integrators.tableau import TABLEAUX, ButcherTableau, LayerMethod
+from cnnum.integrators.tableau import (
+    MAX_STAGES,
+    TABLEAUX,
+    ButcherTableau,
+    LayerMethod,
+    chebyshev_method,
+)
 from cnnum.renamed import warn_of
 from cnnum.templating.library import as_template
 from cnnum.templating.template import Template

@@ -1,6 +1,6 @@
 """Expressions that lower rooms hold as text, such as output functions, as records.
 
-`cnnum.safety.expressions` lists their parts. Python's own parser reads them.
+`cnnum.safety.names` lists their parts. Python's own parser reads them.
 """
 
 import ast

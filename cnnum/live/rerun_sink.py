@@ -10,7 +10,7 @@ import numpy as np
 
 from cnnum.arrays import Floats
 from cnnum.errors import SceneError, missing_extra
-from cnnum.live.picture import Read, planes
+from cnnum.live.hub import Read, planes
 from cnnum.safety.files import written_by_name
 
 if TYPE_CHECKING:

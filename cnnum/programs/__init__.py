@@ -18,7 +18,7 @@ from typing import cast
 from cnnum.arrays import as_shape
 from cnnum.errors import OtherProcessError, ProgramError, SizeError
 from cnnum.frame import FORCE_AXES
-from cnnum.graph.graph import Graph
+from cnnum.graph.nodes import Graph
 from cnnum.programs.fields import Field, as_field
 from cnnum.programs.machine import FrameFields
 from cnnum.programs.parameters import RATE, checked_parameters

@@ -7,9 +7,8 @@ import numpy as np
 
 from cnnum.arrays import Floats
 from cnnum.errors import ProgramError
-from cnnum.programs.fields import Field, sqrt, square
+from cnnum.programs.fields import Field, sqrt, square, total
 from cnnum.programs.machine import FrameFields
-from cnnum.programs.several import total
 
 Sums = Callable[[Field], Field]
 """A sum of a map over some of its cells."""

@@ -1,8 +1,10 @@
 """Fields: the maps and numbers of a program under trace; they record the operations."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import reduce
 from numbers import Real
+from operator import add
 from typing import NoReturn
 
 import numpy as np
@@ -10,8 +12,7 @@ import numpy as np
 from cnnum.arrays import finite
 from cnnum.errors import ArrayError, ProgramError
 from cnnum.graph import elementwise as op
-from cnnum.graph.graph import Graph
-from cnnum.graph.nodes import Constant, ConstantMap, Node
+from cnnum.graph.nodes import Constant, ConstantMap, Graph, Node
 from cnnum.safety.names import shown
 from cnnum.safety.values import expect
 
@@ -394,7 +395,6 @@ def constant(graph: Graph, values: object) -> Field:
 
 
 def _raised(base: object, exponent: object) -> Field:
-    from cnnum.programs.fields import power  # it works on fields itself
 
     return power(base, exponent)
 
@@ -442,3 +442,26 @@ def _unknown_to_fields(asked: str) -> ProgramError:
         f"NumPy's '{asked}' does not accept a field of a program: expected one of {known}, or "
         "cnnum.where and the field's own sum, mean, max, min, any, all."
     )
+
+
+def total(fields: Iterable[Field]) -> Field:
+    """Return the sum of one field or more."""
+    return reduce(add, fields)
+
+
+def mean(fields: Sequence[Field]) -> Field:
+    """Return the mean of one field or more."""
+    return total(fields) / len(fields)
+
+
+def length(fields: Iterable[Field]) -> Field:
+    """Return the root of the sum of the squares: the length of a vector of one field an axis."""
+    return sqrt(total(map(square, fields)))
+
+
+def most(rows: Sequence[Sequence[Field]]) -> Sequence[Field]:
+    """Return the row whose first number is the largest; of equal ones the first."""
+    best = rows[0]
+    for row in rows[1:]:
+        best = [where(row[0] > best[0], new, old) for new, old in zip(row, best, strict=True)]
+    return best

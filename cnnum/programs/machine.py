@@ -12,8 +12,7 @@ from numpy.typing import ArrayLike
 
 from cnnum.arrays import Shape
 from cnnum.errors import ProgramError, name_error
-from cnnum.graph.graph import Graph
-from cnnum.graph.nodes import FirstFrame, Input, Memory, Node, Read
+from cnnum.graph.nodes import FirstFrame, Graph, Input, Memory, Node, Read
 from cnnum.programs.fields import Field, constant, where
 from cnnum.safety.names import checked_name
 

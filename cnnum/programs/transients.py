@@ -7,8 +7,7 @@ from numbers import Integral
 import numpy as np
 
 from cnnum.errors import ProgramError
-from cnnum.graph.graph import Graph
-from cnnum.graph.nodes import Node, Pick, RunSpec, Transient
+from cnnum.graph.nodes import Graph, Node, Pick, RunSpec, Transient
 from cnnum.programs.fields import Field, as_field, graph_of, maximum, minimum
 from cnnum.renamed import renamed
 from cnnum.safety.values import expect

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cnnum import sharing
 from cnnum.arrays import Floats, numbers
 from cnnum.errors import ArrayError, RecordingError
 from cnnum.frame import FORCE_AXES, Frame, Quality, Truth, contradicted, shown_maps
@@ -26,7 +27,6 @@ from cnnum.renamed import renamed, warn_of
 from cnnum.safety.files import refuse_target, written
 from cnnum.safety.names import checked_name, shown
 from cnnum.safety.values import is_real
-from cnnum.sharing import html, tables
 from cnnum.tactile.array_calibration import ArrayCalibration
 from cnnum.values import ByContent, read_only
 
@@ -284,16 +284,18 @@ class Recording(ByContent):
             ("truth", ", ".join(self.truth) or "none"),
         ]
         last = shown_maps(self.values[-1], self.channels, self.unit)
-        shown = [html.picture(f"{name}, last frame", values) for name, values in last.items()]
-        return html.facts("Recording", pairs, shown)
+        shown = [sharing.picture(f"{name}, last frame", values) for name, values in last.items()]
+        return sharing.facts("Recording", pairs, shown)
 
     def plot(self, ax: object = None) -> object:
         """Draw the largest magnitude of each channel over time, and return the axes."""
-        from cnnum.sharing import plots
+        from cnnum import sharing
 
         peaks = np.abs(self.values).max(axis=(1, 2))
         named = {name: peaks[:, n] for n, name in enumerate(self.channels)}
-        return plots.lines(self.times, named, ax, ("time (s)", f"largest magnitude ({self.unit})"))
+        return sharing.lines(
+            self.times, named, ax, ("time (s)", f"largest magnitude ({self.unit})")
+        )
 
     def to_xarray(self) -> Any:
         """Return an `xarray.Dataset` with the axes time, row, col and axis (extra `tables`)."""
@@ -303,7 +305,7 @@ class Recording(ByContent):
             variables["saturated"] = (("time", "row", "col"), self.saturated)
         variables |= {name: (("time",), values) for name, values in self.truth.items()}
         coordinates = {"time": (("time",), self.times), "axis": (("axis",), list(self.channels))}
-        return tables.dataset(variables, coordinates, {"unit": self.unit, "rate": self.rate})
+        return sharing.dataset(variables, coordinates, {"unit": self.unit, "rate": self.rate})
 
     def to_dataframe(self) -> Any:
         """Return a `pandas.DataFrame`: a row a frame, a column a channel (extra `tables`).
@@ -316,13 +318,13 @@ class Recording(ByContent):
             "quality": self.quality,
         }
         for number, name in enumerate(self.channels):
-            columns |= tables.cell_columns(name, self.values[..., number])
+            columns |= sharing.cell_columns(name, self.values[..., number])
         columns |= {f"truth {name}": values for name, values in self.truth.items()}
         if self.saturated is not None:
             columns["saturated"] = [marked_text(marks) for marks in self.saturated]
         if self.wall_ns is not None:
             columns["log time (ns)"] = self.wall_ns
-        return tables.data_frame(columns | {"rate (Hz)": self.rate, "unit": self.unit})
+        return sharing.data_frame(columns | {"rate (Hz)": self.rate, "unit": self.unit})
 
     @property
     def shape(self) -> tuple[int, int]:

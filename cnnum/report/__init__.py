@@ -7,9 +7,9 @@ The way of the data: `record` → `verdicts` → `encoding` and the pictures →
 
 from cnnum.report.plan_cost import PlanCost
 from cnnum.report.record import SceneRecord, SceneRecorder
+from cnnum.report.sections import write_demo_report
 from cnnum.report.verdicts import Verdict, compare
 from cnnum.report.work_precision import WorkPrecision, measure_work_precision
-from cnnum.report.write import write_demo_report
 
 __all__ = [
     "PlanCost",

@@ -11,7 +11,7 @@ from cnnum.report.plan_cost import PlanCost
 from cnnum.report.record import SceneRecord
 from cnnum.report.verdicts import Verdict, compare
 from cnnum.report.work_precision import WorkPrecision
-from cnnum.sharing.json_values import json_value
+from cnnum.sharing import json_value
 from cnnum.templating.checks import CheckResult
 
 FORMAT = 1

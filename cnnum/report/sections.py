@@ -1,32 +1,46 @@
-"""The sections of a report, each from its data alone."""
+"""The sections of a report, each from its data alone, and the page that is written from them."""
 
 from collections.abc import Iterator, Sequence
 from html import escape
+from importlib import resources
 from math import degrees
+from pathlib import Path
 
 import numpy as np
 
+from cnnum.errors import ReportError
 from cnnum.graph.schedule import grouped
-from cnnum.report.encoding import ReportData
-from cnnum.report.html import Cell, both, glyph, legend, paragraph, section, swatch, table
-from cnnum.report.key_frames import key_frames
-from cnnum.report.pictures.error_charts import (
+from cnnum.report.charts import (
     check_chart,
     ladder_chart,
     ladder_style,
     latency_chart,
+    micros,
+    plain,
+    scientific,
     series_of,
     series_style,
+    si,
     symbol,
 )
-from cnnum.report.pictures.filmstrip import arrow_key, colour_bar, filmstrip, shown_unit
-from cnnum.report.pictures.frame_picture import MapScale
-from cnnum.report.pictures.svg import micros, plain, scientific, si
-from cnnum.report.pictures.timeline import timeline
+from cnnum.report.encoding import ReportData, to_json
+from cnnum.report.html import Cell, both, glyph, legend, paragraph, section, swatch, table
+from cnnum.report.pictures import (
+    MapScale,
+    arrow_key,
+    colour_bar,
+    filmstrip,
+    key_frames,
+    shown_unit,
+    timeline,
+)
 from cnnum.report.plan_cost import PlanCost
+from cnnum.report.record import SceneRecord
 from cnnum.report.verdicts import MAX_DELAY, MAX_TURN, TrueEvent, Verdict
 from cnnum.report.work_precision import WorkPrecision
+from cnnum.safety.files import write_whole
 from cnnum.scenes.events import Event
+from cnnum.sharing import style_rules
 from cnnum.templating.checks import CheckResult
 
 Row = tuple[bool, tuple[Cell, ...]]
@@ -434,3 +448,75 @@ def foot(data: ReportData) -> str:
     )
     listed = "".join(f"<dt>{escape(n)}</dt><dd>{escape(v)}</dd>" for n, v in rows)
     return f"<footer><dl>{listed}</dl></footer>"
+
+
+def page(data: ReportData) -> str:
+    """Return a whole HTML document that needs nothing from outside itself."""
+    title = f"cnnum: the scene “{data.record.name}”"
+    parts = (
+        "<!DOCTYPE html>\n",
+        '<html lang="en"><head><meta charset="utf-8"><meta name="generator" content="cnnum">',
+        f"<title>{escape(title)}</title>",
+        '<meta name="viewport" content="width=device-width, initial-scale=1">',
+        f"<style>{_resource('style.css')}{style_rules()}</style></head><body>",
+        head(data),
+        f"<main>{_body(data)}</main>",
+        foot(data),
+        f'<script type="application/json" id="data">{to_json(data)}</script>',
+        f"<script>{_resource('player.js')}</script></body></html>\n",
+    )
+    return "".join(parts)
+
+
+def _body(data: ReportData) -> str:
+    chosen = (
+        story,
+        frames,
+        events,
+        errors,
+        plans,
+        latency,
+        further,
+    )
+    return "".join(part(number, data) for number, part in enumerate(chosen, start=1))
+
+
+def _resource(name: str) -> str:
+    return (resources.files("cnnum.report") / name).read_text(encoding="utf-8")
+
+
+def write_demo_report(
+    path: str | Path,
+    record: SceneRecord,
+    checks: Sequence[CheckResult] = (),
+    work_precision: Sequence[WorkPrecision] = (),
+    plans: Sequence[PlanCost] = (),
+    *,
+    force: bool = False,
+) -> None:
+    """Write the results of a scene as one self-contained HTML file.
+
+    Parameters
+    ----------
+    path : str or Path
+    record : SceneRecord
+        From a `SceneRecorder` that was given every moment of the scene.
+    checks : sequence of CheckResult
+        Checks of the templates, on any number of engines.
+    work_precision : sequence of WorkPrecision
+        Of a few templates, from `measure_work_precision`.
+    plans : sequence of PlanCost
+        The scene's own first; the others are compared with it.
+    force : bool
+        Whether a file that is there, and is no report of cnnum, is replaced.
+
+    Raises
+    ------
+    ReportError
+        If there is no frame to show, another file is there, or it cannot be written.
+    """
+    if record.frames == 0:
+        raise ReportError(f"The scene '{record.name}' had no frame; a report needs at least one.")
+    data = ReportData(record, tuple(checks), tuple(work_precision), tuple(plans))
+    content = page(data).encode("utf-8")
+    write_whole(Path(path), content, force=force)

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
+from cnnum import sharing
 from cnnum.arrays import Floats
 from cnnum.graph.tracing import TraceStep
 from cnnum.safety.files import write_whole
-from cnnum.sharing import colours
 
 _SIDE = 132
 """Width of a picture, px."""
@@ -44,7 +44,7 @@ def write_trace_page(
         "<!doctype html><html lang='en'><head><meta charset='utf-8'>"
         '<meta name="generator" content="cnnum">'
         "<meta name='viewport' content='width=device-width, initial-scale=1'>"
-        f"<title>{escape(title)}</title><style>{_file('trace.css')}{colours.style_rules()}</style>"
+        f"<title>{escape(title)}</title><style>{_file('trace.css')}{sharing.style_rules()}</style>"
         f"</head><body><h1>{escape(title)}: {len(steps)} operations</h1>"
         "<p>By the function of the program that asks for them, in the order in which they run. "
         "Each picture has its own scale, whose end is written under it. Framed results are "
@@ -139,7 +139,7 @@ def _number(value: float) -> str:
 
 def _legend() -> str:
     """Return the scale of all pictures."""
-    count = colours.STEPS + 1
+    count = sharing.STEPS + 1
     bars = "".join(f"<rect class='k{n}' x='{n}' width='1.05' height='1'/>" for n in range(count))
     return (
         f"<div class='scale'>−end<svg viewBox='0 0 {count} 1' preserveAspectRatio='none' "
@@ -171,7 +171,7 @@ def _map(values: Floats, top: float, below: int, right: int) -> str:
     """Return a map's cells, a run of equal ones in a row as one rectangle."""
     parts: list[str] = []
     for r, row in enumerate(values):
-        kinds = [colours.step(float(value), top) for value in row]
+        kinds = [sharing.step(float(value), top) for value in row]
         starts = [c for c in range(len(kinds)) if c == 0 or kinds[c] != kinds[c - 1]]
         for start, end in zip(starts, [*starts[1:], len(kinds)], strict=True):
             parts.append(

@@ -13,8 +13,7 @@ from cnnum.errors import name_error
 from cnnum.pictures import as_pixels, pillow
 from cnnum.runs.result import Result
 from cnnum.safety.files import written
-from cnnum.sharing.colours import style_rules
-from cnnum.sharing.html import picture
+from cnnum.sharing import picture, style_rules
 from cnnum.templating.template import Template
 
 TIMES = 13

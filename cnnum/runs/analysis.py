@@ -11,24 +11,28 @@ from cnnum.arrays import Shape, as_shape
 from cnnum.errors import ProgramError, TemplateError
 from cnnum.frame import FORCE_AXES
 from cnnum.graph.nodes import RunSpec, Transient
-from cnnum.graph.passes import schedule
+from cnnum.graph.schedule import schedule
 from cnnum.integrators.choice import choose
 from cnnum.integrators.delays import delayed_rates
-from cnnum.integrators.enclosure import torus_coupling
 from cnnum.integrators.estimate import error_growth
-from cnnum.integrators.exact_ends.spectral import diagonal_in_modes, mode_rates
+from cnnum.integrators.exact_ends import diagonal_in_modes, mode_rates
 from cnnum.integrators.rosenbrock import IMPLICIT_METHODS
-from cnnum.integrators.spectrum import EIGENVALUE_LIMIT, Spectrum, spectrum
+from cnnum.integrators.spectrum import EIGENVALUE_LIMIT, Spectrum, spectrum, torus_coupling
 from cnnum.integrators.stability import METHODS, StabilityBound, stability_bound
 from cnnum.programs import Program
 from cnnum.runs.linear_range import as_linear
 from cnnum.runs.planning import graph_of
 from cnnum.safety.values import expect
+from cnnum.templating.functions import OUTPUT_FUNCTIONS
 from cnnum.templating.library import as_template
 from cnnum.templating.network import Network
-from cnnum.templating.output_functions import OUTPUT_FUNCTIONS
-from cnnum.templating.stability_class import StabilityClass, stability_class
-from cnnum.templating.state_box import refuted, sampled_slopes, state_bound
+from cnnum.templating.stability_class import (
+    StabilityClass,
+    refuted,
+    sampled_slopes,
+    stability_class,
+    state_bound,
+)
 from cnnum.templating.template import Template
 from cnnum.values import ByContent
 

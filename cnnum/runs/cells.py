@@ -16,9 +16,8 @@ from scipy import sparse
 from cnnum.arrays import Floats, Shape
 from cnnum.templating.boundary import Boundary, halo_sources
 from cnnum.templating.couplings import NonlinearCoupling
-from cnnum.templating.function_tables import Table
+from cnnum.templating.functions import OUTPUT_FUNCTIONS, Table
 from cnnum.templating.network import taps
-from cnnum.templating.output_functions import OUTPUT_FUNCTIONS
 from cnnum.templating.template import Template
 
 Flags = NDArray[np.bool_]

@@ -24,7 +24,7 @@ import numpy as np
 
 from cnnum.arrays import Floats
 from cnnum.runs.cells import EPSILON, Flags, Frame, Places, output_slopes, own_output
-from cnnum.templating.function_tables import Table
+from cnnum.templating.functions import Table
 
 ORDER = 12
 """Terms of a polynomial after the first."""

@@ -29,7 +29,7 @@ from cnnum.integrators.solver import Solver
 from cnnum.integrators.tableau import BOGACKI_SHAMPINE, DORMAND_PRINCE
 from cnnum.runs.request import Request
 from cnnum.runs.result import Result
-from cnnum.templating.pair_functions import PairFunction
+from cnnum.templating.functions import PairFunction
 from cnnum.templating.template import Template
 
 FAR = 3.0

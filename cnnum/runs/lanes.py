@@ -18,8 +18,7 @@ from cnnum.integrators.tableau import BOGACKI_SHAMPINE, TABLEAUX
 from cnnum.runs.arguments import as_frame, channels_and_lead
 from cnnum.runs.request import OpenEngine
 from cnnum.runs.result import Result, result_of, with_fallback
-from cnnum.templating.batch import TemplateBatch
-from cnnum.templating.batch_parts import LADDER, Parts, inner, own_parts
+from cnnum.templating.batch import LADDER, Parts, TemplateBatch, inner, own_parts
 from cnnum.templating.couplings import DelayedCoupling
 from cnnum.templating.numbers import with_numbers
 from cnnum.templating.reads import jumps

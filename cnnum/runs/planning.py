@@ -10,11 +10,10 @@ from cnnum.embedded.formats import is_integer
 from cnnum.embedded.lowering.solvers import whole_solver
 from cnnum.engines.backend import Backend
 from cnnum.engines.registry import first_that, open_record
-from cnnum.graph.graph import Graph
-from cnnum.graph.nodes import FIGURES, RunSpec, Transient
-from cnnum.graph.passes import schedule
+from cnnum.graph.nodes import FIGURES, Graph, RunSpec, Transient
+from cnnum.graph.schedule import schedule
+from cnnum.integrators.affine import fuse
 from cnnum.integrators.choice import choose
-from cnnum.integrators.fusing import fuse
 from cnnum.integrators.rosenbrock import ImplicitSteps
 from cnnum.integrators.solver import Solver
 from cnnum.plan import Plan

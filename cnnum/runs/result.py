@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from cnnum import sharing
 from cnnum.arrays import Floats
 from cnnum.errors import CnnumError
 from cnnum.integrators.estimate import LOST
-from cnnum.sharing import html, tables
 from cnnum.templating.template import Template
 
 if TYPE_CHECKING:
@@ -293,14 +293,14 @@ class Result(ByContent):
         return {n: v.reshape(-1, *v.shape[-2:])[0] for n, v in parts.items()}
 
     def _repr_html_(self) -> str:
-        shown = [html.picture(name, values) for name, values in self.maps().items()]
-        return html.facts("Result", [*self._facts(), ("reason", self.reason)], shown)
+        shown = [sharing.picture(name, values) for name, values in self.maps().items()]
+        return sharing.facts("Result", [*self._facts(), ("reason", self.reason)], shown)
 
     def plot(self, ax: object = None) -> object:
         """Draw the `maps`, and return the axes."""
-        from cnnum.sharing import plots
+        from cnnum import sharing
 
-        return plots.maps(self.maps(), ax)
+        return sharing.maps(self.maps(), ax)
 
     def to_xarray(self) -> Any:
         """Return an `xarray.Dataset` of output, state and figures (extra `tables`).
@@ -317,7 +317,7 @@ class Result(ByContent):
         }
         variables |= {name: (lead, getattr(self, name)) for name in figures}
         places = {"tau": (("tau",), np.asarray(self.times))} if self.times else {}
-        return tables.dataset(variables, places, {"method": self.method, "reason": self.reason})
+        return sharing.dataset(variables, places, {"method": self.method, "reason": self.reason})
 
     def to_dataframe(self) -> Any:
         """Return a `pandas.DataFrame` with a row a cell: its time or place, output, state."""
@@ -328,7 +328,7 @@ class Result(ByContent):
             names[0], places[0] = "tau", np.asarray(self.times)[places[0]]
         columns: dict[str, Any] = dict(zip(names, places, strict=True))
         columns |= {"output": self.output.ravel(), "state": self.state.ravel()}
-        return tables.data_frame(columns)
+        return sharing.data_frame(columns)
 
 
 def with_proof(

@@ -13,8 +13,8 @@ from cnnum.engines.backend import Looking
 from cnnum.engines.registry import first_that, open_record
 from cnnum.errors import ArrayError, MethodError
 from cnnum.graph.nodes import RunSpec, Transient
+from cnnum.integrators.choice import exact_end
 from cnnum.integrators.estimate import LOST
-from cnnum.integrators.exact_ends.choice_of_end import exact_end
 from cnnum.integrators.rosenbrock import ImplicitSteps
 from cnnum.integrators.solver import Exact, Solver, Stepping
 from cnnum.plan import Plan

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from cnnum import sharing
 from cnnum.scenes.events import Event
-from cnnum.sharing import html, tables
 
 
 class EventList(list[Event]):
@@ -30,22 +30,22 @@ class EventList(list[Event]):
         rows = [
             (f"{event.time:.3f} s", event.title, str(event).partition(", ")[2]) for event in self
         ]
-        return html.table(f"{len(self)} events", ("time", "event", "about"), rows)
+        return sharing.table(f"{len(self)} events", ("time", "event", "about"), rows)
 
     def plot(self, ax: object = None) -> object:
         """Draw a mark for every event over time, a row a kind, and return the axes."""
-        from cnnum.sharing import plots
+        from cnnum import sharing
 
-        return plots.marks([event.title for event in self], [event.time for event in self], ax)
+        return sharing.marks([event.title for event in self], [event.time for event in self], ax)
 
     def to_dataframe(self) -> Any:
         """Return a `pandas.DataFrame` with a row an event (extra `tables`)."""
-        return tables.data_frame(self._columns())
+        return sharing.data_frame(self._columns())
 
     def to_xarray(self) -> Any:
         """Return an `xarray.Dataset` along the axis "event" (extra `tables`)."""
         variables = {name: (("event",), values) for name, values in self._columns().items()}
-        return tables.dataset(variables, {}, {})
+        return sharing.dataset(variables, {}, {})
 
     def _columns(self) -> dict[str, Any]:
         """Return a column for each field; a value that an event lacks is NaN or empty."""

@@ -15,7 +15,7 @@ from cnnum.embedded.formats import precision_named
 from cnnum.embedded.making import make
 from cnnum.errors import ArrayError, SceneError, name_error
 from cnnum.frame import FORCE_AXES
-from cnnum.graph.passes import schedule
+from cnnum.graph.schedule import schedule
 from cnnum.programs import Program
 from cnnum.recordings.recording import Recording
 from cnnum.safety.names import shown

@@ -29,8 +29,7 @@ from cnnum.errors import (
     name_error,
 )
 from cnnum.frame import Frame, Limits, Quality, contradicted
-from cnnum.graph.graph import Graph
-from cnnum.graph.nodes import Input
+from cnnum.graph.nodes import Graph, Input
 from cnnum.graph.tracing import TraceStep, trace_steps
 from cnnum.plan import Plan
 from cnnum.programs import Program

@@ -15,8 +15,7 @@ from cnnum.embedded.lowering.solvers import solvers_for
 from cnnum.embedded.making import Made, make_with
 from cnnum.embedded.measuring import Seen, measured
 from cnnum.frame import FORCE_AXES
-from cnnum.graph.passes import schedule
-from cnnum.graph.schedule import Schedule
+from cnnum.graph.schedule import Schedule, schedule
 from cnnum.programs import Program
 from cnnum.scenes.arrangement import named
 

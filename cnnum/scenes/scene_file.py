@@ -15,8 +15,7 @@ from cnnum.frame import Limits, limits_of
 from cnnum.programs import Program
 from cnnum.renamed import by_new_names
 from cnnum.safety.names import LONGEST, checked_name, shown, tidied
-from cnnum.safety.reading import names_something, read_text
-from cnnum.safety.toml_reading import LARGEST, parse_toml
+from cnnum.safety.reading import LARGEST, names_something, parse_toml, read_text
 from cnnum.scenes.events import EventRule, event_rule
 from cnnum.tactile.array_calibration import KEYS, ArrayCalibration
 

@@ -9,11 +9,11 @@ from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 
+from cnnum import sharing
 from cnnum.arrays import Floats
 from cnnum.errors import SceneError, name_error
 from cnnum.safety.files import written
 from cnnum.scenes.event_list import EventList
-from cnnum.sharing import tables
 from cnnum.values import same
 
 if TYPE_CHECKING:
@@ -141,7 +141,7 @@ class SceneRecord:
 
         Returns the axes.
         """
-        from cnnum.sharing import plots
+        from cnnum import sharing
 
         if not self.names:
             return self.events.plot(ax)
@@ -151,19 +151,19 @@ class SceneRecord:
             for name, value in values.items()
         }
         labels = ("time (s)", "value; of maps, the largest magnitude")
-        return plots.lines(self.times, named, ax, labels)
+        return sharing.lines(self.times, named, ax, labels)
 
     def to_xarray(self) -> Any:
         """Return an `xarray.Dataset` with the axes time, row and col (extra `tables`)."""
         coordinates = {name: (("time",), values) for name, values in self.leading().items()}
-        return tables.dataset(self.variables(), coordinates, {})
+        return sharing.dataset(self.variables(), coordinates, {})
 
     def to_dataframe(self) -> Any:
         """Return a `pandas.DataFrame` with a row a frame and a column a cell (extra `tables`)."""
         columns: dict[str, Any] = dict(self.leading())
         for name in self.names:
-            columns |= tables.cell_columns(name, self[name])
-        return tables.data_frame(columns)
+            columns |= sharing.cell_columns(name, self[name])
+        return sharing.data_frame(columns)
 
     def save(self, path: str | Path, *, force: bool = False) -> None:
         """Write the fields to a file: .npz, .csv or .nc (NetCDF 3), or the spikes of one: .txt.
@@ -225,7 +225,7 @@ def _write_csv(file: IO[bytes], record: SceneRecord) -> None:
         for name, values in record.leading().items()
     }
     for name in record.names:
-        columns |= tables.cell_columns(name, record[name])
+        columns |= sharing.cell_columns(name, record[name])
     text = io.TextIOWrapper(file, encoding="utf-8", newline="", write_through=True)
     try:
         writer = csv.writer(text)

@@ -12,8 +12,7 @@ from cnnum.arrays import Floats, Shape, finite, frozen
 from cnnum.errors import ArrayError, CalibrationError
 from cnnum.frame import Frame
 from cnnum.safety.names import checked_name, shown
-from cnnum.safety.reading import read_text
-from cnnum.safety.toml_reading import LARGEST, parse_toml
+from cnnum.safety.reading import LARGEST, parse_toml, read_text
 
 KIND = "array calibration"
 """Of a calibration file; bridge taxels have their own."""

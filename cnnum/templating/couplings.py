@@ -10,8 +10,7 @@ from numpy.typing import ArrayLike
 from cnnum.arrays import Floats, finite, frozen
 from cnnum.errors import NotSupportedError, TemplateError
 from cnnum.safety.values import expect, is_real
-from cnnum.templating.function_tables import Table
-from cnnum.templating.pair_functions import PairFunction
+from cnnum.templating.functions import PairFunction, Table
 
 Quantity = Literal["x", "y", "u"]
 """State, output or input of a cell."""

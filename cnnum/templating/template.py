@@ -16,14 +16,14 @@ from typing import Literal, TypeVar, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
+from cnnum import sharing
 from cnnum.arrays import Floats, digest, finite, frozen
 from cnnum.errors import TemplateError
 from cnnum.safety.names import checked_name
 from cnnum.safety.values import expect, is_real
-from cnnum.sharing import html
 from cnnum.templating.boundary import Boundary, parse_boundary
 from cnnum.templating.couplings import DelayedCoupling, Gain, NonlinearCoupling
-from cnnum.templating.output_functions import OutputFunction, output_function
+from cnnum.templating.functions import OutputFunction, output_function
 
 Duration = float | Literal["settle"]
 Initial = float | Literal["input"]
@@ -274,14 +274,14 @@ class Template:
             ("output", self.output.name),
             ("source", self.source or "not given"),
         ]
-        shown = [html.picture(name, kernel) for name, kernel in kernels_of(self).items()]
-        return html.facts(self.name, pairs, shown)
+        shown = [sharing.picture(name, kernel) for name, kernel in kernels_of(self).items()]
+        return sharing.facts(self.name, pairs, shown)
 
     def plot(self, ax: object = None) -> object:
         """Draw the kernels of A and B with Matplotlib, and return the axes."""
-        from cnnum.sharing import plots
+        from cnnum import sharing
 
-        return plots.maps(kernels_of(self), ax)
+        return sharing.maps(kernels_of(self), ax)
 
     def __repr__(self) -> str:
         return (

@@ -27,7 +27,7 @@ from cnnum.lab.bench.programs.halfspace_runs import (
     love_errors,
 )
 from cnnum.programs.library import get_program
-from cnnum.sharing.plots import colours
+from cnnum.sharing import colours
 from cnnum.tactile.halfspace import SurfaceToDepth
 
 Picture = Any

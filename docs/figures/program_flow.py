@@ -13,9 +13,8 @@ from itertools import groupby
 from pathlib import Path
 
 from cnnum.frame import FORCE_AXES
-from cnnum.graph.graph import Graph
-from cnnum.graph.nodes import Input, Node, Read, Reduce, Transient
-from cnnum.graph.parts import has_feedback
+from cnnum.graph.nodes import Graph, Input, Node, Read, Reduce, Transient
+from cnnum.graph.schedule import has_feedback
 from cnnum.programs import Program
 from cnnum.programs.fields import Field
 from cnnum.programs.machine import NOMINAL, FrameFields

@@ -18,7 +18,7 @@ from cnnum.engine import Engine
 from cnnum.lab.bench.programs.contact_errors import held
 from cnnum.lab.bench.programs.edge_errors import Skin, found_places, run_edges
 from cnnum.programs.library import get_program
-from cnnum.sharing.plots import colours
+from cnnum.sharing import colours
 from cnnum.tactile.bump_loads import bump_readings
 from cnnum.tactile.flat_punches import (
     Joined,

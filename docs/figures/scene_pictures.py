@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from cnnum.arrays import Floats
 from cnnum.drivers.simulated.array import SimulatedOptions
 from cnnum.scenes.pipeline import load_scene
-from cnnum.sharing.plots import colours
+from cnnum.sharing import colours
 
 PITCH = SimulatedOptions().pitch
 """Of the simulated array, m."""

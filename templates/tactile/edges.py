@@ -20,9 +20,8 @@ from typing import NamedTuple
 import numpy as np
 
 from cnnum.programs import program
-from cnnum.programs.fields import Field, maximum, minimum, sqrt, where
+from cnnum.programs.fields import Field, maximum, minimum, sqrt, total, where
 from cnnum.programs.machine import FrameFields
-from cnnum.programs.several import total
 from cnnum.programs.transients import apply, shift
 from cnnum.tactile.indenters import Reads
 from cnnum.templates.tactile.cover_model.deconvolution import (

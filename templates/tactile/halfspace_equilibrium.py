@@ -5,10 +5,9 @@ from collections.abc import Mapping
 from cnnum.graph.nodes import RunSpec
 from cnnum.integrators.spectrum import spectrum
 from cnnum.programs import program
-from cnnum.programs.fields import Field
+from cnnum.programs.fields import Field, total
 from cnnum.programs.machine import FrameFields
 from cnnum.programs.parameters import refuse_outside
-from cnnum.programs.several import total
 from cnnum.programs.transients import Applied, apply, transient
 from cnnum.templates.tactile.cover_model.elastic_lattice import ElasticLattice, Form
 from cnnum.templates.tactile.cover_model.fields import depth_in_cells

@@ -16,11 +16,10 @@ from collections.abc import Mapping
 from math import exp, pi
 
 from cnnum.programs import program
-from cnnum.programs.fields import Field, maximum, sqrt, square, where
+from cnnum.programs.fields import Field, length, maximum, sqrt, square, where
 from cnnum.programs.machine import FrameFields
 from cnnum.programs.parameters import refuse_outside
 from cnnum.programs.reports import report
-from cnnum.programs.several import length
 from cnnum.programs.transients import apply, shift
 from cnnum.templates.tactile.shared.clock import TINY, Clock, with_corners
 from cnnum.templates.tactile.shared.loads import PUSH

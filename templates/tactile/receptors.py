@@ -23,12 +23,11 @@ from typing import Literal, get_args
 
 from cnnum.errors import name_error
 from cnnum.programs import program
-from cnnum.programs.fields import Field, exp, log, maximum, minimum, square, where
+from cnnum.programs.fields import Field, exp, length, log, maximum, minimum, square, where
 from cnnum.programs.loops import loop
 from cnnum.programs.machine import FrameFields
 from cnnum.programs.parameters import refuse_outside
 from cnnum.programs.reports import report
-from cnnum.programs.several import length
 from cnnum.templates.tactile.shared.clock import Clock, over_field, with_corners
 from cnnum.templates.tactile.shared.loads import PUSH
 

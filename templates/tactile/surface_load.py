@@ -6,10 +6,9 @@ from collections.abc import Mapping
 from cnnum.errors import ProgramError
 from cnnum.graph.nodes import RunSpec
 from cnnum.programs import program
-from cnnum.programs.fields import Field, maximum, minimum, sqrt, square
+from cnnum.programs.fields import Field, length, maximum, minimum, sqrt, square, total
 from cnnum.programs.machine import FrameFields
 from cnnum.programs.parameters import refuse_outside
-from cnnum.programs.several import length, total
 from cnnum.programs.transients import transient
 from cnnum.templates.tactile.cover_model.load_network import LoadNetwork
 

@@ -24,11 +24,10 @@ from math import exp, pi
 import numpy as np
 
 from cnnum.programs import program
-from cnnum.programs.fields import Field, maximum, square, where
+from cnnum.programs.fields import Field, length, maximum, square, where
 from cnnum.programs.machine import FrameFields
 from cnnum.programs.parameters import refuse_outside
 from cnnum.programs.reports import report
-from cnnum.programs.several import length
 from cnnum.programs.transients import apply
 from cnnum.templates.tactile.cover_model.deconvolution import DEPTH, READS
 from cnnum.templates.tactile.shared.clock import TINY, Clock, with_corners

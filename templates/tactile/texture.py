@@ -7,10 +7,9 @@ import numpy as np
 
 from cnnum.errors import ProgramError, name_error
 from cnnum.programs import program
-from cnnum.programs.fields import Field, maximum, sqrt, square, where
+from cnnum.programs.fields import Field, length, maximum, sqrt, square, where
 from cnnum.programs.machine import FrameFields
 from cnnum.programs.parameters import refuse_outside
-from cnnum.programs.several import length
 from cnnum.programs.transients import transient
 from cnnum.templates.tactile.localize import DEPTH, PITCH, SHARE, unmix
 from cnnum.templates.tactile.shared.loads import PUSH, loads_of

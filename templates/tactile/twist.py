@@ -8,10 +8,9 @@ it turns. Curl and divergence at the load's last change are taken off: a press a
 from collections.abc import Mapping
 
 from cnnum.programs import program
-from cnnum.programs.fields import Field, square, where
+from cnnum.programs.fields import Field, most, square, where
 from cnnum.programs.machine import FrameFields
 from cnnum.programs.reports import level_of, report
-from cnnum.programs.several import most
 from cnnum.programs.transients import apply
 from cnnum.templates.tactile.shared.recent_loads import Pad, RecentLoads
 from cnnum.templating.library import get_template

@@ -9,7 +9,7 @@ import click
 import pytest
 
 import cnnum
-from cnnum.cli.registry import COMMANDS
+from cnnum.cli.root import COMMANDS
 
 
 def test_help_lists_every_command_and_imports_none(call):

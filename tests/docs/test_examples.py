@@ -13,7 +13,7 @@ from cnnum.drivers.own_data.layout import DataLayout
 from cnnum.drivers.registry import DRIVERS
 from cnnum.scenes import scene_file
 from cnnum.scenes.events import EVENT_RULES
-from cnnum.templating.files import measured, proof
+from cnnum.templating.files import entry
 from cnnum.templating.files.toml_format import _ABOUT, _DELAYED, _GAIN, _NONLINEAR, _READERS
 
 DOCS = Path(__file__).parents[2] / "docs"
@@ -68,7 +68,7 @@ def test_every_key_of_a_scene_and_of_a_driver_is_on_its_page():
 def test_every_key_of_a_template_and_of_a_layout_is_on_its_page():
     page = (DOCS / "reference" / "template-keys.md").read_text()
     couplings = (_NONLINEAR, _GAIN, _DELAYED)
-    written = (measured.KEYS, proof.KEYS, ("aliases", "measured", "proof"))
+    written = (entry.MEASURED_KEYS, entry.PROOF_KEYS, ("aliases", "measured", "proof"))
     keys = {key for table in (_READERS, _ABOUT, *couplings, *written) for key in table}
     assert len(keys) > 40
     assert {key for key in keys if f"`{key}`" not in page} == set()

@@ -2,7 +2,7 @@
 
 import pytest
 
-from cnnum.graph.passes import schedule
+from cnnum.graph.schedule import schedule
 from docs.figures.program_flow import FOLDER, Box, behind, pictures, slip_flow, twist_flow
 
 

@@ -12,7 +12,7 @@ import cnnum
 from cnnum.embedded.formats import precision_named
 from cnnum.embedded.making import make
 from cnnum.frame import FORCE_AXES
-from cnnum.graph.passes import schedule
+from cnnum.graph.schedule import schedule
 from cnnum.programs.library import program_names
 
 STRICT = ("-std=c99", "-Wall", "-Wextra", "-Wconversion", "-Werror", "-ffp-contract=off")

@@ -8,7 +8,7 @@ from cnnum.embedded.formats import precision_named
 from cnnum.embedded.making import make
 from cnnum.errors import NotSupportedError
 from cnnum.frame import FORCE_AXES
-from cnnum.graph.passes import schedule
+from cnnum.graph.schedule import schedule
 from cnnum.templates.tactile.halfspace_equilibrium import halfspace_equilibrium
 from cnnum.templating.checks.tactile.lattice_cover import block_displacement, on_plane
 from tests.embedded.conftest import SHORT, made, streams

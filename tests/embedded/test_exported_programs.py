@@ -16,7 +16,7 @@ from cnnum.embedded.formats import precision_named
 from cnnum.embedded.making import make
 from cnnum.embedded.program import array_names
 from cnnum.errors import ArrayError, ProgramError
-from cnnum.graph.passes import schedule
+from cnnum.graph.schedule import schedule
 from tests.embedded.conftest import SANITIZERS, compiled
 
 PRECISIONS = ("float32", "q15", "q7", "q5.6")

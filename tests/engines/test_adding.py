@@ -11,9 +11,8 @@ from cnnum.integrators.exponential import FollowedStep
 from cnnum.integrators.tableau import ButcherTableau
 from cnnum.templating.couplings import NonlinearCoupling
 from cnnum.templating.files import save_template
+from cnnum.templating.functions import OutputFunction, PairFunction
 from cnnum.templating.numbers import numbers_of
-from cnnum.templating.output_functions import OutputFunction
-from cnnum.templating.pair_functions import PairFunction
 from cnnum.templating.template import Template
 
 ENGINES = ["opencl-float64", "numba-float64", "reference"]

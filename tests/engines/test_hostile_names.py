@@ -11,8 +11,7 @@ from cnnum.errors import ArrayError, CnnumError, ProgramError, TemplateError
 from cnnum.scenes.scene_file import SceneSpec, read_scene
 from cnnum.templating.boundary import Boundary
 from cnnum.templating.couplings import Gain, NonlinearCoupling
-from cnnum.templating.function_tables import Table
-from cnnum.templating.output_functions import OutputFunction, output_function
+from cnnum.templating.functions import OutputFunction, Table, output_function
 
 HOSTILE = [
     "evil\n#include <evil>\n",

@@ -7,7 +7,7 @@ from cnnum import Engine, Template, TemplateBatch, get_template
 from cnnum.errors import ArrayError, NotSupportedError, TemplateError
 from cnnum.lab.bench.throughput import rate_beside_one
 from cnnum.templating.couplings import DelayedCoupling, Gain, NonlinearCoupling
-from cnnum.templating.function_tables import Table
+from cnnum.templating.functions import Table
 
 NAMES = ("opencl", "numba")
 

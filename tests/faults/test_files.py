@@ -24,7 +24,7 @@ from cnnum.drivers.uskin_csv import UskinCsvOptions
 from cnnum.errors import CnnumError
 from cnnum.safety.reading import open_regular
 from cnnum.scenes.scene_file import read_scene
-from cnnum.tactile.taxel import calibration_file
+from cnnum.tactile.taxel import calibration
 from cnnum.templating.files import load_template
 
 SECONDS = 5  # more than any bounded file takes, less than a wait for a writer that never comes
@@ -33,7 +33,7 @@ READERS = {
     "recording.npz": read_npz,
     "table.csv": read_table,
     "scene.toml": read_scene,
-    "calibration.toml": calibration_file.load,
+    "calibration.toml": calibration.load,
     "template.toml": load_template,
 }
 TOMLS = {

@@ -14,7 +14,7 @@ import pytest
 from click.testing import CliRunner
 
 from cnnum.cli import main
-from cnnum.cli.registry import COMMANDS
+from cnnum.cli.root import COMMANDS
 from cnnum.drivers.registry import DRIVERS, open_driver
 from cnnum.drivers.simulated.script import Phase
 from cnnum.errors import CnnumError

@@ -30,7 +30,7 @@ from cnnum.lab.bench.records import append_row, data_text
 from cnnum.lab.reproduce import page as reproduce_page
 from cnnum.lab.scoring import page as scoring_page
 from cnnum.lab.stability import page as stability_page
-from cnnum.report import gallery, html, probe_picture, sweep_page, transient_page, write
+from cnnum.report import gallery, html, plots, sections, sweep_page, transient_page
 from cnnum.report.trace_page import write_trace_page
 from cnnum.safety import files
 from cnnum.scenes.pipeline import FrameResult
@@ -142,9 +142,9 @@ WRITERS = {
     "demo": (
         ".html",
         paged(
-            write,
+            sections,
             "page",
-            lambda target, *, force: write.write_demo_report(
+            lambda target, *, force: sections.write_demo_report(
                 target, SimpleNamespace(frames=1, name="x"), force=force
             ),
         ),
@@ -185,7 +185,7 @@ WRITERS = {
     "sweep": (".nc", sweep_to),
     "probe --picture": (
         ".png",
-        lambda target, *, force: probe_picture.draw(
+        lambda target, *, force: plots.draw(
             target, {"rest": np.zeros((3, 4, 1))}, ("z",), "V", force=force
         ),
     ),

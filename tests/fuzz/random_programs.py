@@ -121,7 +121,7 @@ class Shard:
     def to_c(self, seed, program, frames, rounding, answers):
         from cnnum.embedded.formats import precision_named
         from cnnum.embedded.making import make
-        from cnnum.graph.passes import schedule
+        from cnnum.graph.schedule import schedule
 
         name = f"{program.name}_{rounding.name.replace('.', '_')}"
         planned = schedule(program.trace(SHAPE, CHANNELS), CHANNELS, None)

@@ -12,8 +12,7 @@ from scipy.integrate import solve_ivp
 
 import cnnum
 from cnnum.templating.couplings import DelayedCoupling, NonlinearCoupling
-from cnnum.templating.function_tables import Table
-from cnnum.templating.output_functions import OutputFunction
+from cnnum.templating.functions import OutputFunction, Table
 
 SOFT = OutputFunction(
     "soft sign", lambda x: x / (1.0 + np.abs(x)), "x / (ONE + fabs(x))", slope=(0.0, 1.0)

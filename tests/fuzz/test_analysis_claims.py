@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import cnnum
-from cnnum.templating.output_functions import OutputFunction
+from cnnum.templating.functions import OutputFunction
 
 SECONDS = float(os.environ.get("CNNUM_FUZZ", "0")) / 8.0
 FIRST = int(os.environ.get("CNNUM_SEED", "0"))

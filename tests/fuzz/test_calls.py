@@ -19,11 +19,11 @@ from cnnum.errors import (
     PhysicsError,
     UnknownNameError,
 )
-from cnnum.graph.graph import Graph
+from cnnum.graph.nodes import Graph
 from cnnum.tactile import halfspace
 from cnnum.tactile.taxel.calibration import identity_of
 from cnnum.templating.couplings import DelayedCoupling, Gain, NonlinearCoupling
-from cnnum.templating.function_tables import Table
+from cnnum.templating.functions import Table
 
 ODD = [
     *(None, True, False, 0, 1, -1, 2, 0.0, -0.0, 1.5, -3, 10**6, 10**9, 10**400, -(10**400)),

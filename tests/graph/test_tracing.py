@@ -8,7 +8,7 @@ import pytest
 import cnnum
 from cnnum.errors import ArrayError, ProgramError, UnknownNameError
 from cnnum.graph.nodes import Apply, Transient
-from cnnum.graph.passes import schedule
+from cnnum.graph.schedule import schedule
 
 EDGE = cnnum.Template(
     "edge", [[0, 0, 0], [0, 1, 0], [0, 0, 0]], [[-1, -1, -1], [-1, 8, -1], [-1, -1, -1]], -1.0

@@ -24,7 +24,7 @@ from cnnum.engines.registry import open_backend
 from cnnum.errors import CnnumError
 from cnnum.frame import FORCE_AXES
 from cnnum.graph.nodes import RunSpec
-from cnnum.graph.passes import schedule
+from cnnum.graph.schedule import schedule
 from cnnum.programs.library import get_program, program_names
 from cnnum.runs.planning import graph_of, plan_of
 from cnnum.templating.batch import TemplateBatch

@@ -21,8 +21,7 @@ import numpy as np
 
 import cnnum
 from cnnum.templating.couplings import DelayedCoupling, Gain, NonlinearCoupling
-from cnnum.templating.function_tables import Table
-from cnnum.templating.output_functions import OutputFunction
+from cnnum.templating.functions import OutputFunction, Table
 
 ROUGH, FINE, FINEST = 1e-7, 1e-11, 1e-13
 """Tolerances of the truth: the rough one is enough where it leaves no doubt, and what seems wrong

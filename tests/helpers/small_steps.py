@@ -16,7 +16,7 @@ from scipy import ndimage
 from cnnum.arrays import Floats
 from cnnum.templating.boundary import Boundary
 from cnnum.templating.couplings import NonlinearCoupling
-from cnnum.templating.function_tables import Table
+from cnnum.templating.functions import Table
 from cnnum.templating.template import Duration, Template
 
 SETTLED = 1e-7

@@ -92,7 +92,7 @@ assert b"<html" in asyncio.run(served())
     "embedded": """
 from cnnum.embedded.making import make
 from cnnum.embedded.formats import precision_named
-from cnnum.graph.passes import schedule
+from cnnum.graph.schedule import schedule
 from cnnum.lab.embedded.cortex_m import Board
 
 @cnnum.program

@@ -69,7 +69,7 @@ def test_nothing_imports_the_lab():
         for path, relative in sources()
         if own_room(relative) != "lab" and "cnnum.lab" in path.read_text()
     }
-    assert naming == {"cnnum/cli/registry.py"}
+    assert naming == {"cnnum/cli/root.py"}
 
 
 def test_all_else_runs_without_the_lab(tmp_path):

@@ -34,7 +34,7 @@ ALLOWED = {
     "cnnum/recordings/hdf5_writer.py": {"File"},  # into a draft of the writer
     "cnnum/recordings/lerobot.py": {"write_table"},  # into a draft of the writer
     "cnnum/recordings/npz_writer.py": {"ZipFile", "open"},  # members of a draft of the writer
-    "cnnum/report/probe_picture.py": {"savefig"},  # to memory
+    "cnnum/report/plots.py": {"savefig"},  # to memory
     "cnnum/safety/reading.py": {"os.open", "fdopen"},  # to read
     "cnnum/scenes/scene_record.py": {"savez_compressed", "netcdf"},  # to a draft; to memory
     "cnnum/tactile/cover/fem/generate.py": {"savez_compressed"},  # to a draft of the writer
@@ -101,7 +101,7 @@ OWN_DATA = {
     "cnnum/live/server.py",  # the page's own files
     "cnnum/report/gallery.py",
     "cnnum/report/html.py",
-    "cnnum/report/write.py",
+    "cnnum/report/sections.py",
     "cnnum/report/trace_page.py",
     "cnnum/safety/files.py",  # a draft of its own, and the head of a file once it is regular
     "cnnum/scenes/scene_file.py",  # a scene of the package

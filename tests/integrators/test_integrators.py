@@ -9,10 +9,8 @@ from scipy.integrate import RK23, RK45
 from scipy.linalg import expm
 
 from cnnum.errors import MethodError, UnknownNameError
-from cnnum.integrators.chebyshev import chebyshev_method, stages_for
 from cnnum.integrators.choice import FixedSteps
-from cnnum.integrators.exact_ends.propagator import propagator
-from cnnum.integrators.exact_ends.spectral import Spectral, spectral
+from cnnum.integrators.exact_ends import Spectral, propagator, spectral
 from cnnum.integrators.exponential import ETD_RK2, EXPONENTIAL_EULER, EXPONENTIAL_METHODS, phi
 from cnnum.integrators.schemes import ChebyshevSteps
 from cnnum.integrators.spectrum import spectrum
@@ -22,7 +20,9 @@ from cnnum.integrators.tableau import (
     DORMAND_PRINCE,
     TABLEAUX,
     ButcherTableau,
+    chebyshev_method,
     followed,
+    stages_for,
 )
 from cnnum.templating.library import get_template
 from cnnum.templating.network import Network

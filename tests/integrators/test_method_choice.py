@@ -9,12 +9,18 @@ from cnnum.engine import Engine
 from cnnum.engines.reference.equation import Given, StateEquation
 from cnnum.errors import MethodError
 from cnnum.graph.nodes import RunSpec
-from cnnum.integrators.chebyshev import MAX_STAGES, chebyshev_method, stages_for
-from cnnum.integrators.evaluations import effort, motion, pair
+from cnnum.integrators.cost import effort, motion, pair
 from cnnum.integrators.schemes import AdaptiveSteps, ChebyshevSteps
 from cnnum.integrators.spectrum import spectrum
 from cnnum.integrators.stability import stability_bound
-from cnnum.integrators.tableau import BOGACKI_SHAMPINE, DORMAND_PRINCE, TABLEAUX
+from cnnum.integrators.tableau import (
+    BOGACKI_SHAMPINE,
+    DORMAND_PRINCE,
+    MAX_STAGES,
+    TABLEAUX,
+    chebyshev_method,
+    stages_for,
+)
 from cnnum.runs.arguments import maps_by_role
 from cnnum.runs.ladder import LADDER, run
 from cnnum.runs.request import Request

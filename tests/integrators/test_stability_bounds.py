@@ -8,13 +8,13 @@ from scipy.linalg import expm
 
 import cnnum
 from cnnum.errors import MethodError
-from cnnum.integrators.enclosure import field_of_values
 from cnnum.integrators.exponential import EXPONENTIAL_METHODS
 from cnnum.integrators.rosenbrock import IMPLICIT_METHODS
+from cnnum.integrators.spectrum import field_of_values
 from cnnum.integrators.stability import METHODS, stability_bound
 from cnnum.integrators.tableau import TABLEAUX
 from cnnum.templating.couplings import DelayedCoupling, NonlinearCoupling
-from cnnum.templating.function_tables import Table
+from cnnum.templating.functions import Table
 from cnnum.templating.network import Network
 from cnnum.templating.template import Template
 

@@ -15,7 +15,7 @@ import pytest
 from cnnum.errors import PortError, SceneError
 from cnnum.frame import FORCE_AXES, Frame, Quality
 from cnnum.live.feeds import ArrayFeed, RecordingFeed
-from cnnum.live.picture import CONTACT, DROPPED, HEAD, encoded, planes
+from cnnum.live.hub import CONTACT, DROPPED, HEAD, encoded, planes
 from cnnum.live.server import Gate, Place, serving, static
 from cnnum.recordings.recording import Recording
 from cnnum.scenes.pipeline import FrameResult, load_scene

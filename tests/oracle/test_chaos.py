@@ -12,7 +12,7 @@ import pytest
 from cnnum import Template
 from cnnum.engine import Engine
 from cnnum.templating.couplings import NonlinearCoupling
-from cnnum.templating.function_tables import Table
+from cnnum.templating.functions import Table
 
 mpmath = pytest.importorskip("mpmath")
 

@@ -12,8 +12,7 @@ from hypothesis.extra.numpy import arrays
 from cnnum.safety.names import SIGNS
 from cnnum.templating.couplings import DelayedCoupling, Gain, NonlinearCoupling
 from cnnum.templating.files import load_entry, save_template
-from cnnum.templating.function_tables import Table
-from cnnum.templating.output_functions import OUTPUT_FUNCTIONS
+from cnnum.templating.functions import OUTPUT_FUNCTIONS, Table
 from cnnum.templating.template import Check, Template
 
 NUMBERS = st.floats(allow_nan=False, allow_infinity=False)

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from cnnum.errors import CnnumError
 from cnnum.templating.couplings import DelayedCoupling, NonlinearCoupling
 from cnnum.templating.files import load_template, save_template
-from cnnum.templating.function_tables import Table
+from cnnum.templating.functions import Table
 from cnnum.templating.template import Template
 
 NUMBERS = st.floats(-20.0, 20.0, allow_nan=False).map(lambda v: round(v, 4) + 0.0)

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from cnnum.drivers.driver import Counters
-from cnnum.graph.parts import Parts
-from cnnum.graph.schedule import LeftOut
+from cnnum.graph.schedule import LeftOut, Parts
 from cnnum.plan import Explanation
 from cnnum.report import PlanCost, SceneRecord, WorkPrecision
 from cnnum.report.encoding import ReportData

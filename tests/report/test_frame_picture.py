@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from cnnum.report import SceneRecord
-from cnnum.report.pictures.frame_picture import CELL, MapScale, frame_picture
-from cnnum.sharing.colours import DARK, LIGHT, STEPS, scale, step
+from cnnum.report.pictures import CELL, MapScale, frame_picture
+from cnnum.sharing import DARK, LIGHT, STEPS, scale, step
 
 ROW, COL = 1, 2
 

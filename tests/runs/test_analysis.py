@@ -9,8 +9,8 @@ import pytest
 import cnnum
 from cnnum.errors import ArrayError, ProgramError, TemplateError, UnknownNameError
 from cnnum.integrators.stability import METHODS
+from cnnum.templating.functions import OutputFunction
 from cnnum.templating.network import Network
-from cnnum.templating.output_functions import OutputFunction
 from cnnum.templating.stability_class import stability_class
 
 SHAPE = (5, 6)

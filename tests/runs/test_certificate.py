@@ -13,8 +13,7 @@ from cnnum.runs.cells import Cells, Frame
 from cnnum.runs.enclosure import Enclosure
 from cnnum.runs.order import Between, keeps_order
 from cnnum.templating.couplings import NonlinearCoupling
-from cnnum.templating.function_tables import Table
-from cnnum.templating.output_functions import OutputFunction
+from cnnum.templating.functions import OutputFunction, Table
 
 ENGINES = ["opencl float32", "numba float64", "reference"]
 

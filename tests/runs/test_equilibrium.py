@@ -8,7 +8,7 @@ from cnnum import Template
 from cnnum.runs.cells import Cells, Frame
 from cnnum.runs.equilibrium import verdict
 from cnnum.templating.couplings import NonlinearCoupling
-from cnnum.templating.function_tables import Table
+from cnnum.templating.functions import Table
 
 
 def judged(template, state, reach=0.0):

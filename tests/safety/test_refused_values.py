@@ -12,7 +12,7 @@ from cnnum.errors import (
     TemplateError,
     UnknownNameError,
 )
-from cnnum.templating.output_functions import OutputFunction
+from cnnum.templating.functions import OutputFunction
 
 HUGE = 10**400
 EDGE = cnnum.get_template("EDGE")

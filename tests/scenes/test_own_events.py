@@ -9,7 +9,7 @@ from click.testing import CliRunner
 import cnnum
 from cnnum.cli import main
 from cnnum.errors import ProgramError, SceneError, UnknownNameError
-from cnnum.report.pictures.timeline import timeline
+from cnnum.report.pictures import timeline
 from cnnum.report.record import SceneRecorder
 from cnnum.scenes.events import EventDetector, event_rule
 

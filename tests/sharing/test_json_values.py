@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 
-from cnnum.sharing.json_values import json_value
+from cnnum.sharing import json_value
 
 
 def test_what_json_has_no_form_for_is_changed_and_the_rest_stays():

@@ -9,7 +9,7 @@ import cnnum
 from cnnum.frame import FORCE_AXES, Frame
 from cnnum.scenes.pipeline import FrameResult
 from cnnum.scenes.scene_record import SceneRecord
-from cnnum.sharing.colours import LIGHT, scale
+from cnnum.sharing import LIGHT, scale
 
 RNG = np.random.default_rng(4)
 
@@ -154,12 +154,12 @@ def test_an_event_is_as_short_as_what_is_known_of_it():
 
 
 def test_a_library_that_is_missing_is_named(monkeypatch):
-    from cnnum.sharing import tables
+    from cnnum import sharing
 
     def missing(name):
         raise ImportError(name)
 
-    monkeypatch.setattr(tables, "import_module", missing)
+    monkeypatch.setattr(sharing, "import_module", missing)
     with pytest.raises(cnnum.CnnumError, match=r"'pandas'.*pip install '\.\[tables\]'"):
         events().to_dataframe()
     with pytest.raises(cnnum.CnnumError, match="'xarray'"):

@@ -6,7 +6,7 @@ import pytest
 from cnnum.errors import ArrayError, CalibrationError, CnnumError, PhysicsError
 from cnnum.tactile import contact, cover, halfspace, inverse
 from cnnum.tactile.checks import broadcasting
-from cnnum.tactile.inverse.noise import shear_and_normal
+from cnnum.tactile.inverse.moments import shear_and_normal
 from cnnum.tactile.taxel.calibration import identity_of
 
 TWO, THREE, PLACES = np.full((2, 2), 1e-3), np.full(3, 1e-3), np.zeros((4, 2))

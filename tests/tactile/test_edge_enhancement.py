@@ -8,7 +8,7 @@ from scipy.fft import dctn, idctn
 
 from cnnum.frame import FORCE_AXES
 from cnnum.graph.nodes import Transient
-from cnnum.graph.passes import schedule
+from cnnum.graph.schedule import schedule
 from cnnum.lab.bench.programs.edge_errors import (
     Skin,
     by_enhancement,

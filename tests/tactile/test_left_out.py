@@ -6,7 +6,7 @@ import pytest
 
 from cnnum.frame import FORCE_AXES
 from cnnum.graph.nodes import Transient
-from cnnum.graph.passes import schedule
+from cnnum.graph.schedule import schedule
 from cnnum.lab.bench.scene_costs import measure_scenes
 from cnnum.scenes.pipeline import load_scene
 from cnnum.templates.tactile.tactile import tactile

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cnnum.templating.function_tables import Table
+from cnnum.templating.functions import Table
 
 
 @pytest.mark.parametrize(

@@ -17,8 +17,7 @@ from cnnum.cli.options import (
     setting_option,
     trust_option,
 )
-from cnnum.cli.output import Output, facts
-from cnnum.cli.progress import busy
+from cnnum.cli.output import Output, busy, facts
 from cnnum.cli.signals import stoppable
 from cnnum.cli.source import open_source
 

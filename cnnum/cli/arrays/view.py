@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from cnnum.cli.options import Changes, completed, json_option, scene_options, trust_option
-from cnnum.cli.output import Output
-from cnnum.cli.progress import COMPILING, busy
+from cnnum.cli.output import COMPILING, Output, busy
 from cnnum.cli.signals import stoppable
 
 if TYPE_CHECKING:

@@ -12,8 +12,7 @@ import click
 
 from cnnum.cli.following import follow
 from cnnum.cli.options import Changes, file_option, force_option, json_option, scene_options
-from cnnum.cli.output import Output
-from cnnum.cli.progress import COMPILING, Steps, busy, progress
+from cnnum.cli.output import COMPILING, Output, Steps, busy, progress
 from cnnum.drivers.driver import Closing
 from cnnum.engine import Engine
 from cnnum.recordings.journal import Journal

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from cnnum.cli.options import json_option
-from cnnum.cli.output import Output, facts
-from cnnum.cli.progress import progress
+from cnnum.cli.output import Output, facts, progress
 
 if TYPE_CHECKING:
     from cnnum.engines.devices.listing import Device

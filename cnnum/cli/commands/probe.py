@@ -20,8 +20,7 @@ from cnnum.cli.options import (
     target_option,
     trust_option,
 )
-from cnnum.cli.output import Output, facts, number, quantity
-from cnnum.cli.progress import progress
+from cnnum.cli.output import Output, facts, number, progress, quantity
 from cnnum.cli.signals import stoppable
 from cnnum.cli.source import limited, open_source
 from cnnum.frame import Frame, Quality
@@ -312,7 +311,7 @@ def command(
         output.record(_record(source, driver, figures))
         output.show(facts(_facts(source, driver, figures)))
         if picture is not None and figures.scans:
-            from cnnum.report.probe_picture import draw
+            from cnnum.report.plots import draw
 
             marks = [cell[:2] for cell in (*figures.dead, *figures.stuck, *figures.noisy)]
             maps = {"rest": figures.rest, "noise": figures.deviation, "drift a min": figures.slope}

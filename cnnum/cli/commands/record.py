@@ -17,8 +17,7 @@ from cnnum.cli.options import (
     setting_option,
     trust_option,
 )
-from cnnum.cli.output import Output, quantity
-from cnnum.cli.progress import progress
+from cnnum.cli.output import Output, progress, quantity
 from cnnum.cli.signals import stoppable, undisturbed
 from cnnum.cli.source import limited, open_source
 from cnnum.errors import CnnumError, RecordingError

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import click
 
-from cnnum.cli import saving
+from cnnum.cli import following
 from cnnum.cli.following import follow
 from cnnum.cli.options import (
     Changes,
@@ -14,8 +14,7 @@ from cnnum.cli.options import (
     scene_options,
     trust_option,
 )
-from cnnum.cli.output import Output
-from cnnum.cli.progress import COMPILING, busy
+from cnnum.cli.output import COMPILING, Output, busy
 
 RAW = ("count", "V")
 """Units of arrays that nothing is known of: no scene fits all of them."""
@@ -34,8 +33,8 @@ DEFAULT = "demo"
 )
 @scene_options
 @trust_option
-@saving.save_option
-@saving.rerun_option
+@following.save_option
+@following.rerun_option
 @frames_option
 @click.option(
     "--speed",
@@ -75,7 +74,7 @@ def command(
     With --from, earlier frames are processed without being reported, so that rest, tare and
     memories, and therefore forces and events, are the same as in a whole replay.
     """
-    saving.refuse_unknown(save)
+    following.refuse_unknown(save)
     if begin is not None and end is not None and end < begin:
         raise click.UsageError(f"'--to {end:g}' lies before '--from {begin:g}'.")
     with busy(COMPILING, as_json=as_json):
@@ -90,9 +89,9 @@ def command(
             from cnnum.drivers.timing.paced import Paced
 
             loaded.driver = Paced(loaded.driver, speed, begin, end, keeps_before=True)
-    saver = saving.FieldSaver(save, loaded, force=force)
-    with saving.to_rerun(loaded, rerun, force=force) as send:
-        watch = saving.watching(saver.add, send)
+    saver = following.FieldSaver(save, loaded, force=force)
+    with following.to_rerun(loaded, rerun, force=force) as send:
+        watch = following.watching(saver.add, send)
         return follow(
             loaded,
             Output(as_json),

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from cnnum.cli import saving
+from cnnum.cli import following
 from cnnum.cli.following import follow
 from cnnum.cli.options import (
     Changes,
@@ -17,8 +17,7 @@ from cnnum.cli.options import (
     target_option,
     trust_option,
 )
-from cnnum.cli.output import Output
-from cnnum.cli.progress import COMPILING, busy
+from cnnum.cli.output import COMPILING, Output, busy
 from cnnum.safety.names import visible
 
 if TYPE_CHECKING:
@@ -29,8 +28,8 @@ if TYPE_CHECKING:
 @click.argument("scene", shell_complete=completed("scene", files=True))
 @scene_options
 @trust_option
-@saving.save_option
-@saving.rerun_option
+@following.save_option
+@following.rerun_option
 @frames_option
 @target_option(
     "--trace",
@@ -61,21 +60,21 @@ def command(
     Ctrl-C (or SIGTERM, SIGHUP) stops the run and prints the summary.
     """
     _refuse_trace(trace, trace_frame)
-    saving.refuse_unknown(save)
+    following.refuse_unknown(save)
     output = Output(as_json)
     with busy(COMPILING, as_json=as_json):
         from cnnum.scenes.pipeline import load_scene
 
         loaded = load_scene(scene, changes=changes, trust=trust)
-    saver = saving.FieldSaver(save, loaded, force=force)
+    saver = following.FieldSaver(save, loaded, force=force)
     eventful: list[int] = []
 
     def watch(moment: "FrameResult") -> None:
         if moment.events and not eventful:
             eventful.append(moment.number)
 
-    with saving.to_rerun(loaded, rerun, force=force) as send:
-        watches = saving.watching(watch, saver.add, send)
+    with following.to_rerun(loaded, rerun, force=force) as send:
+        watches = following.watching(watch, saver.add, send)
         code = follow(loaded, output, frames=frames, watch=watches, keep=saver.write)
     if trace is None:
         return code

@@ -2,16 +2,12 @@
 
 import click
 
-from cnnum.cli.library.templates_analyse import analyse
-from cnnum.cli.library.templates_audit import audit
 from cnnum.cli.library.templates_check import check
 from cnnum.cli.library.templates_convert import export, import_files
 from cnnum.cli.library.templates_design import design
-from cnnum.cli.library.templates_find import compare, find
-from cnnum.cli.library.templates_gallery import gallery
-from cnnum.cli.library.templates_list import list_templates
-from cnnum.cli.library.templates_measure import measure
-from cnnum.cli.library.templates_show import show
+from cnnum.cli.library.templates_find import compare, find, list_templates
+from cnnum.cli.library.templates_measure import analyse, audit, measure
+from cnnum.cli.library.templates_show import gallery, show
 
 
 @click.group(

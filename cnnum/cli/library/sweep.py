@@ -6,8 +6,7 @@ from typing import Any
 import click
 
 from cnnum.cli.options import force_option, json_option, to_write
-from cnnum.cli.output import Output, facts, number, quantity
-from cnnum.cli.progress import progress
+from cnnum.cli.output import Output, facts, number, progress, quantity
 
 RUNS_FAILED = 1
 """Exit code where all of them did."""

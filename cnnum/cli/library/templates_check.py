@@ -10,12 +10,11 @@ from typing import TYPE_CHECKING
 import click
 from rich.table import Table
 
-from cnnum.cli.library.templates_choice import chosen, is_place
+from cnnum.cli.library.templates_convert import chosen, is_place
 from cnnum.cli.library.templates_design import report
 from cnnum.cli.options import completed, json_option
-from cnnum.cli.output import Output, console, number, quantity, table, verdict
-from cnnum.cli.progress import progress
-from cnnum.cli.stopping import until_stopped
+from cnnum.cli.output import Output, console, number, progress, quantity, table, verdict
+from cnnum.cli.signals import until_stopped
 from cnnum.errors import CnnumError, NotSupportedError, OneColourError, UnknownNameError
 from cnnum.safety.names import visible
 

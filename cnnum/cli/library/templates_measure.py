@@ -1,13 +1,18 @@
-"""`cnnum templates measure`: writes the figures of templates into their files."""
+"""`cnnum templates measure`, `audit` and `analyse`: what is known of templates."""
 
+from dataclasses import asdict
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
-from cnnum.cli.library.templates_choice import chosen
+from cnnum.cli.library.templates_check import array_shape
+from cnnum.cli.library.templates_convert import chosen, is_place
 from cnnum.cli.options import completed, json_option
-from cnnum.cli.output import Output, number, table
-from cnnum.cli.progress import progress
+from cnnum.cli.output import Output, facts, number, progress, table
+
+if TYPE_CHECKING:
+    from cnnum.runs.analysis import Analysis
 
 
 @click.command("measure")
@@ -47,3 +52,76 @@ def _known(path: Path) -> bool:
 
     entry = load_entry(path)
     return entry.measured is not None and entry.measured.digest == entry.template.digest
+
+
+@click.command("audit")
+@click.argument("names", nargs=-1, metavar="[NAMES]...", shell_complete=completed("template"))
+@click.option("--engine", default="numba", show_default=True, help="Engine to run on.")
+@json_option
+def audit(names: tuple[str, ...], engine: str, as_json: bool) -> None:
+    """Count the cells that templates get wrong with the boundaries 0, -1 and zero-flux.
+
+    NAMES are templates, files or folders; by default the whole library. The pictures have 12×12
+    cells with objects that touch the frame, and the check of a template defines the right answer.
+    Templates with a gray answer are left out.
+    """
+    from cnnum.engine import Engine
+    from cnnum.templating.checks.audit import audit as wrong_cells
+    from cnnum.templating.files import load_entry
+
+    used, output, files = Engine(engine), Output(as_json), chosen(names)
+    shown = table("Template", ">own", "published", ">cells", ">wrong with 0", ">-1", ">zero-flux")
+    with progress("templates", len(files), as_json=as_json) as steps:
+        for entry in map(load_entry, files):
+            found = wrong_cells(entry.template, used)
+            if found is not None:
+                published = entry.about.published_boundary
+                output.record({**asdict(found), "published": published})
+                counts = map(str, found.wrong)
+                own = str(found.boundary)
+                shown.add_row(found.template, own, published, str(found.cells), *counts)
+            steps.advance(entry.template.name)
+    output.show(shown)
+
+
+@click.command("analyse")
+@click.argument("name", shell_complete=completed("template", files=True))
+@click.option("--shape", default="8x8", callback=array_shape, help="Size of the array, ROWSxCOLS.")
+@json_option
+def analyse(name: str, shape: tuple[int, int], as_json: bool) -> None:
+    """Show the properties of a template before it runs.
+
+    These are its rates and stiffness, the longest stable step of every method, its stability class
+    with the reason, and the effect of saturation. NAME is a template of the library, a file, or a
+    program, of which every template is shown.
+    """
+    from cnnum.runs.analysis import step, text
+
+    output = Output(as_json)
+    for one in _analysed(name, shape):
+        output.record(_record(one))
+        rows, cols = one.shape
+        output.show(facts([("template", f"{one.template} on {rows}×{cols}"), *text(one)]), "")
+        shown = table("Method", ">longest stable step")
+        for method, bound in one.bounds.items():
+            shown.add_row(method, step(bound, method))
+        output.show(shown)
+
+
+def _analysed(name: str, shape: tuple[int, int]) -> "tuple[Analysis, ...]":
+    from cnnum.programs.library import get_program, program_names
+    from cnnum.runs.analysis import analyse, analyse_program
+    from cnnum.templating.files import load_template
+
+    if is_place(name):
+        return (analyse(load_template(name), shape),)
+    if name in program_names():
+        return analyse_program(get_program(name), shape)
+    return (analyse(name, shape),)
+
+
+def _record(one: "Analysis") -> dict[str, object]:
+    """Return the record, with the step of each method in place of its bound."""
+    found: dict[str, object] = asdict(one)
+    del found["bounds"]
+    return found | {"steps": {name: bound.step for name, bound in one.bounds.items()}}

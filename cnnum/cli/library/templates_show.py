@@ -1,13 +1,14 @@
-"""`cnnum templates show NAME`."""
+"""`cnnum templates show` and `gallery`: templates to look at."""
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from cnnum.cli.library.templates_choice import is_place
-from cnnum.cli.options import completed, force_option, json_option, target_option
-from cnnum.cli.output import Output, facts, number
+from cnnum.cli.library.templates_convert import chosen, is_place
+from cnnum.cli.options import completed, file_option, force_option, json_option, target_option
+from cnnum.cli.output import Output, facts, number, progress
 
 if TYPE_CHECKING:
     from cnnum.templating.couplings import NonlinearCoupling
@@ -58,7 +59,7 @@ def show(
     template, output = entry.template, Output(as_json)
     output.record({**_record(template), **_words(entry)})
     output.show(facts([*_facts(template), *_known(entry)]), "")
-    from cnnum.templating.numbers_in_words import functions, matrices
+    from cnnum.templating.numbers import functions, matrices
 
     for label, kernel in matrices(template):
         output.show(f"{label} =", _matrix(kernel.tolist()), "")
@@ -195,3 +196,35 @@ def _matrix(rows: list[list[float]]) -> str:
     cells = [[number(value, 6) for value in row] for row in rows]
     width = max(len(cell) for row in cells for cell in row)
     return "\n".join("    " + "  ".join(cell.rjust(width) for cell in row) for row in cells)
+
+
+@click.command("gallery")
+@click.argument("names", nargs=-1, metavar="[NAMES]...", shell_complete=completed("template"))
+@file_option("gallery.html", "The page's file.")
+@click.option("--engine", default="numba", show_default=True, help="Engine to run on.")
+@force_option
+@json_option
+def gallery(names: tuple[str, ...], out: Path, engine: str, force: bool, as_json: bool) -> None:
+    """Write one searchable page of templates with pictures, numbers and checks.
+
+    NAMES are templates, files or folders; by default the whole library. The page needs no other
+    file and no network.
+    """
+    from cnnum.engine import Engine
+    from cnnum.report.gallery import Card, filmstrip, gallery_page
+    from cnnum.safety.files import write_whole
+    from cnnum.templating.checks import run_check
+    from cnnum.templating.files import load_entry
+
+    used, files, found = Engine(engine), chosen(names), list[Card]()
+    check = partial(run_check, engine=used, repeats=1)
+    with progress("templates", len(files), as_json=as_json) as steps:
+        for path in files:
+            entry = load_entry(path)
+            result = check(entry.template, measured=entry.measured)
+            strip = filmstrip(entry.template, used)
+            found.append(Card(entry, path.parent.name, strip, result))
+            steps.advance(entry.template.name)
+    write_whole(out, gallery_page(found), force=force)
+    done = {"templates": len(found), "file": str(out)}
+    Output(as_json).record(done, f"{len(found)} templates: {out}")

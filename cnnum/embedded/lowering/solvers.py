@@ -6,9 +6,7 @@ from cnnum.arrays import Shape
 from cnnum.graph.nodes import Transient
 from cnnum.graph.schedule import Schedule
 from cnnum.integrators.choice import choose
-from cnnum.integrators.exact_ends.circulant import SHIFTS, Circulant, circulant
-from cnnum.integrators.exact_ends.propagator import Decay, Propagator
-from cnnum.integrators.exact_ends.spectral import Spectral
+from cnnum.integrators.exact_ends import SHIFTS, Circulant, Decay, Propagator, Spectral, circulant
 from cnnum.integrators.schemes import FixedSteps
 from cnnum.integrators.solver import Solver
 from cnnum.templating.network import Network

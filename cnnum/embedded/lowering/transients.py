@@ -21,9 +21,7 @@ from cnnum.embedded.lowering.transient_work import Given, TransientWork
 from cnnum.embedded.program import Array
 from cnnum.errors import NotSupportedError
 from cnnum.graph.nodes import Node, Pick, Transient
-from cnnum.integrators.exact_ends.circulant import Circulant
-from cnnum.integrators.exact_ends.propagator import Decay, Propagator
-from cnnum.integrators.exact_ends.spectral import Spectral
+from cnnum.integrators.exact_ends import Circulant, Decay, Propagator, Spectral
 from cnnum.integrators.schemes import MAX_STEPS, FixedSteps
 from cnnum.integrators.solver import Solver
 from cnnum.integrators.tableau import EULER

@@ -97,7 +97,7 @@ def operations(
     Parameters
     ----------
     expression : str
-        As `cnnum.safety.expressions` has it.
+        As `cnnum.safety.names` has it.
     dtype : dtype
         Its largest number is `HUGE`.
     variables : mapping of str to int

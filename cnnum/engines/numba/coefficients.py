@@ -7,10 +7,9 @@ import numpy as np
 from cnnum.arrays import Floats
 from cnnum.engines.numba import codes
 from cnnum.engines.numba.records import Real, Reals
-from cnnum.integrators.chebyshev import MAX_STAGES, chebyshev_method
 from cnnum.integrators.schemes import AdaptiveSteps, ChebyshevSteps, FixedSteps
 from cnnum.integrators.solver import Solver
-from cnnum.integrators.tableau import Explicit, Row
+from cnnum.integrators.tableau import MAX_STAGES, Explicit, Row, chebyshev_method
 
 
 def tableaux(solver: Solver) -> Floats:

@@ -13,10 +13,17 @@ from cnnum.arrays import Floats, Shape
 from cnnum.engines.numba.cells import add
 from cnnum.engines.numba.compiling import ROOM, kept
 from cnnum.engines.numba.records import Real, Reals
-from cnnum.integrators.exact_ends.circulant import Circulant
-from cnnum.integrators.exact_ends.propagator import Decay, Propagator, passes_in_fours, rounded_gain
-from cnnum.integrators.exact_ends.separate import Separate, evaluate, roundings
-from cnnum.integrators.exact_ends.spectral import Spectral
+from cnnum.integrators.exact_ends import (
+    Circulant,
+    Decay,
+    Propagator,
+    Separate,
+    Spectral,
+    evaluate,
+    passes_in_fours,
+    rounded_gain,
+    roundings,
+)
 from cnnum.integrators.solver import Exact
 from cnnum.templating.template import Template
 

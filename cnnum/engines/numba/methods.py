@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 
 from cnnum.engines.numba import codes
 from cnnum.engines.numba.records import Real
-from cnnum.integrators.chebyshev import MAX_STAGES, chebyshev_method
 from cnnum.integrators.estimate import FLOOR, LOST, ROUNDINGS, error_growth
 from cnnum.integrators.schemes import (
     MAX_STEPS,
@@ -16,6 +15,7 @@ from cnnum.integrators.schemes import (
     FixedSteps,
 )
 from cnnum.integrators.solver import Solver
+from cnnum.integrators.tableau import MAX_STAGES, chebyshev_method
 from cnnum.templating.reads import lag
 from cnnum.templating.template import Template
 

@@ -12,8 +12,7 @@ from cnnum.engines.numba import codes
 from cnnum.engines.numba.layout import Layout
 from cnnum.engines.numba.records import GAIN, TABLE, TAP, Ints, Real, Reals
 from cnnum.templating.couplings import NonlinearCoupling
-from cnnum.templating.function_tables import Table
-from cnnum.templating.pair_functions import PairFunction
+from cnnum.templating.functions import PairFunction, Table
 from cnnum.templating.template import Template
 
 _QUANTITIES = {"x": codes.MOVED, "y": codes.OUTPUT, "u": codes.INPUT, None: codes.NOTHING}

@@ -15,7 +15,6 @@ from cnnum.arrays import Floats
 from cnnum.engines.failures import refuse_unfinished
 from cnnum.engines.reference.equation import StateEquation
 from cnnum.engines.reference.march import limited, weighted
-from cnnum.integrators.chebyshev import MAX_STAGES, chebyshev_method, stages_for
 from cnnum.integrators.estimate import (
     AROUND,
     FLOOR,
@@ -28,6 +27,7 @@ from cnnum.integrators.estimate import (
 )
 from cnnum.integrators.schemes import MAX_STEPS, NEARLY, AdaptiveSteps, ChebyshevSteps
 from cnnum.integrators.solver import Solver
+from cnnum.integrators.tableau import MAX_STAGES, chebyshev_method, stages_for
 from cnnum.templating.reads import gains_jump
 
 

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
 from cnnum.lab.bench.true_error_chart import Axes, Picture, Row, mark_few, true_error
-from cnnum.report.probe_picture import drawn
+from cnnum.report.plots import drawn
 from cnnum.report.work_precision import LEAST
 
 METHOD_STYLES = {

@@ -9,7 +9,7 @@ from typing import Any
 from cnnum.errors import ReportError
 from cnnum.report.environment import Environment
 from cnnum.safety.files import append, make_folder, sentences, write_whole
-from cnnum.sharing.json_values import json_value
+from cnnum.sharing import json_value
 
 Row = dict[str, object]
 

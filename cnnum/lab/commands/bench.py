@@ -14,8 +14,7 @@ from rich.text import Text
 from cnnum.cli.commands.export import shape_of
 from cnnum.cli.following import STOPPED
 from cnnum.cli.options import force_option, json_option, results_option, together
-from cnnum.cli.output import Output, table
-from cnnum.cli.progress import progress
+from cnnum.cli.output import Output, progress, table
 from cnnum.cli.signals import stoppable, undisturbed
 from cnnum.errors import CnnumError, MissingExtraError
 from cnnum.safety.names import visible

@@ -8,9 +8,8 @@ from rich.table import Table
 from rich.text import Text
 
 from cnnum.cli.options import force_option, json_option
-from cnnum.cli.output import Output, number, table, verdict
-from cnnum.cli.progress import progress
-from cnnum.cli.stopping import until_stopped
+from cnnum.cli.output import Output, number, progress, table, verdict
+from cnnum.cli.signals import until_stopped
 
 if TYPE_CHECKING:
     from cnnum.lab.reproduce import Item, Row

@@ -10,9 +10,8 @@ import rich.table
 from rich.text import Text
 
 from cnnum.cli.options import engine_options, force_option, json_option, page_option
-from cnnum.cli.output import Output, table
-from cnnum.cli.progress import progress
-from cnnum.cli.stopping import until_stopped
+from cnnum.cli.output import Output, progress, table
+from cnnum.cli.signals import until_stopped
 
 if TYPE_CHECKING:
     from cnnum.lab.scoring import Request, Table

@@ -9,8 +9,7 @@ from rich.table import Table
 from rich.text import Text
 
 from cnnum.cli.options import engine_options, force_option, json_option, page_option
-from cnnum.cli.output import Output, number, table, verdict
-from cnnum.cli.progress import progress
+from cnnum.cli.output import Output, number, progress, table, verdict
 
 if TYPE_CHECKING:
     from cnnum.lab.stability import Case, Row

@@ -16,7 +16,7 @@ from cnnum.lab.reproduce.figure import Figure
 from cnnum.lab.reproduce.record import Chapter, Row
 from cnnum.lab.reproduce.registry import CHAPTERS
 from cnnum.safety.files import make_folder, sentences, write_whole
-from cnnum.sharing.json_values import json_value
+from cnnum.sharing import json_value
 from cnnum.version import __version__
 
 

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from math import isnan
 
-from cnnum.sharing.json_values import json_value
+from cnnum.sharing import json_value
 
 Value = str | float | int | bool | None
 Row = dict[str, Value]

@@ -12,7 +12,7 @@ from cnnum.lab.stability.record import Row
 from cnnum.report.environment import Environment
 from cnnum.report.plots import PALETTE, inline_svg, page_style
 from cnnum.safety.files import write_whole
-from cnnum.sharing.json_values import json_value
+from cnnum.sharing import json_value
 
 FAMILIES = {
     "stiff": "Stiff: fast and slow parts in one array",

@@ -4,24 +4,26 @@ Loads grow monotonically from zero; pressure and tractions act on the cover, z i
 On maps, columns run along x and rows along y, the origin in the middle.
 """
 
-from cnnum.tactile.contact.cells import inverse_average, root_average, twist_average
+from cnnum.tactile.contact.cells import (
+    cell_average,
+    inverse_average,
+    root_average,
+    swirl_average,
+    twist_average,
+)
 from cnnum.tactile.contact.normal import (
     Hertz,
+    PartialSlip,
     contact_modulus,
     hertz,
+    partial_slip,
     punch_indentation,
     punch_pressure,
     shear_compliance,
-)
-from cnnum.tactile.contact.quadrature import cell_average
-from cnnum.tactile.contact.sphere import ContactState, sphere_traction
-from cnnum.tactile.contact.swirl import swirl_average
-from cnnum.tactile.contact.tangential import (
-    PartialSlip,
-    partial_slip,
     stuck_traction,
     tangential_displacement,
 )
+from cnnum.tactile.contact.sphere import ContactState, sphere_traction
 from cnnum.tactile.contact.torsion import (
     TorsionSlip,
     sliding_torque,

@@ -1,6 +1,6 @@
 """A layer bonded to a rigid base as a spatial filter, in closed form for any Poisson ratio.
 
-The convention is that of `cnnum.tactile.halfspace.transfer`: a traction (q_x, q_y, p) of wave
+The convention is that of `cnnum.tactile.halfspace.surface`: a traction (q_x, q_y, p) of wave
 vector k on top. Stress and displacement at a depth have the same wave vector. With ζ = k times the
 height over the base, two fields vanish on the base (Papkovich and Neuber, κ = 3 - 4ν)::
 

@@ -4,26 +4,29 @@ x and y lie in the surface, z points into the material. Forces and pressures are
 material, stress is positive in tension. On maps, columns run along x and rows along y.
 """
 
-from cnnum.tactile.halfspace.circle import circle_axis_stress
-from cnnum.tactile.halfspace.line import line_load_stress
 from cnnum.tactile.halfspace.material import strain_from_stress
-from cnnum.tactile.halfspace.point import displacement, strain, strain_energy_density, stress
+from cnnum.tactile.halfspace.point import (
+    displacement,
+    line_load_stress,
+    strain,
+    strain_energy_density,
+    stress,
+)
 from cnnum.tactile.halfspace.rectangle import (
+    circle_axis_stress,
     rectangle_displacement,
     rectangle_strain,
     rectangle_stress,
 )
 from cnnum.tactile.halfspace.surface import (
     SurfaceToDepth,
-    surface_load_strain,
-    surface_load_stress,
-)
-from cnnum.tactile.halfspace.transfer import (
     band_pass,
     harmonic_extension,
     low_pass,
     strain_transfer,
     stress_transfer,
+    surface_load_strain,
+    surface_load_stress,
 )
 
 __all__ = [

@@ -1,6 +1,7 @@
-"""A uniform traction on a rectangle of the surface: displacement, stress and strain anywhere."""
+"""A uniform traction on a rectangle or a disc of the surface: displacement, stress and strain."""
 
 from collections.abc import Callable, Collection
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.polynomial.legendre import leggauss
@@ -8,11 +9,178 @@ from numpy.typing import ArrayLike
 
 from cnnum.errors import ArrayError, PhysicsError
 from cnnum.tactile import checks
-from cnnum.tactile.checks import Array
+from cnnum.tactile.checks import Array, broadcasting
 from cnnum.tactile.halfspace import influence
-from cnnum.tactile.halfspace.corner import FUNCTIONS, Corner
-from cnnum.tactile.halfspace.influence import Integrals
+from cnnum.tactile.halfspace.influence import Integrals, tensor
 from cnnum.tactile.halfspace.point import point_functions
+
+
+@broadcasting
+def circle_axis_stress(
+    z: ArrayLike, traction: ArrayLike, *, radius: ArrayLike, poisson: ArrayLike = 0.5
+) -> Array:
+    """Return the stress on the axis below a uniformly loaded disc.
+
+    Parameters
+    ----------
+    z : (...) float, m
+        Depth below the centre, 0 or more.
+    traction : (..., 3) float, Pa
+        (q_x, q_y, p), the pressure p pushing into the material.
+    radius : (...) float, m
+        Radius a of the disc.
+    poisson : (...) float
+        Poisson's ratio, above -1 and at most 0.5.
+
+    Returns
+    -------
+    (..., 3, 3) float, Pa
+        Stress tensor, tension positive. With c = z/√(a² + z²): σ_zz = -p (1 - c³),
+        σ_xx = σ_yy = -p/2 [(1 + 2ν) - 2(1 + ν) c + c³], σ_xz = -q_x (1 - 3c/2 + c³/2).
+
+    Raises
+    ------
+    PhysicsError
+        If the depth is negative, the radius not positive, ν out of range, or a number not
+        finite.
+
+    References
+    ----------
+    Timoshenko & Goodier, Theory of Elasticity, art. 139, for pressure; Cerruti integrated for
+    shear.
+    """
+    depth = checks.not_negative("z", z)
+    a = checks.positive("radius", radius)
+    ratio = checks.poisson_ratio(poisson)
+    load = checks.vector("traction", traction)
+    root = np.hypot(a, depth)
+    c = depth / root
+    rest = (a / root) * (a / (root + depth))  # 1 - c, exact far below
+    across = -load[..., 2] / 2 * rest * (rest * (2 + c) - (1 - 2 * ratio))
+    down = -load[..., 2] * rest * (1 + c + c * c)
+    shear = rest * rest * (2 + c) / 2
+    return tensor(
+        {
+            "xx": across,
+            "yy": across,
+            "zz": down,
+            "xz": -load[..., 0] * shear,
+            "yz": -load[..., 1] * shear,
+            "xy": np.zeros_like(across),
+        }
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Corner:
+    """Distances from one corner of the rectangle to the point, and functions of them.
+
+    Parameters
+    ----------
+    X, Y, z : (...) float
+        From the corner to the point.
+
+    Attributes
+    ----------
+    s, t, r : (...) float
+        Distance from the point to the edge along y, to the edge along x, and to the corner.
+    """
+
+    X: Array
+    Y: Array
+    z: Array
+    s: Array = field(init=False)
+    t: Array = field(init=False)
+    r: Array = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "s", np.hypot(self.X, self.z))
+        object.__setattr__(self, "t", np.hypot(self.Y, self.z))
+        object.__setattr__(self, "r", np.hypot(self.s, self.Y))
+
+    @property
+    def r_plus_x(self) -> Array:
+        """The sum r + X, without cancellation where X < 0."""
+        return _sum(self.r, self.X, self.t)
+
+    @property
+    def r_plus_y(self) -> Array:
+        """The sum r + Y, without cancellation where Y < 0."""
+        return _sum(self.r, self.Y, self.s)
+
+    @property
+    def angle(self) -> Array:
+        """The solid angle's part of this corner, atan(XY / zr)."""
+        return np.arctan2(self.X * self.Y, self.z * self.r)
+
+    @property
+    def angle_x(self) -> Array:
+        """The integral of L_x over Y, differentiated, 2 atan(XY / ((s + z)(r + s)))."""
+        return 2 * np.arctan2(self.X * self.Y, (self.s + self.z) * (self.r + self.s))
+
+    @property
+    def angle_y(self) -> Array:
+        """The same with x and y exchanged."""
+        return 2 * np.arctan2(self.X * self.Y, (self.t + self.z) * (self.r + self.t))
+
+
+def _sum(r: Array, a: Array, b: Array) -> Array:
+    """Return r + a where r² = a² + b²."""
+    return np.where(a >= 0, r + a, ratio(b * b, r - a)).astype(np.float64)
+
+
+def ratio(a: Array, b: Array) -> Array:
+    """Return a / b, and 0 where b = 0 (a point on an edge: the mean of its two sides)."""
+    return np.divide(a, b, out=np.zeros(np.broadcast_shapes(a.shape, b.shape)), where=b != 0)
+
+
+def _xlogy(a: Array, b: Array) -> Array:
+    from scipy.special import xlogy
+
+    return np.asarray(xlogy(a, b), dtype=np.float64)
+
+
+def _love(c: Corner) -> Array:
+    return _xlogy(c.X, c.r_plus_y) + _xlogy(c.Y, c.r_plus_x)
+
+
+FUNCTIONS: dict[str, Callable[[Corner], Array]] = {
+    "M_xxx": lambda c: -2 * np.log(c.r_plus_y) - ratio(c.X**2 * c.Y, c.r * c.s**2),
+    "M_xxy": lambda c: ratio(c.X, c.r) - np.log(c.r_plus_x),
+    "M_xyy": lambda c: ratio(c.Y, c.r) - np.log(c.r_plus_y),
+    "M_yyy": lambda c: -2 * np.log(c.r_plus_x) - ratio(c.X * c.Y**2, c.r * c.t**2),
+    "M_xxz": lambda c: c.angle - ratio(c.z * c.X * c.Y, c.r * c.s**2),
+    "M_yyz": lambda c: c.angle - ratio(c.z * c.X * c.Y, c.r * c.t**2),
+    "M_zzz": lambda c: (
+        c.angle + ratio(c.z * c.X * c.Y, c.r * c.s**2) + ratio(c.z * c.X * c.Y, c.r * c.t**2)
+    ),
+    "M_xyz": lambda c: ratio(c.z, c.r),
+    "M_xzz": lambda c: -ratio(c.z**2 * c.Y, c.r * c.s**2),
+    "M_yzz": lambda c: -ratio(c.z**2 * c.X, c.r * c.t**2),
+    "S_xx": lambda c: _xlogy(c.X, c.r_plus_y) + 2 * _xlogy(c.Y, c.r_plus_x) - 2 * c.z * c.angle,
+    "S_yy": lambda c: 2 * _xlogy(c.X, c.r_plus_y) + _xlogy(c.Y, c.r_plus_x) - 2 * c.z * c.angle,
+    "S_zz": _love,
+    "S_xy": lambda c: -c.r,
+    "S_xz": lambda c: -_xlogy(c.z, c.r_plus_y),
+    "S_yz": lambda c: -_xlogy(c.z, c.r_plus_x),
+    "V": lambda c: _love(c) - c.z * c.angle,
+    "V_x": lambda c: np.log(c.r_plus_y),
+    "V_y": lambda c: np.log(c.r_plus_x),
+    "V_z": lambda c: -c.angle,
+    "L_x": lambda c: _xlogy(c.Y, c.r + c.z) + _xlogy(c.z, c.r_plus_y) + c.X * c.angle_x,
+    "L_y": lambda c: _xlogy(c.X, c.r + c.z) + _xlogy(c.z, c.r_plus_x) + c.Y * c.angle_y,
+    "L_xx": lambda c: c.angle_x,
+    "L_xy": lambda c: np.log(c.r + c.z),
+    "L_yy": lambda c: c.angle_y,
+    "W_xx": lambda c: c.z * c.angle_x - _xlogy(c.X, c.r_plus_y),
+    "W_xy": lambda c: _xlogy(c.z, c.r + c.z) - c.r,
+    "W_yy": lambda c: c.z * c.angle_y - _xlogy(c.Y, c.r_plus_x),
+    "W_xxx": lambda c: ratio(c.Y, c.r + c.z) - np.log(c.r_plus_y),
+    "W_xxy": lambda c: -ratio(c.X, c.r + c.z),
+    "W_xyy": lambda c: -ratio(c.Y, c.r + c.z),
+    "W_yyy": lambda c: ratio(c.X, c.r + c.z) - np.log(c.r_plus_x),
+}
+
 
 # Corners cancel as (distance/size)², n Gauss points converge as (size/distance)^2n: beyond the
 # first distance, in half widths, Gauss points are the better, and further out fewer will do.

@@ -5,9 +5,13 @@ One taxel: `locate` (strain), `locate_stress`, `locate_signals` (bridge signals)
 """
 
 from cnnum.tactile.inverse.load_map import LoadMap, SurfaceLoad
-from cnnum.tactile.inverse.moments import force_from_moments, largest_spacing, sliding_force
+from cnnum.tactile.inverse.moments import (
+    force_from_moments,
+    largest_spacing,
+    resolution_limit,
+    sliding_force,
+)
 from cnnum.tactile.inverse.point import PointLoad, locate, locate_signals, locate_stress
-from cnnum.tactile.inverse.resolution import resolution_limit
 from cnnum.tactile.inverse.spatial import SpatialLoad, locate_load
 
 __all__ = [

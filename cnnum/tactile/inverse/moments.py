@@ -1,11 +1,57 @@
-"""From Qx + Ry + Fz seen at several taxels to the three components of a load, (5.8)–(5.13)."""
+"""From readings of several taxels to the load by moments, its error, and what can be resolved."""
+
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy import special
 
-from cnnum.errors import ArrayError
+from cnnum.errors import ArrayError, PhysicsError, name_error
 from cnnum.tactile import checks
 from cnnum.tactile.checks import Array, broadcasting
+
+Noise = float | tuple[float, float]
+"""RMS of the noise in the shear and in the normal component, or one number for both."""
+
+NORMAL_95 = 1.959964
+"""Half-width, in standard deviations, that covers a normal variable in 95 % of cases."""
+
+
+def shear_and_normal(noise: Noise) -> tuple[float, float]:
+    """Return the noise of the shear and of the normal component.
+
+    Raises
+    ------
+    PhysicsError
+        If a noise is negative or not finite, or there are neither one nor two.
+    """
+    values = checks.finite("noise", noise)
+    if values.shape not in ((), (2,)) or (values < 0.0).any():
+        raise PhysicsError(
+            f"'noise' must be an RMS of 0 or more, or a pair (shear, normal), got {noise}."
+        )
+    shear, normal = np.broadcast_to(values, 2).tolist()
+    return shear, normal
+
+
+def radius_95(first: Array, second: Array) -> Array:
+    """Return the radius that holds a two-dimensional normal error in 95 % of cases.
+
+    Parameters
+    ----------
+    first, second : (...) float
+        Standard deviations along the principal axes, in either order.
+
+    References
+    ----------
+    Leenhouts, Navigation 32 (1985) 16: a cubic in their ratio, within 0.1 % of the integral.
+    """
+    large = np.maximum(first, second)
+    small = np.minimum(first, second)
+    usable = np.isfinite(large) & (large > 0.0)
+    q = np.divide(small, large, out=np.zeros_like(large), where=usable)
+    return large * (1.960790 + q * (0.004071 + q * (0.114276 + q * 0.371625)))
+
 
 _COLLINEAR = 1e-9  # spread across a line, as a share of that along it, that is rounding
 
@@ -140,3 +186,55 @@ def open_direction(taxels: Array) -> Array | None:
         return None
     across = axes[1]
     return np.array([across[0], across[1], -across @ middle], dtype=np.float64)
+
+
+QUANTITIES = ("strain", "stress")
+
+
+@broadcasting
+def resolution_limit(
+    depth: ArrayLike,
+    signal_to_noise: ArrayLike,
+    *,
+    quantity: str = "strain",
+    pitch: ArrayLike = 0.0,
+) -> Array:
+    """Return the smallest half period of a pressure pattern that taxels under a cover can see.
+
+    Under a pressure wave of wave number k the normal strain falls as kz e^{−kz}. The stress falls
+    as (1 + kz) e^{−kz}. Where that is below the noise, nothing is left of the wave. A wave shorter
+    than twice the pitch of the taxels is mistaken for a longer one.
+
+    Parameters
+    ----------
+    depth : (...) float, m
+        Thickness z of the cover.
+    signal_to_noise : (...) float
+        Of the amplitude of the wave that the cover hands on best: kz = 1 for strain, uniform for
+        stress. All n taxels know it √(n/2) better than one does; above 1.
+    quantity : {"strain", "stress"}
+        The measured quantity.
+    pitch : (...) float, m
+        Pitch of the taxels.
+
+    Returns
+    -------
+    (...) float, m
+        π/k, not below the pitch.
+
+    Raises
+    ------
+    PhysicsError
+        If the depth is not positive or the signal-to-noise ratio not above 1.
+    UnknownNameError
+        If the quantity is not one of the two.
+    """
+    if quantity not in QUANTITIES:
+        raise name_error("quantity", quantity, QUANTITIES)
+    z, spacing = checks.positive("depth", depth), checks.not_negative("pitch", pitch)
+    ratio = checks.finite("signal_to_noise", signal_to_noise)
+    checks.positive("signal_to_noise - 1", ratio - 1.0)
+    lambert = cast(Any, special.lambertw(-1.0 / (np.e * ratio), k=-1))
+    product = -np.real(np.asarray(lambert)).astype(np.float64)  # kz, or 1 + kz
+    wave = product if quantity == "strain" else product - 1.0
+    return np.asarray(np.maximum(np.pi * z / wave, spacing), dtype=np.float64)

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cnnum.tactile import checks
 from cnnum.tactile.checks import Array
-from cnnum.tactile.inverse.noise import NORMAL_95, Noise, radius_95, shear_and_normal
+from cnnum.tactile.inverse.moments import NORMAL_95, Noise, radius_95, shear_and_normal
 
 _SPREAD = 2.447747  # radius, in standard deviations, of the 95 % region of a direction (χ², 2)
 _FAR = 1e-60  # a ratio of components below this puts the load farther off than numbers reach

@@ -8,11 +8,125 @@ from numpy.typing import ArrayLike, NDArray
 from cnnum.errors import ArrayError
 from cnnum.tactile import checks
 from cnnum.tactile.checks import Array
-from cnnum.tactile.inverse.model import best_force, linear_part, place_part, squares_left
-from cnnum.tactile.inverse.moments import open_direction
-from cnnum.tactile.inverse.noise import NORMAL_95, Noise, radius_95, shear_and_normal
-from cnnum.tactile.inverse.open_interval import inside_cone
+from cnnum.tactile.inverse.moments import (
+    NORMAL_95,
+    Noise,
+    open_direction,
+    radius_95,
+    shear_and_normal,
+)
 from cnnum.tactile.inverse.point import locate
+
+
+def directions(offset: Array) -> Array:
+    """Return (..., n, 3) the strain rows for Qx + Ry + F = 1, without 3/(4πEz²), (4.16)."""
+    x, y = offset[..., 0], offset[..., 1]
+    squared = x**2 + y**2
+    rows = np.stack([-3.0 * x, -3.0 * y, squared - 2.0], axis=-1)
+    return np.asarray(rows / ((squared + 1.0) ** 2.5)[..., np.newaxis], dtype=np.float64)
+
+
+def lever(offset: Array) -> Array:
+    """Return (..., n, 3) the rows (x, y, 1) of Qx + Ry + F."""
+    return np.concatenate([offset, np.ones((*offset.shape[:-1], 1))], axis=-1)
+
+
+def linear_part(offset: Array, weights: Array) -> Array:
+    """Return (..., 3n, 3): weighted strain for each component of the force."""
+    rows = (weights * directions(offset))[..., :, np.newaxis] * lever(offset)[..., np.newaxis, :]
+    return rows.reshape(*rows.shape[:-3], -1, 3)
+
+
+def place_part(offset: Array, force: Array, weights: Array) -> Array:
+    """Return (..., 3n, 2): weighted change of strain as the load moves along x and y."""
+    squared = np.sum(offset**2, axis=-1)[..., np.newaxis]
+    rows = directions(offset)
+    seen = np.sum(lever(offset) * force[..., np.newaxis, :], axis=-1)[..., np.newaxis]
+    columns: list[Array] = []
+    for axis in (0, 1):
+        along = offset[..., axis, np.newaxis]
+        slope = np.zeros_like(rows)
+        slope[..., axis] = -3.0
+        slope[..., 2] = 2.0 * offset[..., axis]
+        slope = slope / (squared + 1.0) ** 2.5 - 5.0 * along / (squared + 1.0) * rows
+        change = slope * seen + rows * force[..., np.newaxis, axis, np.newaxis]
+        columns.append(-weights * change)  # the offset is taxel − load
+    whole = np.stack(columns, axis=-1)
+    return whole.reshape(*whole.shape[:-3], -1, 2)
+
+
+def best_force(design: Array, target: Array) -> tuple[Array, Array]:
+    """Return the least-squares force and the sum of squares it leaves.
+
+    Parameters
+    ----------
+    design : (..., m, 3) float
+    target : (..., m) float
+    """
+    inverse = np.linalg.pinv(design, rcond=1e-11)
+    force = np.asarray((inverse @ target[..., np.newaxis])[..., 0], dtype=np.float64)
+    return force, squares_left(design, force, target)
+
+
+def squares_left(design: Array, force: Array, target: Array) -> Array:
+    """Return the sum of squares of target − design · force."""
+    left = target - (design @ force[..., np.newaxis])[..., 0]
+    return np.asarray(np.sum(left**2, axis=-1), dtype=np.float64)
+
+
+def inside_cone(
+    force: Array, error: Array, line: Array | None, spot: Array, friction: float
+) -> tuple[Array, Array]:
+    """Return the load in the middle of the possible ones, and an error that spans it.
+
+    Parameters
+    ----------
+    force : (frames, 3) float
+        Smallest load that fits, (Q, R, F).
+    error : (frames, 3) float
+        Of it, by the noise alone.
+    line : (3,) float or None
+        From `open_direction`, in units of the depth; None leaves everything as it is.
+    spot : (frames, 2) float
+        Places of the loads, in units of the depth.
+    friction : float
+        Loads with |(Q, R)| ≤ μF are possible.
+    """
+    if line is None:
+        return force, error
+    aside = spot @ line[:2] + line[2]
+    free = np.stack([np.full_like(aside, line[0]), np.full_like(aside, line[1]), aside], axis=-1)
+    free = free / np.linalg.norm(free, axis=-1, keepdims=True)
+    low, high = _interval(force, free, friction)
+    bounded = np.isfinite(low) & np.isfinite(high)
+    middle = np.where(
+        bounded, 0.5 * (np.where(bounded, low, 0.0) + np.where(bounded, high, 0.0)), 0.0
+    )
+    half = np.where(bounded, 0.5 * np.where(bounded, high - low, 0.0), np.inf)
+    touched = np.abs(free) > 1e-12
+    reach = np.where(touched, half[:, np.newaxis], 0.0) * np.where(touched, np.abs(free), 1.0)
+    return force + middle[:, np.newaxis] * free, error + reach
+
+
+def _interval(force: Array, free: Array, friction: float) -> tuple[Array, Array]:
+    """Return the ends of t where force + t · free is in the cone; infinite where it has no ends.
+
+    The cone is Q² + R² ≤ μ²F², F ≥ 0. A load outside it for every t (pulled, or by noise)
+    is left open too.
+    """
+    signs = np.array([1.0, 1.0, -(friction**2)])
+    a = np.sum(signs * free**2, axis=-1)
+    b = np.sum(signs * free * force, axis=-1)
+    c = np.sum(signs * force**2, axis=-1)
+    inner = b**2 - a * c
+    closed = (a > 1e-12) & (inner >= 0.0)
+    root = np.sqrt(np.where(closed, inner, 0.0))
+    safe = np.where(closed, a, 1.0)
+    low, high = (-b - root) / safe, (-b + root) / safe
+    middle = 0.5 * (low + high)
+    closed &= force[:, 2] + middle * free[:, 2] >= 0.0
+    return np.where(closed, low, -np.inf), np.where(closed, high, np.inf)
+
 
 _STARTS = 4  # taxels, the strongest, whose own answers are tried as a start
 _ROUNDS = 40

@@ -4,15 +4,12 @@ Forward: `Coupling` (cover to silicon), `Bridge` (silicon), `Readout` (electroni
 `Taxel`. Back: `Calibration`, fitted from a scan of point loads by `fit_calibration`.
 """
 
-from cnnum.tactile.taxel.bridge import Bridge
+from cnnum.tactile.taxel.bridge import SIDES, Bridge, Piezoresistor, von_mises
 from cnnum.tactile.taxel.calibration import Calibration, identity_of
-from cnnum.tactile.taxel.coupling import Coupling
 from cnnum.tactile.taxel.fit import CalibrationFit, fit_calibration
 from cnnum.tactile.taxel.readout import Heat, Reading, Readout
-from cnnum.tactile.taxel.receptive_field import ReceptiveField, receptive_field
+from cnnum.tactile.taxel.receptive_field import Coupling, ReceptiveField, receptive_field
 from cnnum.tactile.taxel.sensor import Taxel
-from cnnum.tactile.taxel.signals import SIDES
-from cnnum.tactile.taxel.silicon import Piezoresistor, von_mises
 
 __all__ = [
     "SIDES",

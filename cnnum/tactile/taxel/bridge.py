@@ -1,14 +1,150 @@
-"""One taxel of bare silicon: four suspended bridges, the force on their centre to voltages."""
+"""One taxel of bare silicon: four piezoresistive bridges, from the force on them to signals."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cnnum.arrays import Floats, finite
-from cnnum.errors import PhysicsError
-from cnnum.tactile.taxel.signals import SIDES, apply_matrix, trailing
-from cnnum.tactile.taxel.silicon import Piezoresistor
+from cnnum.arrays import Floats, finite, frozen
+from cnnum.errors import ArrayError, PhysicsError, name_error
+from cnnum.frame import FORCE_AXES
+
+
+@dataclass(frozen=True, slots=True)
+class Piezoresistor:
+    """A p-type resistor along (110) on a (100) wafer.
+
+    Attributes
+    ----------
+    pi_11, pi_12, pi_44 : float, 1/Pa
+        Piezoresistive coefficients. The dissertation prints them without their factor 1e-11.
+
+    References
+    ----------
+    Vásárhelyi 2007, (3.5)–(3.7); the second line of (3.6) is π_t, printed as π_l.
+    """
+
+    pi_11: float = 6.6e-11
+    pi_12: float = -1.1e-11
+    pi_44: float = 138.1e-11
+
+    def __post_init__(self) -> None:
+        if not np.isfinite([self.pi_11, self.pi_12, self.pi_44]).all() or self.pi_44 == 0.0:
+            raise PhysicsError(
+                "The piezoresistive coefficients must be finite and 'pi_44' not zero, got "
+                f"{self.pi_11}, {self.pi_12}, {self.pi_44}; silicon's are about 1e-9 /Pa."
+            )
+
+    @property
+    def longitudinal(self) -> float:
+        """π_l, 1/Pa: along the current (3.6)."""
+        return 0.5 * (self.pi_11 + self.pi_12 + self.pi_44)
+
+    @property
+    def transversal(self) -> float:
+        """π_t, 1/Pa: across the current (3.6)."""
+        return 0.5 * (self.pi_11 + self.pi_12 - self.pi_44)
+
+    def resistance_change(
+        self, longitudinal: ArrayLike, transversal: ArrayLike, *, exact: bool = False
+    ) -> Floats:
+        """Return ΔR/R of a resistor under stress.
+
+        Parameters
+        ----------
+        longitudinal, transversal : (...) float, Pa
+            Stress along and across the current; tension is positive.
+        exact : bool
+            Keep π11 and π12 (3.5), instead of π44 alone (3.7).
+
+        Returns
+        -------
+        (...) float
+        """
+        along = finite("longitudinal", longitudinal)
+        across = finite("transversal", transversal)
+        if exact:
+            return self.longitudinal * along + self.transversal * across
+        return 0.5 * self.pi_44 * (along - across)
+
+
+def von_mises(principal: ArrayLike) -> Floats:
+    """Return the von Mises stress of three principal stresses.
+
+    Parameters
+    ----------
+    principal : (..., 3) float, Pa
+
+    Returns
+    -------
+    (...) float, Pa
+
+    Raises
+    ------
+    ArrayError
+        If the last axis does not hold three stresses.
+
+    References
+    ----------
+    Vásárhelyi 2007, (3.2).
+    """
+    stress = finite("principal", principal)
+    if stress.ndim == 0 or stress.shape[-1] != 3:
+        raise ArrayError(
+            f"'principal' must have the shape (..., 3), three principal stresses, got "
+            f"{stress.shape}."
+        )
+    gaps = stress - np.roll(stress, 1, axis=-1)
+    return np.asarray(np.sqrt(0.5 * np.sum(gaps**2, axis=-1)), dtype=np.float64)
+
+
+SIDES = ("left", "right", "top", "bottom")
+"""Order of the bridges in the last axis of volts: at −x, +x, +y, −y (Fig. 3.16).
+
+On a map whose rows run along y, "top" is the side of the larger row number.
+"""
+
+COMBINE = frozen([[1.0, -1.0, 0.0, 0.0], [0.0, 0.0, -1.0, 1.0], [-0.5, -0.5, -0.5, -0.5]])
+"""(T_x, T_y, S_n) = COMBINE @ volts (4.14); the sign makes a push read positive."""
+
+
+def rows_of(wanted: Sequence[str]) -> list[int]:
+    """Return the rows of `COMBINE` that the wanted channels need.
+
+    Raises
+    ------
+    UnknownNameError
+        If a name is not one of ("shear_x", "shear_y", "normal").
+    """
+    names = (wanted,) if isinstance(wanted, str) else tuple(wanted)
+    for name in names:
+        if name not in FORCE_AXES:
+            raise name_error("channel", name, FORCE_AXES)
+    return [FORCE_AXES.index(name) for name in names]
+
+
+def trailing(name: str, array: Floats, length: int, meaning: str) -> Floats:
+    """Return `array` if its last axis has that length.
+
+    Raises
+    ------
+    ArrayError
+        If it has not.
+    """
+    if array.ndim == 0 or array.shape[-1] != length:
+        raise ArrayError(
+            f"'{name}' must have the shape (..., {length}), {meaning}, got {array.shape}."
+        )
+    return array
+
+
+def apply_matrix(matrix: Floats, vectors: Floats) -> Floats:
+    """Return matrix @ vector over the last axes; the matrix may differ from taxel to taxel."""
+    if matrix.ndim == 2:
+        return np.asarray(vectors @ matrix.T, dtype=np.float64)
+    return np.asarray(np.einsum("...ij,...j->...i", matrix, vectors), dtype=np.float64)
+
 
 _TABLE_FORCE = 10e-3  # N, the load of Table 3.I
 

@@ -1,8 +1,8 @@
-"""The way back: amplified bridge voltages to signals (4.14) and strain (4.15)."""
+"""The way back: amplified bridge voltages to signals (4.14) and strain (4.15), kept as TOML."""
 
 import hashlib
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, cast
@@ -11,12 +11,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cnnum.arrays import Floats, finite, frozen
-from cnnum.errors import CalibrationError, CnnumError
+from cnnum.errors import CalibrationError, CnnumError, unreadable
 from cnnum.frame import FORCE_AXES
+from cnnum.safety.files import write_whole
+from cnnum.safety.names import shown
+from cnnum.safety.reading import LARGEST, parse_toml, read_text
 from cnnum.safety.values import is_real
-from cnnum.tactile.taxel import calibration_file
+from cnnum.tactile.taxel.bridge import COMBINE, SIDES, rows_of, trailing
 from cnnum.tactile.taxel.readout import Heat, frame_times
-from cnnum.tactile.taxel.signals import COMBINE, SIDES, rows_of, trailing
 
 
 def identity_of(text: str) -> str:
@@ -246,11 +248,11 @@ class Calibration:
         CalibrationError
             If there is such a file, or it cannot be written.
         """
-        calibration_file.save(Path(path), self._values(), force=force)
+        save(Path(path), self._values(), force=force)
 
     def to_text(self) -> str:
         """Return the TOML text that `save` writes."""
-        return calibration_file.to_text(self._values())
+        return to_text(self._values())
 
     @property
     def identity(self) -> str:
@@ -266,7 +268,7 @@ class Calibration:
         CalibrationError
             If the file cannot be read, or a key of it is missing, unknown or wrong.
         """
-        return cls._of(calibration_file.load(Path(path)), Path(path))
+        return cls._of(load(Path(path)), Path(path))
 
     @classmethod
     def from_text(cls, text: str, path: str | Path) -> "Calibration":
@@ -277,7 +279,7 @@ class Calibration:
         CalibrationError
             If a key of it is missing, unknown or wrong.
         """
-        return cls._of(calibration_file.from_text(text, Path(path)), Path(path))
+        return cls._of(from_text(text, Path(path)), Path(path))
 
     @classmethod
     def _of(cls, values: dict[str, Any], path: Path) -> "Calibration":
@@ -287,7 +289,7 @@ class Calibration:
             raise CalibrationError(f"Calibration '{path}': {error}") from None
 
     def _values(self) -> dict[str, Any]:
-        return {name: getattr(self, name) for name in calibration_file.KEYS}
+        return {name: getattr(self, name) for name in KEYS}
 
 
 def _positive(name: str, value: float) -> None:
@@ -316,3 +318,124 @@ def _inverse(cross: Floats) -> Floats:
             "leave out the taxel, or fit it again."
         )
     return np.asarray(np.linalg.inv(cross), dtype=np.float64)
+
+
+_KIND = "taxel calibration"
+_REQUIRED = ("kind", "alpha_normal")
+_NUMBERS = ("alpha_normal", "beta_ns", "limit", "depth")
+_ARRAYS = ("offsets", "drift", "cross")
+_HEAT = ("amplitude", "time_constant")
+KEYS = (*_NUMBERS, *_ARRAYS, "heat")
+"""The content of a calibration file."""
+
+
+def save(path: Path, values: Mapping[str, Any], *, force: bool) -> None:
+    """Write the values of a calibration, whole or not at all.
+
+    Raises
+    ------
+    CalibrationError
+        If there is such a file and `force` is not set, or it cannot be written.
+    """
+    write_whole(path, to_text(values), error=CalibrationError, force=force)
+
+
+def load(path: Path) -> dict[str, Any]:
+    """Return the values of a calibration file, by the names of its attributes.
+
+    Raises
+    ------
+    CalibrationError
+        If the file cannot be read, or a key of it is missing, unknown or wrong.
+    """
+    try:
+        return from_text(read_text(path, most=LARGEST), path)
+    except OSError as error:
+        raise unreadable(CalibrationError, f"Calibration {str(path)!r}", error) from None
+    except UnicodeDecodeError as error:
+        raise CalibrationError(f"Calibration '{path}' is not a TOML file: {error}.") from None
+
+
+def from_text(text: str, path: Path) -> dict[str, Any]:
+    """Return the values of a calibration's TOML text; `path` names it in an error.
+
+    Raises
+    ------
+    CalibrationError
+        If a key is missing, unknown or wrong.
+    """
+    try:
+        data = parse_toml(text)
+    except ValueError as error:
+        raise CalibrationError(f"Calibration '{path}' is not a TOML file: {error}.") from None
+    _check_keys(path, data)
+    values: dict[str, Any] = {name: _number(path, data, name) for name in _NUMBERS if name in data}
+    values |= {name: _array(path, data, name) for name in _ARRAYS if name in data}
+    return values | {"heat": _heat(path, data)}
+
+
+def _check_keys(path: Path, data: Mapping[str, object]) -> None:
+    for name in _REQUIRED:
+        if name not in data:
+            raise CalibrationError(f"Calibration '{path}' has no key '{name}', which it needs.")
+    if data["kind"] != _KIND:
+        raise CalibrationError(
+            f"Calibration '{path}': key 'kind' must be \"{_KIND}\", got {shown(data['kind'])}."
+        )
+    known = ("kind", *KEYS)
+    for name in data:
+        if name not in known:
+            raise CalibrationError(
+                f"Calibration '{path}' has an unknown key {shown(name)}; known are "
+                f"{', '.join(known)}."
+            )
+
+
+def _number(path: Path, data: Mapping[str, object], name: str) -> float:
+    value = data[name]
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise CalibrationError(
+            f"Calibration '{path}': key '{name}' must be a number, got {shown(value)}."
+        )
+    return float(value)
+
+
+def _array(path: Path, data: Mapping[str, object], name: str) -> Floats:
+    try:
+        return np.asarray(data[name], dtype=np.float64)
+    except (TypeError, ValueError):
+        raise CalibrationError(
+            f"Calibration '{path}': key '{name}' must be a list of numbers (nested for an array)."
+        ) from None
+
+
+def _heat(path: Path, data: Mapping[str, object]) -> Heat:
+    table = data.get("heat", {})
+    if not isinstance(table, dict):
+        raise CalibrationError(
+            f"Calibration '{path}': key 'heat' must be a table, got {shown(table)}."
+        )
+    entries = cast("dict[str, object]", table)
+    for name in entries:
+        if name not in _HEAT:
+            raise CalibrationError(
+                f"Calibration '{path}' has an unknown key 'heat.{name}'; known are "
+                f"{', '.join(_HEAT)}."
+            )
+    try:
+        return Heat(**{name: _number(path, entries, name) for name in entries})
+    except CnnumError as error:
+        raise CalibrationError(f"Calibration '{path}': key 'heat': {error}") from None
+
+
+def to_text(values: Mapping[str, Any]) -> str:
+    """Return the TOML text of a calibration's values; repr keeps every digit of a float."""
+    lines = [f'kind = "{_KIND}"']
+    for name in _NUMBERS:
+        value = values[name]
+        if value is not None:
+            lines.append(f"{name} = {float(value)!r}")
+    lines += [f"{name} = {values[name].tolist()!r}" for name in _ARRAYS]
+    lines.append("\n[heat]")
+    lines += [f"{name} = {float(getattr(values['heat'], name))!r}" for name in _HEAT]
+    return "\n".join(lines) + "\n"

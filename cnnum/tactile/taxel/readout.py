@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cnnum.arrays import Floats, finite, frozen
 from cnnum.errors import PhysicsError
-from cnnum.tactile.taxel.signals import SIDES, trailing
+from cnnum.tactile.taxel.bridge import SIDES, trailing
 
 
 @dataclass(frozen=True, slots=True)

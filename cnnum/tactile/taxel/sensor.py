@@ -6,11 +6,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cnnum.arrays import Floats
-from cnnum.tactile.taxel.bridge import Bridge
+from cnnum.tactile.taxel.bridge import COMBINE, Bridge
 from cnnum.tactile.taxel.calibration import Calibration
-from cnnum.tactile.taxel.coupling import Coupling
 from cnnum.tactile.taxel.readout import Reading, Readout
-from cnnum.tactile.taxel.signals import COMBINE
+from cnnum.tactile.taxel.receptive_field import Coupling
 
 
 @dataclass(frozen=True, slots=True, eq=False)

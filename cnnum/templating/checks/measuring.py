@@ -13,7 +13,7 @@ from cnnum.templating.checks.pictures import binary_case
 from cnnum.templating.checks.records import Case, ClosedForm
 from cnnum.templating.checks.registry import form_of, posed
 from cnnum.templating.checks.running import Engine, Result, run_case, run_way
-from cnnum.templating.files.measured import Measured
+from cnnum.templating.files.entry import Measured
 from cnnum.templating.reads import autonomous
 from cnnum.templating.template import Template
 

@@ -13,7 +13,7 @@ from cnnum.templating.checks.measuring import SHAPE, drift, shifted
 from cnnum.templating.checks.records import Case, CheckResult
 from cnnum.templating.checks.registry import form_of, posed
 from cnnum.templating.checks.running import WAY, Engine, Result, run_case
-from cnnum.templating.files.measured import Measured
+from cnnum.templating.files.entry import Measured
 from cnnum.templating.template import Template
 
 _SLOW = 0.5

@@ -6,14 +6,12 @@ from pathlib import Path
 
 from cnnum.errors import TemplateError, TemplateFileError, unreadable
 from cnnum.safety.files import write_whole
-from cnnum.safety.reading import read_bytes, read_text
-from cnnum.safety.toml_reading import LARGEST
+from cnnum.safety.reading import LARGEST, read_bytes, read_text
 from cnnum.safety.values import as_path
 from cnnum.templating.files import matcnn_format, tem_format
 from cnnum.templating.files.cnnsim_format import CNNSIM
-from cnnum.templating.files.entry import Entry, FileFormat
+from cnnum.templating.files.entry import Entry, FileFormat, Measured, measured_toml
 from cnnum.templating.files.matcnn_format import MATCNN
-from cnnum.templating.files.measured import Measured, measured_toml
 from cnnum.templating.files.tem_format import TEM
 from cnnum.templating.files.toml_format import TOML
 from cnnum.templating.files.unsaid import comments, unsaid, with_comments

@@ -4,7 +4,7 @@ from cnnum.arrays import Floats
 from cnnum.errors import NotSupportedError
 from cnnum.templating.boundary import Boundary
 from cnnum.templating.files.entry import Entry, FileFormat
-from cnnum.templating.files.tem_tokens import Words, words
+from cnnum.templating.files.tem_format import Words, words
 from cnnum.templating.template import Template
 
 _NEUTRAL: float | str = 0.0

@@ -16,7 +16,7 @@ from cnnum.arrays import Floats
 from cnnum.errors import ArrayError, NotSupportedError, TemplateError
 from cnnum.templating.couplings import NonlinearCoupling, Quantity
 from cnnum.templating.files.entry import Entry, FileFormat
-from cnnum.templating.function_tables import Table
+from cnnum.templating.functions import Table
 from cnnum.templating.template import Template
 
 _FIELD = r"([A-Za-z]\w*)_(A|B|I|Aa|Bb|Dd|a|b|d)"

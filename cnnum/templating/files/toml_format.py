@@ -18,11 +18,17 @@ import numpy as np
 
 from cnnum.arrays import Floats, finite, frozen
 from cnnum.errors import ArrayError, TemplateError, UnknownNameError
-from cnnum.safety.toml_reading import parse_toml
+from cnnum.safety.reading import parse_toml
 from cnnum.templating.couplings import DelayedCoupling, Gain, NonlinearCoupling
-from cnnum.templating.files.entry import About, Entry, FileFormat
-from cnnum.templating.files.measured import measured_toml, read_measured
-from cnnum.templating.files.proof import proof_toml, read_proof
+from cnnum.templating.files.entry import (
+    About,
+    Entry,
+    FileFormat,
+    measured_toml,
+    proof_toml,
+    read_measured,
+    read_proof,
+)
 from cnnum.templating.files.toml_values import (
     check,
     flag,
@@ -38,7 +44,7 @@ from cnnum.templating.files.toml_values import (
     whole,
     wrong,
 )
-from cnnum.templating.function_tables import Table
+from cnnum.templating.functions import Table
 from cnnum.templating.template import Check, Template
 
 Reader = Callable[[str, str, object], Any]

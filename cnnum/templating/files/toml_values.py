@@ -9,8 +9,7 @@ from pathlib import Path
 from typing import cast
 
 from cnnum.errors import TemplateError, TemplateFileError, unreadable
-from cnnum.safety.reading import read_text
-from cnnum.safety.toml_reading import LARGEST, parse_toml
+from cnnum.safety.reading import LARGEST, parse_toml, read_text
 from cnnum.templating.template import Check
 
 

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from typing import Any, cast
 
 from cnnum.errors import TemplateError
-from cnnum.safety.toml_reading import parse_toml
+from cnnum.safety.reading import parse_toml
 from cnnum.templating.files.entry import Entry, FileFormat
 from cnnum.templating.files.toml_format import TOML
 

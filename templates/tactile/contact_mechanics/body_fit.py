@@ -11,10 +11,9 @@ from math import pi
 from typing import NamedTuple
 
 from cnnum.programs import program
-from cnnum.programs.fields import Field, maximum, sqrt, square, where
+from cnnum.programs.fields import Field, maximum, mean, most, sqrt, square, where
 from cnnum.programs.machine import FrameFields
 from cnnum.programs.parameters import refuse_outside
-from cnnum.programs.several import mean, most
 from cnnum.tactile.indenters import Reads
 from cnnum.templates.tactile.cover_model.deconvolution import DEPTH, READS
 from cnnum.templates.tactile.shared.loads import PUSH, loads_of

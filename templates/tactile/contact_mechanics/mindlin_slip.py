@@ -9,10 +9,9 @@ from collections.abc import Mapping
 from math import pi
 
 from cnnum.programs import program
-from cnnum.programs.fields import Field, maximum, square, where
+from cnnum.programs.fields import Field, length, maximum, square, where
 from cnnum.programs.machine import FrameFields
 from cnnum.programs.parameters import refuse_outside
-from cnnum.programs.several import length
 from cnnum.tactile.indenters import Reads
 from cnnum.templates.tactile.cover_model.deconvolution import DEPTH, READS
 from cnnum.templates.tactile.shared.loads import PUSH, Loads, loads_of

@@ -7,9 +7,8 @@ so that an offset or its drift never becomes a load.
 from dataclasses import dataclass
 
 from cnnum.frame import FORCE_AXES
-from cnnum.programs.fields import Field, maximum, sqrt, square, where
+from cnnum.programs.fields import Field, maximum, sqrt, square, total, where
 from cnnum.programs.machine import FrameFields
-from cnnum.programs.several import total
 from cnnum.programs.transients import apply, shift
 from cnnum.templates.tactile.shared.rest import FORGET, Rest, calm
 from cnnum.templating.library import get_template

@@ -6,8 +6,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from cnnum.errors import name_error
-from cnnum.programs.fields import Field, maximum, minimum, sqrt, square, where
-from cnnum.programs.several import total
+from cnnum.programs.fields import Field, maximum, minimum, sqrt, square, total, where
 from cnnum.programs.transients import apply
 from cnnum.tactile.deconvolution import left_kernel
 from cnnum.tactile.indenters import Reads

@@ -4,10 +4,9 @@ from math import exp
 from typing import NamedTuple
 
 from cnnum.programs.blocks import Block, Sums, blocks
-from cnnum.programs.fields import Field, maximum, sqrt, where
+from cnnum.programs.fields import Field, length, maximum, mean, sqrt, where
 from cnnum.programs.machine import FrameFields
 from cnnum.programs.parameters import refuse_outside
-from cnnum.programs.several import length, mean
 from cnnum.programs.transients import apply
 from cnnum.templates.tactile.shared.rest import level_at_rest, mean_at_rest
 from cnnum.templating.library import get_template

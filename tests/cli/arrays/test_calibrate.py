@@ -7,7 +7,7 @@ import pytest
 
 from cnnum.tactile.halfspace import strain
 from cnnum.tactile.taxel import Calibration
-from cnnum.tactile.taxel.signals import COMBINE
+from cnnum.tactile.taxel.bridge import COMBINE
 
 E, DEPTH, ALPHA_N, BETA = 0.87e6, 0.3e-3, 0.05, 1.46
 HEADER = "x,y,fx,fy,fz,left,right,top,bottom"

@@ -9,7 +9,7 @@ from scipy.special import gammainc
 import cnnum
 from cnnum.errors import MethodError, TemplateError
 from cnnum.templating.couplings import DelayedCoupling, Gain, NonlinearCoupling
-from cnnum.templating.function_tables import Table
+from cnnum.templating.functions import Table
 
 RING = np.array([[1, 1, 1], [1, 0, 1], [1, 1, 1]])
 

@@ -10,7 +10,7 @@ import cnnum
 from cnnum.errors import TemplateError
 from cnnum.graph.nodes import RunSpec
 from cnnum.templating.couplings import DelayedCoupling, Gain
-from cnnum.templating.function_tables import Table
+from cnnum.templating.functions import Table
 
 ENGINES = ("opencl", "numba", "reference")
 INPUT, START, END = 0.3, 0.1, 9.06

@@ -6,7 +6,7 @@ import pytest
 from cnnum import Template
 from cnnum.engine import Engine
 from cnnum.templating.couplings import NonlinearCoupling
-from cnnum.templating.function_tables import Table
+from cnnum.templating.functions import Table
 
 STEPS = Table("constant", ((-0.5, 1.0), (0.5, 2.0), (1.0, 3.0)))
 AT = np.array([[-1.0, -0.5, -0.25, 0.5, 0.75, 1.0]])

@@ -14,7 +14,7 @@ from cnnum.integrators.rosenbrock import IMPLICIT_METHODS
 from cnnum.integrators.stability import METHODS, stability_bound
 from cnnum.lab.bench.followed_steps import frames, network
 from cnnum.templating.couplings import DelayedCoupling, NonlinearCoupling
-from cnnum.templating.function_tables import Table
+from cnnum.templating.functions import Table
 
 SHAPE, NETWORKS = (5, 6), 40
 OWN_STEPS = ("runge-kutta-chebyshev", *IMPLICIT_METHODS)

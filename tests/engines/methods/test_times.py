@@ -6,7 +6,7 @@ from scipy.integrate import solve_ivp
 
 import cnnum
 from cnnum.templating.couplings import DelayedCoupling, Gain
-from cnnum.templating.function_tables import Table
+from cnnum.templating.functions import Table
 
 ENGINES = ("opencl", "numba", "reference")
 TIMES = (0.0, 0.5, 1.0, 2.5)

@@ -8,9 +8,8 @@ from scipy.ndimage import correlate
 
 from cnnum.engine import Engine
 from cnnum.engines.numba import transients
-from cnnum.integrators.exact_ends import choice_of_end
-from cnnum.integrators.exact_ends.circulant import MOST_CELLS, SHIFTS
-from cnnum.integrators.exact_ends.propagator import propagator
+from cnnum.integrators import choice
+from cnnum.integrators.exact_ends import MOST_CELLS, SHIFTS, propagator
 from cnnum.templates.tactile.cover_model.elastic_lattice import ElasticLattice
 from cnnum.templating.network import Network
 from cnnum.templating.template import Template
@@ -91,5 +90,5 @@ def test_arrays_of_more_cells_than_a_sum_takes_step(monkeypatch):
     )
     larger = Engine("numba").run(turning, input=np.ones((side + 1, side)))
     assert (larger.method != "propagator", larger.settled) == (True, True)
-    monkeypatch.setattr(choice_of_end, "DENSE_LIMIT", 0)
+    monkeypatch.setattr(choice, "DENSE_LIMIT", 0)
     assert Engine("numba").run(turning, input=np.ones((side, side))).reason == SHIFTS

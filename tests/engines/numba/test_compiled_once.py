@@ -8,7 +8,7 @@ import numpy as np
 from cnnum.engine import Engine
 from cnnum.engines.numba.frames import drive_frames, run_frames
 from cnnum.templating.couplings import DelayedCoupling, Gain, NonlinearCoupling
-from cnnum.templating.function_tables import Table
+from cnnum.templating.functions import Table
 from cnnum.templating.template import Template
 
 ONE, RAMP = np.full((1, 1, 1, 1), 0.1), Table("linear", ((-1.0, 0.1), (2.0, 0.3)))

@@ -3,7 +3,7 @@
 import numpy as np
 
 import cnnum
-from cnnum.programs.several import length, mean, most, total
+from cnnum.programs.fields import length, mean, most, total
 
 
 def test_several_fields_are_what_numpy_says(fast):

@@ -11,7 +11,7 @@ import cnnum.templating.library as library
 from cnnum.arrays import Floats
 from cnnum.errors import OneColourError
 from cnnum.templating.checks import closed_form_names, form_of, run_check
-from cnnum.templating.function_tables import Table
+from cnnum.templating.functions import Table
 from cnnum.templating.template import Template
 
 NAMES = library.template_names()

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 from mpmath import mp, mpf
 
-from cnnum.tactile.contact.normal import hertz
-from cnnum.tactile.contact.tangential import PartialSlip, partial_slip
+from cnnum.tactile.contact.normal import PartialSlip, hertz, partial_slip
 from cnnum.tactile.contact.torsion import TorsionSlip, stuck_twist, torsion_slip
 
 A, MU, P = 2e-3, 0.5, 2.0  # of which the sliding force, 1 N, is no rounded number

@@ -7,7 +7,7 @@ from cnnum.arrays import Floats
 from cnnum.errors import ArrayError, PhysicsError, UnknownNameError
 from cnnum.tactile import halfspace
 from cnnum.tactile.inverse import LoadMap, resolution_limit
-from cnnum.tactile.inverse.pushing import pushing_only
+from cnnum.tactile.inverse.load_map import pushing_only
 
 E, Z, CELL, SIDE = 0.87e6, 200e-6, 200e-6, 8
 LINE = (np.arange(SIDE) - (SIDE - 1) / 2) * CELL

@@ -15,7 +15,7 @@ from cnnum.tactile.inverse import (
     locate_stress,
     sliding_force,
 )
-from cnnum.tactile.inverse.noise import radius_95
+from cnnum.tactile.inverse.moments import radius_95
 from cnnum.tactile.taxel import Coupling, Taxel
 
 E, Z = 0.87e6, 200e-6

@@ -7,7 +7,7 @@ from cnnum.arrays import Floats
 from cnnum.errors import ArrayError
 from cnnum.tactile import halfspace
 from cnnum.tactile.inverse import locate_load
-from cnnum.tactile.inverse.model import linear_part, place_part
+from cnnum.tactile.inverse.spatial import linear_part, place_part
 from cnnum.tactile.taxel import Coupling, Taxel
 
 E, Z, PITCH = 0.87e6, 200e-6, 240e-6

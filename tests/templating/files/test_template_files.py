@@ -8,7 +8,7 @@ import pytest
 from cnnum.errors import TemplateError, TemplateFileError
 from cnnum.templating.couplings import Gain
 from cnnum.templating.files import load_entry, load_template, save_template
-from cnnum.templating.function_tables import Table
+from cnnum.templating.functions import Table
 from cnnum.templating.template import Check, Template
 
 GOOD = """

@@ -17,8 +17,8 @@ from cnnum.engines.opencl.transients.builder import TransientBuilder
 from cnnum.engines.opencl.transients.chebyshev_steps import STAGES, count_stages
 from cnnum.engines.opencl.transients.names import H
 from cnnum.engines.opencl.transients.step_control import ACCEPT, Attempt
-from cnnum.integrators.chebyshev import MAX_STAGES, coefficients
 from cnnum.integrators.schemes import ChebyshevSteps
+from cnnum.integrators.tableau import MAX_STAGES, coefficients
 
 ARRAYS = ("strip_0", "strip_1", "strip_2", "strip_3")
 """The arrays of states and rates: at first x, k0, then the stages."""

@@ -29,7 +29,7 @@ from cnnum.engines.opencl.transients.names import CHANGE, RUNNING, SETTLED, STEP
 from cnnum.engines.opencl.transients.step_control import Controlled, Figures
 from cnnum.integrators.schemes import AdaptiveSteps, FixedSteps, Stage, Stages, Sum, stages_of
 from cnnum.kernels.launch_plan import Strips
-from cnnum.templating.function_tables import Table
+from cnnum.templating.functions import Table
 from cnnum.templating.reads import delays_outputs, gains_jump, lag
 
 BEFORE = "strip_before"

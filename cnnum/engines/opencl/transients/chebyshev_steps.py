@@ -5,8 +5,8 @@ from cnnum.engines.opencl.transients.builder import TransientBuilder
 from cnnum.engines.opencl.transients.names import RATE, RUNNING, XS, H, X, rates_of
 from cnnum.engines.opencl.transients.state_equation import Instant, Then, into, outputs, rates
 from cnnum.engines.opencl.transients.step_control import K0, Attempt, E, advance, judged
-from cnnum.integrators.chebyshev import MAX_STAGES, chebyshev_method, coefficients
 from cnnum.integrators.schemes import ChebyshevSteps
+from cnnum.integrators.tableau import MAX_STAGES, chebyshev_method, coefficients
 
 STAGES, OLD, K1 = ir.Name("stages"), ir.Name("old"), rates_of(1)
 """The number of a step's stages, the stage before the last, and the rates at the step's end."""

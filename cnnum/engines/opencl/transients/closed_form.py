@@ -14,17 +14,20 @@ from cnnum.engines.opencl.transients.feedforward import constant_drive, drive_of
 from cnnum.engines.opencl.transients.names import LARGEST, NOW, SUM, W, X
 from cnnum.engines.opencl.transients.step_control import Figures
 from cnnum.integrators.estimate import LOST
-from cnnum.integrators.exact_ends.circulant import Circulant
-from cnnum.integrators.exact_ends.propagator import Decay, Propagator, passes_in_fours, rounded_gain
-from cnnum.integrators.exact_ends.separate import (
+from cnnum.integrators.exact_ends import (
     STEEPEST,
+    Circulant,
+    Decay,
+    Propagator,
     Separate,
+    Spectral,
     growth,
     moved,
+    passes_in_fours,
+    rounded_gain,
     roundings,
     tips_over,
 )
-from cnnum.integrators.exact_ends.spectral import Spectral
 from cnnum.integrators.solver import Exact
 
 FROM, TO, DRIVE, S, E, EDGE, AWAY = ir.names("from to drive s e edge away")
@@ -111,7 +114,7 @@ def _inside(slope: float, time: float) -> list[ir.Statement]:
 
 
 def _rounded(text: TransientBuilder, own: float, time: float) -> list[ir.Statement]:
-    """Return the bound on rounding, as `cnnum.integrators.exact_ends.separate` has it."""
+    """Return the bound on rounding, as `cnnum.integrators.exact_ends` has it."""
     slope, left = own - 1.0, ir.Number(math.exp(-time))
     at_rest = ir.Number(growth(slope, time))
     sum = ir.size(TO) + ir.pick(AWAY.differs(ir.ZERO), left, GROWN) * SIZES

@@ -10,9 +10,8 @@ from cnnum.engines.opencl.transients.builder import TransientBuilder
 from cnnum.engines.opencl.transients.names import SUM, XP, U, Y
 from cnnum.kernels.formulas import formula
 from cnnum.templating.couplings import NonlinearCoupling, Quantity
-from cnnum.templating.function_tables import Table
+from cnnum.templating.functions import PairFunction, Table
 from cnnum.templating.network import Tap
-from cnnum.templating.pair_functions import PairFunction
 
 ARRAYS = {"x": XP, "y": Y, "u": U}
 """Padded arrays that hold a quantity."""

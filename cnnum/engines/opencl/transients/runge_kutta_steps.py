@@ -14,7 +14,7 @@ from cnnum.engines.opencl.transients.state_equation import Instant, into, output
 from cnnum.engines.opencl.transients.step_control import K0, Figures
 from cnnum.integrators.schemes import AdaptiveSteps, FixedSteps
 from cnnum.integrators.tableau import Row
-from cnnum.templating.batch_parts import LADDER
+from cnnum.templating.batch import LADDER
 from cnnum.templating.reads import delays_outputs, lag
 
 RING, NOW_AT, THEN_AT, NEXT_AT = ir.names("ring now_at then_at next_at")

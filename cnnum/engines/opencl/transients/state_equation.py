@@ -8,7 +8,7 @@ from cnnum.engines.opencl.transients.builder import TransientBuilder
 from cnnum.engines.opencl.transients.feedforward import drive_of
 from cnnum.engines.opencl.transients.names import CHANGE, NOW, PART, RATE, SUM, XP, YD, X, Y
 from cnnum.engines.opencl.transients.nonlinear_couplings import gain_name, gains, nonlinear
-from cnnum.graph.parts import has_feedback
+from cnnum.graph.schedule import has_feedback
 from cnnum.templating.network import taps
 from cnnum.templating.reads import delays_outputs, moving_inputs, reads_states
 

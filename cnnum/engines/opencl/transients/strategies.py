@@ -30,10 +30,7 @@ from cnnum.engines.opencl.transients.state_equation import (
 )
 from cnnum.engines.opencl.transients.step_control import Attempt, Figures, controlled
 from cnnum.integrators.estimate import LOST
-from cnnum.integrators.exact_ends.circulant import Circulant
-from cnnum.integrators.exact_ends.propagator import Decay, Propagator
-from cnnum.integrators.exact_ends.separate import Separate
-from cnnum.integrators.exact_ends.spectral import Spectral
+from cnnum.integrators.exact_ends import Circulant, Decay, Propagator, Separate, Spectral
 from cnnum.integrators.schemes import AdaptiveSteps, ChebyshevSteps, FixedSteps
 
 Lower = Callable[[TransientBuilder, Any], Figures]

@@ -24,7 +24,7 @@ from cnnum.tactile.inverse import (
     locate_stress,
 )
 from cnnum.tactile.taxel import Coupling
-from cnnum.tactile.taxel.signals import COMBINE
+from cnnum.tactile.taxel.bridge import COMBINE
 
 RING = sqrt(2.0) * Z
 LOADS = 300

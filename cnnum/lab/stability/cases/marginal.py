@@ -9,7 +9,7 @@ from cnnum.engine import Engine
 from cnnum.lab.stability.cases.solving import integrated
 from cnnum.lab.stability.record import Case, Solved, outputs, says_settled, states
 from cnnum.templating.couplings import NonlinearCoupling
-from cnnum.templating.function_tables import Table
+from cnnum.templating.functions import Table
 from cnnum.templating.template import Template
 
 SHAPE = (8, 8)

@@ -7,7 +7,7 @@ from cnnum.engine import Engine
 from cnnum.engines.opencl.lowering import kernel_source
 from cnnum.graph.nodes import RunSpec
 from cnnum.templating.couplings import DelayedCoupling, Gain, NonlinearCoupling
-from cnnum.templating.function_tables import Table
+from cnnum.templating.functions import Table
 from cnnum.templating.template import Template
 
 RAMP = Table("linear", ((-1.0, -0.3), (-0.2, 0.1), (0.4, 0.1), (1.1, 0.5)))

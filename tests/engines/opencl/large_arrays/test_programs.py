@@ -10,7 +10,7 @@ from cnnum.engines.opencl.large_arrays import strip_steps
 from cnnum.engines.opencl.lowering import kernel_source
 from cnnum.engines.opencl.transients import feedforward, strategies
 from cnnum.templating.couplings import DelayedCoupling, Gain, NonlinearCoupling
-from cnnum.templating.function_tables import Table
+from cnnum.templating.functions import Table
 
 SHAPE = (9, 11)
 WEAK = [[0.02, -0.05, 0.01], [0.1, 0.4, -0.06], [0.03, 0.08, -0.02]]

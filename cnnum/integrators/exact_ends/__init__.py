@@ -1,1 +1,0 @@
-"""Ends of transients that are known without a time step."""
