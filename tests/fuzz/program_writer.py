@@ -368,10 +368,15 @@ def looped(frame, step, given, fields):
     return [*ended, count, run.finished]
 
 
-def program_of(steps, outputs, name):
+def program_of(described, name):
+    """Return one program of some descriptions, each (steps, outputs, beginning of its outputs)."""
+
     def function(frame):
-        fields = [frame.a, frame.b]
-        built(frame, steps, fields)
-        return {key: fields[place] for key, place in outputs.items()}
+        found = {}
+        for steps, outputs, beginning in described:
+            fields = [frame.a, frame.b]
+            built(frame, steps, fields)
+            found |= {f"{beginning}{key}": fields[place] for key, place in outputs.items()}
+        return found
 
     return cnnum.Program(function, name)

@@ -8,7 +8,9 @@ either way, all that follows from it is unknown (infinite).
 
     python -m tests.fuzz.random_programs --programs 100 --seed 7
 
-tries a shard, and ends with the numbers of programs tried and wrong.
+tries a shard, and ends with the numbers of programs tried and wrong. A wrong one is named by its
+seed: `--programs 1 --seed SEED` tries it on frames of its own. Those of its shard are drawn by the
+first of the programs that engines ran `--together`.
 """
 
 import argparse
@@ -26,6 +28,20 @@ import numpy as np
 import cnnum
 from tests.fuzz.program_oracle import EXPORTED, FLOAT32, FLOAT64, WHOLE, Oracle
 from tests.fuzz.program_writer import CHANNELS, FRAMES, SHAPE, STREAMS, Writer, program_of
+
+
+class Drawn:
+    """A program of a seed, and what it gives in every precision."""
+
+    def __init__(self, seed, steps, outputs, frames) -> None:
+        self.seed, self.steps, self.outputs = seed, steps, outputs
+        measured = Oracle(steps, outputs)
+        measured.run(frames)
+        seen = measured.later, measured.early
+        self.wanted = {
+            one: Oracle(steps, outputs, one, seen).run(frames)
+            for one in (FLOAT64, FLOAT32, EXPORTED, *WHOLE)
+        }
 
 
 class Shard:
@@ -47,32 +63,40 @@ class Shard:
 
     def one(self, seed):
         """Try the program of a seed."""
-        writer = Writer(seed)
-        steps, _, outputs = writer.program()
-        most = writer.pick([1, 2])
-        frames = writer.eighths(most, (FRAMES, STREAMS, *SHAPE, 2))
-        measured = Oracle(steps, outputs)
-        measured.run(frames)
-        seen = measured.later, measured.early
-        program = program_of(steps, outputs, f"p{seed}")
-        self.tried += 1
-        wanted = {
-            one: Oracle(steps, outputs, one, seen).run(frames)
-            for one in (FLOAT64, FLOAT32, EXPORTED, *WHOLE)
-        }
-        for one, answers in wanted.items():
-            for engine in self.engines if one is not EXPORTED else ():
-                self.on_engine(seed, program, frames, engine, one, answers)
-        if self.compiler:
-            for one in (EXPORTED, *WHOLE):
-                self.to_c(seed, program, frames, one, wanted[one])
+        self.some([seed])
 
-    def on_engine(self, seed, program, frames, engine, rounding, answers):
+    def some(self, seeds):
+        """Try the programs of seeds, on the frames of the first one.
+
+        Engines run them as one program: most of the time of a small one is that of an OpenCL
+        compiler at its start. A fault of one program in another shows as a wrong number.
+        """
+        drawn, frames = [], None
+        for seed in seeds:
+            writer = Writer(seed)
+            steps, _, outputs = writer.program()
+            if frames is None:
+                frames = writer.eighths(writer.pick([1, 2]), (FRAMES, STREAMS, *SHAPE, 2))
+            drawn.append(Drawn(seed, steps, outputs, frames))
+        self.tried += len(drawn)
+        for one in (FLOAT64, FLOAT32, *WHOLE):
+            for engine in self.engines:
+                self.on_engine(drawn, frames, engine, one)
+        for each in drawn if self.compiler else ():
+            for one in (EXPORTED, *WHOLE):
+                self.to_c(each, frames, one)
+
+    def on_engine(self, drawn, frames, engine, rounding):
         precision = rounding.name
         alone = {"numba": bool(rounding.word), "reference": precision == "float32"}
         if alone.get(engine):
             return
         options = {"like": frames} if rounding.word else {}
+        begins = [f"{each.seed} " for each in drawn]
+        described = [
+            (each.steps, each.outputs, begin) for each, begin in zip(drawn, begins, strict=True)
+        ]
+        program = program_of(described, f"p{drawn[0].seed}")
         try:
             plan = self.engine(engine, precision).compile(
                 program, SHAPE, channels=CHANNELS, **options
@@ -80,9 +104,17 @@ class Shard:
             stream = plan.stream((STREAMS,))
             found = [stream.push(frame) for frame in frames]
         except cnnum.CnnumError as error:
-            self.refuse(seed, f"{engine} {precision}", error, answers)
+            if len(drawn) > 1:
+                for each in drawn:
+                    self.on_engine([each], frames, engine, rounding)
+            else:
+                self.refuse(
+                    drawn[0].seed, f"{engine} {precision}", error, drawn[0].wanted[rounding]
+                )
             return
-        self.compare(seed, f"{engine} {precision}", found, answers)
+        for each, begin in zip(drawn, begins, strict=True):
+            mine = [{name: one[f"{begin}{name}"] for name in each.outputs} for one in found]
+            self.compare(each.seed, f"{engine} {precision}", mine, each.wanted[rounding])
 
     def refuse(self, seed, where, error, answers):
         # what the documentation refuses: more than 64 bits on the way, and numbers beyond a float's
@@ -118,11 +150,13 @@ class Shard:
 
     # compiled C
 
-    def to_c(self, seed, program, frames, rounding, answers):
+    def to_c(self, drawn, frames, rounding):
         from cnnum.embedded.formats import precision_named
         from cnnum.embedded.making import make
         from cnnum.graph.schedule import schedule
 
+        seed, answers = drawn.seed, drawn.wanted[rounding]
+        program = program_of([(drawn.steps, drawn.outputs, "")], f"p{seed}")
         name = f"{program.name}_{rounding.name.replace('.', '_')}"
         planned = schedule(program.trace(SHAPE, CHANNELS), CHANNELS, None)
         try:
@@ -144,13 +178,12 @@ class Shard:
         with tempfile.TemporaryDirectory() as folder:
             place, given = Path(folder), b""
             for _, name, made, files, frames, _, _ in self.pending:
-                for file in (f"{name}.c", f"{name}.h"):
-                    (place / file).write_text(files[file])
-                text = files["vector.c"].replace("int main(void)", f"int vector_{name}(void)")
-                text = text.replace(
-                    f"int vector_{name}", f"int vector_{name}(void);\nint vector_{name}"
+                (place / f"{name}.h").write_text(files[f"{name}.h"])
+                vector = files["vector.c"].replace(
+                    "int main(void)", f"int vector_{name}(void);\nint vector_{name}(void)"
                 )
-                (place / f"vector_{name}.c").write_text(text)
+                # in one unit: most of the time is that of the compiler's start
+                (place / f"{name}.c").write_text(files[f"{name}.c"] + vector)
                 inputs = made.program.of_kind("input")
                 for lane in range(STREAMS):
                     for frame in frames:
@@ -237,14 +270,17 @@ def main() -> int:
     parser = argparse.ArgumentParser()
     parser.add_argument("--programs", type=int, default=100)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--together", type=int, default=8, help="programs that engines run as one")
     parser.add_argument("--seconds", type=float, default=math.inf)
     parser.add_argument("--engines", default="reference,opencl,numba")
     parser.add_argument("--no-c", action="store_true")
     asked = parser.parse_args()
     compiler = None if asked.no_c else "cc"
     shard, began = Shard(compiler=compiler, engines=asked.engines.split(",")), time.monotonic()
-    for seed in range(asked.seed, asked.seed + asked.programs):
-        shard.one(seed)
+    last = asked.seed + asked.programs
+    for first in range(asked.seed, last, asked.together):
+        seed = min(first + asked.together, last) - 1
+        shard.some(range(first, seed + 1))
         if len(shard.pending) >= 40:
             shard.compile()
         if time.monotonic() - began > asked.seconds:
