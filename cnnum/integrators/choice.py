@@ -115,8 +115,8 @@ MOST_COUNTED = 2**31 - 1
 """Steps of a run: kernels count them in 32 bits."""
 
 JUMP_STEP = 0.01
-"""Step of a template whose rates jump. Its state may slide along a jump and then chatters by a
-step's change. MatCNN's own advice for such a template (MEDIAN) is at most 0.02."""
+"""Step of a template whose rates jump, in time constants. Its state may slide along a jump and then
+chatters by a step's change. MatCNN's own advice for such a template (MEDIAN) is at most 0.02."""
 
 
 def choose(transient: Transient, shape: tuple[int, int]) -> Solver:
@@ -398,7 +398,8 @@ def _preset(template: Template, spec: RunSpec) -> tuple[ButcherTableau | None, f
         step = DELAY_STEP * float(template.tau.min())
         return asked or HEUN, step, "its delay needs outputs of earlier steps"
     if jumps(template):
-        return asked or EULER, JUMP_STEP, "its rates jump, which no error estimate follows"
+        step = JUMP_STEP * float(template.tau.min())
+        return asked or EULER, step, "its rates jump, which no error estimate follows"
     return asked, None, "half of the stability bound"
 
 

@@ -15,12 +15,38 @@ ENGINES = ("opencl", "numba", "reference")
 @pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize("tau", [0.25, 2.0])
 def test_a_check_holds_for_any_time_constant(engine, tau):
-    """DIFFUS with τ = 2 failed on all engines: its closed form was that of τ = 1."""
+    """DIFFUS with τ = 2 failed on all engines: its closed form was that of τ = 1.
+
+    Steps of rates that jump were 0.01 long for any τ (MIN), and HERRING's form held for times from
+    one delay to two, which τ moves.
+    """
     used = cnnum.Engine(engine)
-    names = ("DIFFUS", "ECHO", "FADING", "MATCNN_BPF") if engine == "numba" else ("DIFFUS",)
+    names = ("DIFFUS", "MIN")
+    if engine == "numba":
+        names = (*names, "ECHO", "FADING", "HERRING", "MATCNN_BPF", "MEDIAN")
     for name in names:
-        template = replace(cnnum.get_template(name), tau=tau)
-        assert run_check(template, used).passed
+        template = cnnum.get_template(name)
+        whole = template.duration if template.duration == "settle" else tau * template.duration
+        template = replace(template, tau=tau, duration=whole)
+        assert run_check(template, used, repeats=0).passed, name
+
+
+NAMED = ("delay", "slow", "quick", "receptor", "surround", "adapting")
+"""Parameters of checks that are times, in the unit of τ."""
+
+
+@pytest.mark.parametrize("scale", [0.3, 2.0])
+def test_a_check_holds_where_every_time_is_longer(scale):
+    """The forms of receptors took the layer that is their signal to have τ = 1."""
+    for name in ("on_off_layers", "rapid_receptor", "vibration_receptor", "HERRING", "LOGDIFNF"):
+        template = cnnum.get_template(name)
+        times = {key: v * scale if key in NAMED else v for key, v in template.check.parameters}
+        late = template.delayed and replace(template.delayed, delay=scale * template.delayed.delay)
+        slower = replace(
+            template, tau=scale * template.tau, duration=scale * template.duration, delayed=late,
+            check=replace(template.check, parameters=tuple(times.items())),
+        )  # fmt: skip
+        assert run_check(slower, cnnum.Engine("numba"), repeats=0).passed, name
 
 
 def test_time_is_counted_in_time_constants():

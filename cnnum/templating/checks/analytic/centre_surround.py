@@ -69,7 +69,8 @@ def _ramp(template: Template, rng: np.random.Generator, shape: Shape) -> Case:
 def _risen(template: Template, case: Case) -> Floats:
     widths = [number(template, name) for name in ("near", "far")]
     taus = [number(template, name) for name in ("receptor", "surround", "adapting")]
-    return layers_after(case.pictures, template.boundary, case.length(template), widths, taus)
+    slope = case.pictures / template.tau[0]  # of the layer that is the signal
+    return layers_after(slope, template.boundary, case.length(template), widths, taus)
 
 
 FORMS = (

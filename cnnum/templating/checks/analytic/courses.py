@@ -8,6 +8,7 @@ import numpy as np
 
 from cnnum.arrays import Floats, Shape
 from cnnum.errors import TemplateError
+from cnnum.templating.checks.analytic.delays import by_steps
 from cnnum.templating.checks.analytic.linear import ANALOG_REASON, ANALOG_TOLERANCE
 from cnnum.templating.checks.analytic.modes import Modes, modes
 from cnnum.templating.checks.parameters import has, number, text
@@ -79,14 +80,13 @@ def _course(template: Template, case: Case) -> Floats:
 
 
 def _late(template: Template, case: Case) -> Floats:
-    """Follow x' = −x + w + K∗y(t − T) from x = 0, for two delays."""
-    found, time = _modes(template, case.pictures), case.time(template)
-    drive = symbol(template, "control", found)
-    s = time - number(template, "delay") / time_constant(template)
-    seen = -np.expm1(-s) - s * np.exp(-s)
-    return found.apply(
-        case.pictures, drive * (-np.expm1(-time) + symbol(template, "late", found) * seen)
-    )
+    """Follow x' = −x + w + K∗y(t − T) from x = 0: what is left to its rest has a constant past."""
+    found = _modes(template, case.pictures)
+    late = symbol(template, "late", found)
+    apart = np.where(np.abs(1.0 - late) < 1e-9, 1e-9, 1.0 - late)
+    delay = number(template, "delay") / time_constant(template)
+    left = by_steps(-np.ones_like(late), late, delay, case.time(template))
+    return found.apply(case.pictures, symbol(template, "control", found) * (1.0 - left) / apart)
 
 
 def _pair(template: Template, case: Case) -> Floats:

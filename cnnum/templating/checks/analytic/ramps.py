@@ -49,7 +49,8 @@ def _risen(template: Template, case: Case) -> Floats:
     stages = round(number(template, "stages"))
     slow = number(template, "slow") if stages else 1.0
     change = changes(case.length(template), stages, slow, number(template, "quick"))
-    return np.asarray(case.states + case.pictures[:, None] * change[:, None, None])
+    slope = case.pictures / template.tau[0]  # of the layer that is the signal
+    return np.asarray(case.states + slope[:, None] * change[:, None, None])
 
 
 FORMS = (
