@@ -92,7 +92,7 @@ class Shard:
         if alone.get(engine):
             return
         options = {"like": frames} if rounding.word else {}
-        begins = [f"{each.seed} " for each in drawn]
+        begins = [f"{each.seed} " if len(drawn) > 1 else "" for each in drawn]
         described = [
             (each.steps, each.outputs, begin) for each, begin in zip(drawn, begins, strict=True)
         ]
