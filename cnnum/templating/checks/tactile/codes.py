@@ -8,7 +8,9 @@ from cnnum.tactile.texture import texture
 from cnnum.templating.checks.program_records import Outputs, ProgramCase, ProgramForm
 from cnnum.templating.checks.tactile.outlines import pressed
 
-WINDOW = 8
+WINDOW, APART, RATE = 8, 0.015, 60.0
+"""Samples of `texture`, s between them, and frames per second."""
+
 PITCH, DEPTH = 7.5, 1.0
 
 
@@ -58,9 +60,10 @@ def _rubbed(rng: np.random.Generator, shape: Shape) -> ProgramCase:
     way = rng.uniform(0.0, 2 * np.pi, shape)
     parts = (ratio * load * np.cos(way), ratio * load * np.sin(way), load)
     frames = np.concatenate([still, np.stack(parts, axis=-1)])
-    true = texture(frames[20:], window=WINDOW)
+    # of an array slower than a sample every 15 ms, the frames of the window's time count
+    true = texture(frames[20:], window=round(WINDOW * APART * RATE))
     expected = {"friction": true.friction[-1], "roughness": true.roughness[-1]}
-    return ProgramCase(frames, expected, {"push": 1.0, "window": WINDOW, "rate": 60.0})
+    return ProgramCase(frames, expected, {"push": 1.0, "window": WINDOW, "rate": RATE})
 
 
 def _off_texture(case: ProgramCase, outputs: Outputs) -> float:
