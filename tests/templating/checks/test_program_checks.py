@@ -6,7 +6,7 @@ import cnnum
 from cnnum.templating.checks.program_registry import checked_programs, program_forms
 from cnnum.templating.checks.program_run import run_program_check
 
-SLOW = ("halfspace_layers", "slip", "surface_load", "tactile", "twist")
+SLOW = ("halfspace_layers", "on_off", "slip", "surface_load", "tactile", "twist")
 """They take seconds each, and have tests of their own."""
 
 
