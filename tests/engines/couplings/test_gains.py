@@ -73,6 +73,24 @@ def test_no_pulse_is_jumped_over(engine, case):
 
 
 @pytest.mark.parametrize("engine", ["opencl", "numba"])
+@pytest.mark.parametrize(("place", "width"), [(0.7, 1e-3), (7.0, 1e-4)])
+def test_single_precision_forgets_a_steep_pulse_after_it(engine, place, width):
+    """Written as a sum of ramps, its roundings stayed in the gain: 114,129 for 0.884."""
+    points = ((0.0, 1.0), (place, 1.0), (place + width, 1.0 / width), (place + 2.0 * width, 1.0))
+    gains = [Gain(0, 0, Table("linear", points))]
+    template = cnnum.Template("g", [[0.5]], [[1.0]], output="linear", gains=gains)
+    x, places = START, [0.0, *(at for at, _ in points[1:]), place + 0.5]
+    for begin, end in pairwise(places):
+        x = solve_ivp(
+            lambda t, x: -x + 0.5 * np.interp(t, *np.array(points).T) * x + INPUT, (begin, end),
+            [x], method="DOP853", rtol=1e-12, atol=1e-14,
+        ).y[0, -1]  # fmt: skip
+    maps = {"input": np.full((1, 1), INPUT), "state": np.full((1, 1), START)}
+    run = cnnum.Engine(engine, precision="float32").run(template, **maps, duration=place + 0.5)
+    assert np.abs(run.state - x).max() <= run.error < 0.05
+
+
+@pytest.mark.parametrize("engine", ["opencl", "numba"])
 def test_programs_see_them_too(engine):
     @cnnum.program
     def sees(frame):
@@ -96,6 +114,7 @@ LATE = {
     "a jump in the first step": ("constant", ((0.029, 1.04), (0.057, 1.75), (0.066, 0.4))),
     "a pulse": ("constant", ((1.31, 1.0), (1.33, -9.0), (2.0, 1.7))),
     "a steep line": ("linear", ((0.31, 1.0), (0.32, -3.0), (2.0, 1.7), (2.01, 0.3))),
+    "a steep pulse": ("linear", ((1.7, 1.0), (1.7001, 900.0), (1.7002, 1.0))),
 }
 """Tables whose points lie within steps: with a delay, steps end at its parts alone."""
 
@@ -139,12 +158,14 @@ def truth_with_delay(case, end):
     return x
 
 
-@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("engine", [*ENGINES, "opencl float32", "numba float32"])
 @pytest.mark.parametrize("case", LATE)
 def test_with_a_delay_points_lie_within_steps(engine, case):
     end = 0.0565 if case == "a jump in the first step" else 3.0
     maps = {"input": np.full((1, 2), INPUT), "state": np.full((1, 2), START)}
-    got = cnnum.Engine(engine, precision="float64").run(delayed(case, duration=end), **maps)
+    name, _, precision = engine.partition(" ")
+    used = cnnum.Engine(name, precision=precision or "float64")
+    got = used.run(delayed(case, duration=end), **maps)
     off = np.abs(got.state - truth_with_delay(case, end)).max()
     assert off <= got.error + 1e-9
     assert got.error < 1e-3

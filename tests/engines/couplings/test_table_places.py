@@ -24,3 +24,14 @@ def test_kernels_hold_levels_up_to_their_places_and_there(name):
     result = Engine(name).run(template, input=AT, duration=30.0)
     # e^{-30} of the way is left, and single precision
     np.testing.assert_allclose(result.state, VALUES, rtol=1e-5)
+
+
+@pytest.mark.parametrize("name", ["opencl", "numba", "reference"])
+def test_kernels_forget_steep_lines_beyond_them(name):
+    """Written as a sum of ramps, their roundings stayed in all values that follow."""
+    steep = Table("linear", ((-2.0, 0.5), (3.0, 1.0), (3.0001, 1000.0), (3.0002, 1.0), (8.0, 2.0)))
+    coupling = NonlinearCoupling(np.ones((1, 1)), steep, "u")
+    template = Template("steep", [[0]], [[0]], nonlinear=[coupling], output="linear")
+    seen = np.array([[-9.0, -2.0, 0.5, 2.999, 3.001, 8.0, 20.0]])
+    result = Engine(name).run(template, input=seen, duration=30.0)
+    np.testing.assert_allclose(result.state, steep(seen), rtol=1e-5)

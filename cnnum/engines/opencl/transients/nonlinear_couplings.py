@@ -39,14 +39,17 @@ def table(
         return value
     value = held(points[0][1])
     for (low, before), (high, after) in pairwise(points):
-        ends = ir.Number(low), ir.Number(high)
-        along = ir.call("clamp", argument, *ends) - ends[0]
-        if number is not None:
-            share = along * ir.Number(1.0 / (high - low))
-            value = value + share * (number(after) - number(before))
-        elif after != before:
-            value = value + ir.Number((after - before) / (high - low)) * along
+        if number is None and after == before:
+            continue
+        # a sum of ramps would carry the roundings of steep ones on to all that follows
+        share = _along((argument - ir.Number(low)) * ir.Number(1.0 / (high - low)))
+        between = held(before) * (ir.ONE - share) + held(after) * share
+        value = ir.pick(argument <= ir.Number(low), value, between)
     return value
+
+
+def _along(share: ir.Expression) -> ir.Expression:
+    return ir.call("clamp", share, ir.ZERO, ir.ONE)
 
 
 def mean(
@@ -62,17 +65,14 @@ def mean(
         if number is None and after == before:
             continue
         if function.interpolation == "constant":
-            share: ir.Expression = ir.call(
-                "clamp", (begin + length - ir.Number(low)) / length, ir.ZERO, ir.ONE
-            )
+            share = _along((begin + length - ir.Number(low)) / length)
         else:
             part = ir.Number(1.0 / (high - low))
-            first = (begin - ir.Number(low)) * part
-            last = (begin + length - ir.Number(low)) * part
-            least, most = (ir.call("clamp", each, ir.ZERO, ir.ONE) for each in (first, last))
+            least = _along((begin - ir.Number(low)) * part)
+            most = _along((begin + length - ir.Number(low)) * part)
             inside = ir.Number(0.5) * (most - least) * (most + least)
-            beyond = ir.call("fmax", last, ir.ONE) - ir.call("fmax", first, ir.ONE)
-            share = (inside + beyond) / (part * length)
+            beyond = _along((begin + length - ir.Number(high)) / length)
+            share = inside / (part * length) + beyond
         value = value + share * (held(after) - held(before))
     return value
 
