@@ -16,7 +16,7 @@ from typing import Any, cast
 import numpy as np
 
 from cnnum.arrays import digest
-from cnnum.embedded.formats import precision_named
+from cnnum.embedded.formats import is_integer, precision_named
 from cnnum.engines.registry import PRECISIONS, backend_names
 from cnnum.errors import TemplateError, name_error
 from cnnum.integrators.schemes import WAVEFRONT
@@ -274,6 +274,8 @@ def _plain_value(name: str, value: object) -> Value:
         if name == "method" and value not in RUN_METHODS:
             raise name_error("method", value, RUN_METHODS)
         if name == "precision" and value not in PRECISIONS:
+            if not is_integer(value):
+                raise name_error("precision", value, PRECISIONS)
             precision_named(value)  # refuses what is no name
         if name == "boundary":
             parse_boundary(value)

@@ -197,7 +197,7 @@ def test_results_of_another_experiment_are_refused(tmp_path):
 BAD_AXES = {
     'method = ["auto", "exact", "rungekutta"]': "Unknown method 'exact'",
     'method = ["auto", 3]': "'method' takes names, got 3",
-    'precision = ["float16"]': "Unknown precision 'float16'",
+    'precision = ["float16"]': "Unknown precision 'float16' (did you mean 'float64'",
     'boundary = ["mirror"]': "Unknown boundary 'mirror'",
     "size = [8.5]": "'size' takes whole numbers, got 8.5",
     "tau = [inf]": "'tau' takes finite numbers",
