@@ -65,9 +65,9 @@ class Driver(Protocol):
     `cnnum.tactile.cover.BumpCover` over the taxels, whose geometry goes to the programs that undo
     it. ``full_scale`` is the largest magnitude that a value can have. A frame with a larger one is
     a bad frame. ``limits`` are the least and the largest value of a sound taxel, a pair of all
-    channels or one of each. ``live`` is true
-    where frames that were taken are gone, so that a second pass over
-    a scene is refused; without it each call of `frames` begins at the first frame. ``total_frames``
+    channels or one of each, and ``bandwidth`` is the highest frequency of its loads, Hz. ``live``
+    is true where frames that were taken are gone, so that a second pass over a scene is refused;
+    without it each call of `frames` begins at the first frame. ``total_frames``
     is the number of frames to come, for a bar of progress. ``verified`` is false where the packets
     of a protocol have no checksum, and ``clock`` compares the device's clock with the host's: its
     ``drift`` is the part that the host's gains. ``tap`` is a method that takes a function, or

@@ -1,8 +1,8 @@
-"""Numbers of a frame in another order, or with other signs, than their source has them.
+"""Numbers of a frame in another order or unit, or with other signs, than their source has them.
 
 What a layout says of a file, a scene says in its table ``[frames]`` of any array, and a descriptor
 of its own: which channel is which, whether a sign is turned, in which order the numbers follow each
-other, and which axes count from the other end.
+other, which axes count from the other end, and in which unit they are.
 """
 
 from collections.abc import Iterator
@@ -14,8 +14,10 @@ import numpy as np
 from cnnum.arrays import Floats, Shape
 from cnnum.drivers.driver import Closing, Counters, Driver
 from cnnum.drivers.options import require, require_channels
+from cnnum.errors import SceneError
 from cnnum.frame import Frame, Limits, limits_of
 from cnnum.recordings.recording import channel_names
+from cnnum.safety.names import checked_name
 
 AXES = ("rows", "cols", "channels")
 
@@ -33,13 +35,18 @@ class Reading:
         where they lie as the source says.
     flip : tuple of "rows" and "cols"
         Axes that are counted from the other end.
+    unit : str
+        Unit of the numbers; "" where it is the one that the source names.
     """
 
     channels: tuple[str, ...] = ()
     order: str = ""
     flip: tuple[Literal["rows", "cols"], ...] = ()
+    unit: str = ""
 
     def __post_init__(self) -> None:
+        if self.unit:
+            checked_name("a unit", self.unit, SceneError)
         if self.channels:
             require_channels(self.plain)
         parts = self.order.split()
@@ -48,7 +55,7 @@ class Reading:
         require("order", holds, said, self.order)
 
     def __bool__(self) -> bool:
-        return bool(self.channels or self.order or self.flip)
+        return bool(self.channels or self.order or self.flip or self.unit)
 
     @property
     def plain(self) -> tuple[str, ...]:
@@ -87,11 +94,12 @@ class Reading:
         """Return a frame as it is meant."""
         marks = frame.saturated
         if marks is not None and (self.order or self.flip):
-            plain = replace(self, channels=())
+            plain = replace(self, channels=(), unit="")
             each = np.repeat(marks[..., np.newaxis].astype(float), frame.values.shape[2], axis=2)
             marks = np.asarray(plain.of(each).any(axis=2))
         values, names = self.of(frame.values), self.names(frame.channels)
-        return replace(frame, values=values, channels=names, saturated=marks)
+        unit = self.unit or frame.unit
+        return replace(frame, values=values, channels=names, saturated=marks, unit=unit)
 
     def limits(self, known: Limits | None, channels: int) -> Limits | None:
         """Return the limits of sound taxels with the signs of the channels."""
@@ -123,8 +131,8 @@ class Reordered(Closing):
 
     @property
     def unit(self) -> str:
-        """That of the driver."""
-        return self._driver.unit
+        """That of the driver, unless the reading names another."""
+        return self._reading.unit or self._driver.unit
 
     @property
     def rate(self) -> float:

@@ -33,6 +33,19 @@ APART = 0.05
 WRAPPED = 0.75
 """Share of the range of a number of few bits from which a step is none of a load."""
 
+MOVES = {
+    "strain": (1.0, "no cover is strained so far"),
+    "N": (1000.0, "that is the weight of a person on one taxel"),
+    "V": (120.0, "no array is fed with so much"),
+    "Pa": (1e9, "no polymer of a cover bears it"),
+}
+"""Furthest that readings move under a load, by unit, and why; a scene refuses the same voltages and
+pressures as bad frames."""
+
+COARSE = 20.0
+"""Units that whole numbers move by at least if they are counts: of loads in N, strains or volts
+these are none."""
+
 LISTED = 12
 
 
@@ -240,12 +253,23 @@ def _wraps(values: Floats) -> list[Finding]:
 
 def _units(recording: Recording, values: Floats, rest: Floats) -> list[Finding]:
     unit, away = recording.unit, float(np.abs(values - rest).max())
-    if unit == "strain" and away > 1.0:
-        said = f"The unit is strain, and values move by {away:.3g}: no cover is strained so far."
-        return [Finding("unit", said, cure={"unit": "count"})]
-    if unit == "count" and (values % 1.0 != 0.0).any() and away < 100.0:
-        said = "The unit is count, and the values are no whole numbers: name it where you know it."
-        return [Finding("unit", said, wrong=False)]
+    whole = bool((values % 1.0 == 0.0).all())
+    if unit in MOVES:
+        most, why = MOVES[unit]
+        said = f"The unit is {unit}, and values move by {away:.4g}: {why}."
+        if away > most:
+            return [Finding("unit", said, cure={"unit": "count"})]
+        if unit != "Pa" and whole and away > COARSE:
+            said = (
+                f"The unit is {unit}, and all values are whole numbers, which move by {away:.4g}."
+            )
+            return [Finding("unit", said, cure={"unit": "count"})]
+    if unit == "count" and not whole and away < 100.0:
+        said = (
+            "The unit is count, and the values are no whole numbers: name it where you know it, as "
+            "in the line below."
+        )
+        return [Finding("unit", said, wrong=False, cure={"unit": "N"})]
     return []
 
 

@@ -1,9 +1,11 @@
 """Taxels that drop out, and arrays that fall silent: neither is a touch, or its end.
 
-A load goes on from frame to frame, in its neighbours too, and has noise. A taxel that is lost does
-not: it is not finite, or beyond the limits of its range; it jumps to one number in all its
-channels; or its load is gone between neighbours that stay loaded. Such a taxel is masked: it takes
-its last good value, and goes on as its neighbours do, until it has been steady for a while.
+A load continues from frame to frame and in its neighbours, changes no faster than the cover can
+follow, and has noise. A lost taxel does not: it is not finite or beyond the limits of its range; it
+jumps to one number in all its channels, with its whole line, or to 0; its load vanishes between
+neighbours that stay loaded; or it jumps alone, or with its line, faster than any load. Such a taxel
+is masked: it continues from its last good value as its neighbours do, until it has been steady for
+a while.
 """
 
 import logging
@@ -15,7 +17,7 @@ from numpy.typing import NDArray
 
 from cnnum.arrays import Floats, Shape
 from cnnum.errors import FrameError
-from cnnum.frame import Frame, Limits, limits_of
+from cnnum.frame import NORMAL, Frame, Limits, limits_of
 from cnnum.programs.machine import BEGINS, ENOUGH
 from cnnum.scenes.events import Event
 from cnnum.scenes.saturation import Mask
@@ -25,11 +27,31 @@ JUMP = 25.0
 lost: noise alone never makes it."""
 
 ASIDE = 0.25
-"""Part of such a step that no neighbour may have made, where the lost load of a single taxel is to
-be told from a release."""
+"""Part of such a step that no neighbour may have made, where a lost taxel is to be told from a
+load, and that may follow in the next frame, where the step was over in one."""
 
 LEFT = 0.1
 """Part of a load at most that is left of it where a taxel is lost."""
+
+LOADED = 0.5
+"""Part of that load that two neighbours at least must bear."""
+
+BANDWIDTH = 100.0
+"""Hz, the highest frequency of loads on a covered array, unless its scene or layout states it: the
+touch of a stiff body on a rubber cover lasts some 10 ms."""
+
+RISE = 0.35
+"""Rise time times bandwidth of a system of first order, between 10 and 90 % of a step."""
+
+FINE = 0.002
+"""Part of the largest load shown that counts as noise at least: arrays that read 0 below a
+threshold have none at rest."""
+
+SPREAD = 6.0
+"""Times the noise that readings at rest may be from it."""
+
+LINE = 3
+"""Taxels that a row or column must have at least to be judged as one."""
 
 STEADY = 0.1
 """s for which a masked taxel must be whole and make no such step until it counts again, and for
@@ -48,6 +70,9 @@ One that is coarser than its noise rests rightly."""
 FOLLOWS = 1.0
 """s over which the noise is followed."""
 
+SHOWN = 0.05
+"""s between looks at the largest loads."""
+
 LISTED = 8
 """Taxels that a sentence names."""
 
@@ -64,6 +89,9 @@ class Dropouts:
         In the driver's unit; a taxel with a value beyond them is lost.
     dead : sequence of (row, column)
         Taxels that are not looked at.
+    bandwidth : float, Hz
+        Highest frequency of loads: where frames come more than twice in the rise time of such a
+        load, one that is there within a single frame is none.
     end : float
         Magnitude from which a value stands at an end of its range: pressed, and not lost.
     quiet : bool
@@ -72,7 +100,8 @@ class Dropouts:
     Attributes
     ----------
     masked : (rows, cols) bool or None
-        Of the last frame; None where there is none.
+        Of the last frame; None where there is none. It has the taxels whose step is only judged
+        with the next frame, too.
     count : int
         Times that a taxel has dropped out.
     """
@@ -83,10 +112,12 @@ class Dropouts:
         limits: Limits | None = None,
         dead: Sequence[tuple[int, int]] = (),
         *,
+        bandwidth: float = BANDWIDTH,
         end: float = np.inf,
         quiet: bool = False,
     ) -> None:
         self._limits, self._end, self._quiet = limits, end, quiet
+        self._rise = RISE / bandwidth
         self._ends: Floats | None = None  # (2, channels): of the limits
         self._looked_at = np.ones(shape, dtype=np.bool_)
         for row, col in dead:
@@ -95,14 +126,24 @@ class Dropouts:
         self.masked: Mask | None = None
         self.count = 0
         self._none, self._said, self._odd, self._odd_since = none, none, none, 0.0
+        self._lost_before = none  # the masked taxels without those in doubt
         self._begin: list[Floats] = []
         self._began = self._before = 0.0
+        self._period = 0.0  # from frame to frame, s
         self._rest: Floats | None = None
         self._noise: Floats | None = None  # one a channel
+        self._analog: NDArray[np.bool_] | None = None  # whether a channel has noise at rest
+        self._alike: NDArray[np.bool_] | None = None  # and a whole line one number now and then
+        self._flat_at_rest = False  # whether all channels of a taxel are one number there by chance
+        self._span: Floats | None = None  # (2, channels): the loads furthest from rest so far
+        self._span_at = 0.0
         self._raw: Floats | None = None  # the last frame as read
+        self._earlier: Floats | None = None  # and the one before
         self._shown: Floats | None = None  # and as handed on
         self._lost: Floats | None = None  # what a lost taxel read at first
-        self._held: Floats | None = None  # and before
+        self._doubted: Mask | None = None  # taxels whose step is judged with the next frame
+        self._doubt: Floats | None = None  # and these steps
+        self._doubted_at = 0.0
         self._since = np.zeros(shape)  # when a masked taxel was last out of order, s
 
     def look(self, frame: Frame) -> Frame:
@@ -115,7 +156,7 @@ class Dropouts:
         """
         values = frame.values
         odd = self._odd_ones(values, frame.time)
-        if odd is None and self.masked is None:
+        if odd is None and self.masked is None and self._doubted is None:
             if not np.isfinite(values).all():
                 return frame  # for now: its values are refused
             if not self._jumps(values, frame.time):
@@ -123,8 +164,10 @@ class Dropouts:
         return self._looked(frame, self._none if odd is None else odd)
 
     def tare(self) -> None:
-        """Learn rest and noise from the next frames on."""
-        self._begin, self._rest, self._noise = [], None, None
+        """Learn rest and noise from the next frames on, with every taxel."""
+        self._begin, self._rest, self._noise, self._span = [], None, None, None
+        self.masked = self._doubted = self._shown = None
+        self._lost_before = self._none
 
     def _odd_ones(self, values: Floats, time: float) -> Mask | None:
         """Return the taxels that are no numbers, or beyond their limits; None where none is.
@@ -142,8 +185,7 @@ class Dropouts:
         numbers = np.isfinite(values).all(axis=2) | ~self._looked_at
         with np.errstate(invalid="ignore"):
             within = ((values >= low) & (values <= high)).all(axis=2) | ~self._looked_at
-        known = self._none if self.masked is None else self.masked
-        faults = ~numbers & ~known
+        faults = ~numbers & ~self._lost_before
         if not faults.any():
             self._odd = self._none
             return np.asarray(~within | ~numbers)
@@ -172,8 +214,30 @@ class Dropouts:
         share = min(1.0, max(time - before, 0.0) / FOLLOWS)
         power = 0.5 * np.square(steps).mean(axis=0)
         self._noise = np.maximum(np.sqrt(self._noise**2 + share * (power - self._noise**2)), TINY)
-        self._raw, self._before = values, time
+        self._earlier, self._raw = raw, values
+        self._take_time(time)
+        if time - self._span_at >= SHOWN:
+            self._take_span(values, time)
         return False
+
+    def _take_time(self, time: float) -> None:
+        """Follow the time from frame to frame; frames of a stream may come in bursts."""
+        step = time - self._before
+        self._before = time
+        if 0.0 < step < 2.0 * self._period:
+            self._period += min(1.0, step / FOLLOWS) * (step - self._period)
+
+    def _take_span(self, values: Floats, time: float) -> None:
+        """Follow the largest loads, and the noise that they let one expect at least."""
+        if self._rest is None or self._noise is None:
+            return
+        away = values - self._rest
+        least, most = away.min(axis=(0, 1)), away.max(axis=(0, 1))
+        if self._span is None:
+            self._span = np.zeros((2, len(least)))
+        self._span = np.stack([np.minimum(self._span[0], least), np.maximum(self._span[1], most)])
+        self._noise = np.maximum(self._noise, FINE * np.abs(self._span).max(axis=0))
+        self._span_at = time
 
     def _learn(self, values: Floats, time: float) -> None:
         """Take in a frame at rest."""
@@ -183,63 +247,153 @@ class Dropouts:
         if len(self._begin) < ENOUGH or time - self._began < BEGINS:
             return
         seen = np.stack(self._begin)
+        self._period = (time - self._began) / (len(seen) - 1)
         self._begin, self._rest = [], np.asarray(np.median(seen, axis=0))
         power = np.median(np.square(np.diff(seen, axis=0)).mean(axis=(1, 2)), axis=0)
         least = 1e-6 * float(np.abs(self._rest).max()) + TINY
         self._noise = np.maximum(np.sqrt(0.5 * power), least)
+        self._analog = np.asarray(self._noise > least)
+        self._flat_at_rest = bool((seen == seen[..., :1]).all(axis=3).any())
+        lines = lines_of(self._looked_at)
+        alike = [(seen[:, line] == seen[:, line][:, :1]).all(axis=1).any(axis=0) for line in lines]
+        self._alike = np.asarray(np.any([~self._analog, *alike], axis=0))
 
     def _looked(self, frame: Frame, odd: Mask) -> Frame:
         """Return a frame in which a taxel has jumped, is lost, or was."""
-        before = self._none if self.masked is None else self.masked
+        before = self._lost_before
         raw = np.zeros_like(frame.values) if self._raw is None else self._raw
         values = np.where(np.isfinite(frame.values), frame.values, raw)
         if self._noise is None:
             self._learn(values, frame.time)
-        new, back = odd & ~before, self._none
+        new, back, doubted = odd & ~before, self._none, self._none
+        lost = values
         if self._noise is not None and self._rest is not None:
-            steps = (np.abs(values - raw) / self._noise).max(axis=2)
-            far, had = (np.abs(x - self._rest) / self._noise for x in (values, raw))
-            flat = (values == values[..., :1]).all(axis=2) & (values.shape[2] > 1)
-            lost = flat & (steps > JUMP) & ~(raw == raw[..., :1]).all(axis=2)
-            lost |= _alone(steps, had.max(axis=2), far.max(axis=2), self._looked_at & ~before)
-            lost &= ~at_end(frame, self._end)
-            new = (new | lost) & ~before & self._looked_at
-            whole = before & ~odd & ~flat & (steps < JUMP)
-            whole &= self._as_before(values) | _all_near(far.max(axis=2), before | new)
-            self._since = np.where(whole, self._since, frame.time)
-            back = whole & (frame.time - self._since >= STEADY)
-        now = np.asarray((before & ~back) | new)
+            living = self._looked_at & ~before & ~odd
+            steps, had, away = ((a - b) / self._noise for a, b in (
+                (values, raw), (raw, self._rest), (values, self._rest)))  # fmt: skip
+            place = frame.channels.index(NORMAL) if NORMAL in frame.channels else None
+            begun = ~self._none
+            if self._earlier is not None:  # a load that has moved before may be over now
+                moved = _main((raw - self._earlier) / self._noise, place)
+                begun = np.abs(moved) < ASIDE * np.abs(_main(steps, place))
+            found = _alone(steps, had, away, living, place) & begun
+            found |= self._flat(values, raw, steps, away)
+            found |= self._one_number(values, raw, steps, living)
+            found &= ~at_end(frame, self._end) & living
+            over = self._over(steps, place, frame.time) & ~found
+            if over.any():  # it read so in the frame before, too
+                lost = np.where(over[..., np.newaxis], raw, values)
+            new = (new | found | over) & ~before & self._looked_at
+            if 2.0 * max(self._period, frame.time - self._before) <= self._rise:
+                doubted = _quick(_main(steps, place), living & ~new) & ~at_end(frame, self._end)
+                doubted &= begun
+        now = np.asarray(before | new)
         left = int((self._looked_at & ~now).sum())
         if left < KEPT * self._looked_at.sum():
             raise FrameError(
                 f"{int(self._looked_at.sum()) - left} of {self._looked_at.sum()} taxels are lost: "
-                "no number, beyond their limits, or one number in all channels"
+                "no number, beyond their limits, one number in all channels or taxels, or a step "
+                "that no load makes"
             )
-        self._keep(values, raw, new)
-        shown = raw if self._shown is None else np.where(before[..., np.newaxis], self._shown, raw)
+        shown = raw if self._shown is None else self._shown
         known: Mask = ~self._none
         if self._raw is None:
             known = np.asarray(np.isfinite(frame.values).all(axis=2))
-        self._shown = _gone_on(values, shown, now, before, known)
-        self._raw, self._before = values, frame.time
+        held = now | doubted
+        filled = _gone_on(values, shown, held, self._held(), known)
+        self._lost = values.copy() if self._lost is None else self._lost
+        self._lost[new] = lost[new]
+        if self._noise is not None and self._rest is not None and before.any():
+            calm = np.abs(steps).max(axis=2) < JUMP
+            flat = (values == values[..., :1]).all(axis=2) & (values.shape[2] > 1)
+            whole = before & ~odd & ~flat & calm
+            whole &= self._as_before(values, filled, held) | _near_rest(away, held)
+            self._since = np.where(whole, self._since, frame.time)
+            back = whole & (frame.time - self._since >= STEADY)
+        self._since[new] = frame.time
+        now &= ~back
+        held = now | doubted
+        self._shown = np.where(held[..., np.newaxis], filled, values) if held.any() else None
+        self._earlier, self._raw = self._raw, values
+        self._take_time(frame.time)
         self.count += int(new.sum())
-        self.masked = now if now.any() else None
+        self._lost_before = now
+        self.masked = held if held.any() else None
+        self._doubted = doubted if doubted.any() else None
+        if self._doubted is not None:
+            self._doubt, self._doubted_at = steps, frame.time
+        if self.masked is None:
+            self._take_span(values, frame.time)
         self._say(new, frame)
-        return frame if self.masked is None else replace(frame, values=self._shown)
+        return frame if self._shown is None else replace(frame, values=self._shown)
 
-    def _keep(self, values: Floats, raw: Floats, new: Mask) -> None:
-        """Keep what taxels read that are lost now, and what they read before."""
-        if self._lost is None or self._held is None:
-            self._lost, self._held = values.copy(), values.copy()
-        self._lost[new], self._held[new] = values[new], raw[new]
+    def _held(self) -> Mask:
+        """Return the taxels of the last frame that were not handed on as they came."""
+        return self._none if self.masked is None else self.masked
 
-    def _as_before(self, values: Floats) -> Mask:
-        """Return the taxels that read rather as before they were lost than as they did then."""
-        if self._lost is None or self._held is None:
+    def _flat(self, values: Floats, raw: Floats, steps: Floats, away: Floats) -> Mask:
+        """Return the taxels that have jumped to one number in all their channels."""
+        if values.shape[2] < 2:
             return self._none
-        gone = np.abs(self._held - self._lost).max(axis=2)
-        away = np.abs(values - self._lost).max(axis=2)
-        return np.asarray((away > 0.5 * gone) | (gone == 0.0))
+        flat, was = ((one == one[..., :1]).all(axis=2) for one in (values, raw))
+        jumps = np.abs(steps).max(axis=2) > JUMP
+        if self._flat_at_rest:
+            jumps &= np.abs(away).max(axis=2) > SPREAD
+        return np.asarray(flat & ~was & jumps)
+
+    def _one_number(self, values: Floats, raw: Floats, steps: Floats, living: Mask) -> Mask:
+        """Return the taxels of lines, or of the array, that jump to one number, and those to 0.
+
+        Loads may hold a taxel at an end of its range. So neither counts that way from the rest on
+        which loads were seen to go.
+        """
+        assert self._rest is not None
+        assert self._noise is not None
+        assert self._analog is not None
+        assert self._alike is not None
+        away = values - self._rest
+        shown = np.zeros((2, len(self._noise))) if self._span is None else self._span
+        ways = np.where(away > 0.0, shown[1], -shown[0])
+        jumps, far = np.abs(steps) > JUMP, np.abs(away) > JUMP * self._noise
+        free = ways < LEFT * np.abs(away) + SPREAD * self._noise
+        found = (jumps & far & free & (values == 0.0) & self._analog).any(axis=2) & living
+        # where noise keeps neighbours apart at rest, one number is none of the rest either
+        told = np.where(np.abs(away) > SPREAD * self._noise, free, ~self._alike) & self._analog
+        for line in lines_of(living):
+            there, was = values[line], raw[line]
+            alike = (there == there[0]).all(axis=0) & ~(was == was[0]).all(axis=0)
+            if (alike & told[line].all(axis=0) & jumps[line].any(axis=0)).any():
+                found |= line
+        return np.asarray(found & living)
+
+    def _over(self, steps: Floats, place: int | None, time: float) -> Mask:
+        """Return the taxels whose step was over within the frame before."""
+        if self._doubted is None or self._doubt is None:
+            return self._none
+        first, after = np.abs(_main(self._doubt, place)), np.abs(_main(steps, place))
+        found = self._doubted & (after < ASIDE * first)
+        # an array that zeroes itself makes one step in all its taxels, and stays there
+        if found.all() and time - self._doubted_at >= STEADY:
+            return self._none
+        return np.asarray(found)
+
+    def _as_before(self, values: Floats, filled: Floats, held: Mask) -> Mask:
+        """Return the taxels that read rather as they were continued, or as the mean load around
+        them, than as they were lost.
+        """
+        assert self._rest is not None
+        if self._lost is None:
+            return self._none
+        away, near = (np.abs(values - other).max(axis=2) for other in (self._lost, filled))
+        found = np.asarray((near < away) | (away == near))
+        loads = values - self._rest
+        for row, col in np.argwhere(held & ~found).tolist():
+            around = np.s_[max(0, row - 1) : row + 2, max(0, col - 1) : col + 2]
+            some = loads[around][~held[around]]
+            if len(some):
+                apart = np.abs(loads[row, col] - some.mean(axis=0)).max()
+                found[row, col] = apart < away[row, col]
+        return found
 
     def _say(self, new: Mask, frame: Frame) -> None:
         named = new & ~self._said
@@ -264,28 +418,85 @@ def at_end(frame: Frame, end: float) -> Mask:
     return found if frame.saturated is None else found | frame.saturated
 
 
-def _alone(steps: Floats, had: Floats, has: Floats, living: Mask) -> Mask:
+def lines_of(living: Mask) -> list[Mask]:
+    """Return the rows, the columns, and all of the taxels that are looked at, as masks."""
+    found: list[Mask] = []
+    for axis in (1, 0):
+        for number in range(living.shape[1 - axis]):
+            line = np.zeros_like(living)
+            line[(number, slice(None)) if axis else (slice(None), number)] = True
+            found.append(line & living)
+    return [line for line in (*found, living) if line.sum() >= LINE]
+
+
+def _main(steps: Floats, place: int | None) -> Floats:
+    """Return the steps of the normal channel, or the largest ones where there is none."""
+    if place is not None:
+        return steps[..., place]
+    return np.asarray(np.abs(steps).max(axis=2))
+
+
+def _alone(steps: Floats, had: Floats, away: Floats, living: Mask, place: int | None) -> Mask:
     """Return the taxels whose load is gone between neighbours that stay loaded.
+
+    Shear alone may go: that is the slip of a taxel.
 
     Parameters
     ----------
-    steps, had, has : (rows, cols) float
+    steps, had, away : (rows, cols, channels) float
         Step, and distance from rest before and after it, over the noise.
     living : (rows, cols) bool
+    place : int or None
+        Of the normal channel.
     """
-    gone = living & (steps > JUMP) & (had > JUMP) & (has < LEFT * had)
-    found = np.zeros_like(gone)
-    for row, col in np.argwhere(gone).tolist():
-        near = np.s_[max(0, row - 1) : row + 2, max(0, col - 1) : col + 2]
-        others = (living & ~gone)[near]
-        stays = steps[near][others] < ASIDE * steps[row, col]
-        found[row, col] = (had[near][others] > JUMP).sum() >= 2 and bool(stays.all())
+    found = np.zeros_like(living)
+    ways = [tuple(np.abs(one).max(axis=2) for one in (steps, had, away))]
+    if place is not None:
+        ways.append((steps[..., place], had[..., place], away[..., place]))
+    for step, was, rest in ways:
+        size = np.abs(was)
+        gone = living & (np.abs(step) > JUMP) & (size > JUMP) & (np.abs(rest) < LEFT * size)
+        for row, col in np.argwhere(gone & ~found).tolist():
+            near = np.s_[max(0, row - 1) : row + 2, max(0, col - 1) : col + 2]
+            others = (living & ~gone)[near]
+            stays = np.abs(steps[near][others]) < ASIDE * abs(step[row, col])
+            loaded = np.sign(was[row, col]) * was[near][others]
+            loaded = loaded > max(JUMP, LOADED * size[row, col])
+            found[row, col] = loaded.sum() >= 2 and bool(stays.all())
     return found
 
 
-def _all_near(far: Floats, masked: Mask) -> Mask:
+def _quick(steps: Floats, living: Mask) -> Mask:
+    """Return the taxels that make a step alone, with their whole line, or with all others.
+
+    Parameters
+    ----------
+    steps : (rows, cols) float
+        Over the noise.
+    living : (rows, cols) bool
+    """
+    size = np.where(living, np.abs(steps), 0.0)
+    jumps = size > JUMP
+    found = np.zeros_like(living)
+    for row, col in np.argwhere(jumps).tolist():
+        near = np.s_[max(0, row - 1) : row + 2, max(0, col - 1) : col + 2]
+        others = living[near].copy()
+        others[row - near[0].start, col - near[1].start] = False
+        found[row, col] = others.any() and size[near][others].max() < ASIDE * size[row, col]
+    for axis in (0, 1):
+        whole = (jumps | ~living).all(axis=axis) & (living.sum(axis=axis) >= LINE)
+        if whole.any():
+            lines = np.expand_dims(whole, axis) & living
+            outside = size[~lines]
+            if not outside.size or outside.max() < ASIDE * np.median(size[lines]):
+                found |= lines
+    return found
+
+
+def _near_rest(away: Floats, held: Mask) -> Mask:
     """Return the taxels near rest, where no sound one is far from it."""
-    others = far[~masked]
+    far = np.abs(away).max(axis=2)
+    others = far[~held]
     return np.asarray((far < JUMP) & bool((others < JUMP).all()))
 
 
@@ -293,6 +504,8 @@ def _gone_on(values: Floats, shown: Floats, now: Mask, before: Mask, known: Mask
     """Return values whose masked taxels go on from what was shown as their neighbours do."""
     filled, living = values.copy(), ~now & ~before
     living = living if living.any() else ~now
+    if not living.any():
+        return np.where(known[..., np.newaxis], shown, values)
     for row, col in np.argwhere(now).tolist():
         for reach in range(1, max(now.shape) + 1):
             rows, cols = (slice(max(0, n - reach), n + reach + 1) for n in (row, col))

@@ -48,7 +48,7 @@ from cnnum.scenes.arrangement import (
 from cnnum.scenes.bad_frames import BadFrames
 from cnnum.scenes.conversion import ByCalibration, Conversion, Reader, conversion_for, unit_of
 from cnnum.scenes.dead_cells import DeadCells
-from cnnum.scenes.dropouts import Dropouts, Liveness
+from cnnum.scenes.dropouts import BANDWIDTH, Dropouts, Liveness
 from cnnum.scenes.events import (
     EVENT_RULES,
     Event,
@@ -496,7 +496,15 @@ class Scene(OfThisProcess):
         detector = EventDetector(rules)
         end = _end_of_range(self.driver, self.conversion)
         dead, limits = self.spec.dead, self._limits()
-        dropouts = Dropouts(self.driver.shape, limits, dead, end=end, quiet=quiet)
+        known = cast(float | None, getattr(self.driver, "bandwidth", None))
+        dropouts = Dropouts(
+            self.driver.shape,
+            limits,
+            dead,
+            bandwidth=self.spec.bandwidth or known or BANDWIDTH,
+            end=end,
+            quiet=quiet,
+        )
         lives = Liveness(dead, end=end, quiet=quiet)
         return FramePath(
             read, plan.stream(), detector, self.range, self.dead, saturation, marks, dropouts,

@@ -22,7 +22,19 @@ from cnnum.tactile.array_calibration import KEYS, ArrayCalibration
 _TABLES = ("array", "frames", "calibration", "program", "engine")
 _KEYS = ("name", "needs", *_TABLES, "event")
 
-_FRAMES = ("range", "dead", "limits", "tare", "positions", "pitch", "channels", "order", "flip")
+_FRAMES = (
+    "range",
+    "dead",
+    "limits",
+    "bandwidth",
+    "tare",
+    "positions",
+    "pitch",
+    "channels",
+    "order",
+    "flip",
+    "unit",
+)
 
 RENAMED = {"wants": "needs"}
 """Old keys, which work for one more version."""
@@ -50,6 +62,8 @@ class SceneSpec:
         Taxels whose values come from their neighbours.
     limits : (low, high), or a pair a channel, or None
         Raw values beyond which a taxel has dropped out, in the driver's unit.
+    bandwidth : float or None, Hz
+        Highest frequency of loads on the array.
     tares : tuple of float, s
         Times after the first frame from which on rest and noise are learned anew.
     positions : sequence of (x, y), mm
@@ -58,7 +72,7 @@ class SceneSpec:
     pitch : float or None, m
         Size of a cell of the grid that is made of them.
     reading : Reading
-        Order and signs of the numbers of a frame, where the array has them otherwise.
+        Order, signs and unit of the numbers of a frame, where the array has them otherwise.
     calibration : str
         "driver" (the driver's own knowledge of its array), "none", or the path of a file.
     scale : ArrayCalibration or None
@@ -100,6 +114,7 @@ class SceneSpec:
     base: Path = Path()
     events: tuple[EventRule, ...] = ()
     limits: Limits | None = None
+    bandwidth: float | None = None
     tares: tuple[float, ...] = ()
     positions: Positions = ()
     pitch: float | None = None
@@ -256,9 +271,17 @@ def _spec(scene: str, table: dict[str, Any], base: Path) -> SceneSpec:
         needs=_needs(scene, table),
         driver=_text(scene, array, "driver", None),
         driver_options={key: value for key, value in array.items() if key != "driver"},
-        frame_range=_range(scene, tables["frames"].get("range")),
+        frame_range=_positive(
+            scene,
+            "range",
+            tables["frames"].get("range"),
+            "the largest magnitude in the driver's unit",
+        ),
         dead=_cells(scene, tables["frames"].get("dead", [])),
         limits=_limits(scene, tables["frames"].get("limits")),
+        bandwidth=_positive(
+            scene, "bandwidth", tables["frames"].get("bandwidth"), "the highest frequency, Hz"
+        ),
         tares=_tares(scene, tables["frames"].get("tare", [])),
         positions=_positions(scene, tables["frames"].get("positions", [])),
         reading=_reading(scene, tables["frames"]),
@@ -331,15 +354,14 @@ def _ranges(scene: str, engine: Mapping[str, Any]) -> dict[str, Any] | None:
     return table
 
 
-def _range(scene: str, value: object) -> float | None:
-    """Return the largest magnitude that a scene allows, None where it says nothing."""
+def _positive(scene: str, key: str, value: object, what: str) -> float | None:
+    """Return a positive number of the table of frames, None where a scene says nothing."""
     if value is None:
         return None
     number = isinstance(value, int | float) and not isinstance(value, bool)
     if not (number and 0.0 < cast(float, value) < math.inf):
         raise SceneError(
-            f"Scene '{scene}': 'frames.range' must be a positive number, the largest magnitude in "
-            f"the driver's unit, got {value!r}."
+            f"Scene '{scene}': 'frames.{key}' must be a positive number, {what}, got {value!r}."
         )
     return float(cast(float, value))
 
@@ -380,8 +402,8 @@ def _positions(scene: str, value: object) -> Positions:
 
 
 def _reading(scene: str, table: Mapping[str, Any]) -> Reading:
-    """Return the order and signs of the numbers of a frame."""
-    given = {key: table[key] for key in ("channels", "order", "flip") if key in table}
+    """Return the order, signs and unit of the numbers of a frame."""
+    given = {key: table[key] for key in ("channels", "order", "flip", "unit") if key in table}
     try:
         return read_options(Reading, given, Path())
     except SceneError as error:

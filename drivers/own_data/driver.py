@@ -231,6 +231,8 @@ class DataFile(Counting):
     layout : DataLayout or None
     limits : (low, high), or a pair a channel, or None
         Limits of the values of sound taxels, where the layout has them.
+    bandwidth : float or None, Hz
+        Highest frequency of loads, where the layout has it.
     positions : sequence of (x, y), mm
         Positions of the taxels, where the layout has them; empty where not.
     calibration, total_frames
@@ -254,6 +256,7 @@ class DataFile(Counting):
         self.pads = None if layout is None else layout.pads
         self.pitch = None if layout is None else layout.pitch
         self.limits = None if layout is None else layout.sound
+        self.bandwidth = None if layout is None else layout.bandwidth
         self.positions = () if layout is None else layout.positions
         if layout is not None and layout.protocol and not self.positions:
             self.positions = wire(layout.protocol, Asked(layout.shape)).positions

@@ -1,5 +1,6 @@
 """The layout of a data file in a small TOML: the place and meaning of its numbers."""
 
+import math
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -83,6 +84,8 @@ class DataLayout:
     limits : (low, high), or a pair a channel, optional
         The least and the largest number of a sound taxel, as the file has them: one beyond has
         dropped out.
+    bandwidth : float, optional
+        Highest frequency of loads on the array, Hz, as the page on bad frames has it.
     positions : sequence of (x, y)
         Places of the taxels, mm, row by row, where these lie on no square grid
         (`cnnum.drivers.geometry`).
@@ -127,6 +130,7 @@ class DataLayout:
     pitch: float | None = None
     positions: Positions = ()
     limits: Limits | None = None
+    bandwidth: float | None = None
     separator: str = ","
     decimal: Literal[".", ","] = "."
     header: bool = True
@@ -156,6 +160,9 @@ class DataLayout:
         require("skip", 0 <= self.skip <= MOST_SKIPPED, f"0 to {MOST_SKIPPED}", self.skip)
         require_channels(self.plain)
         require_limits(self.limits, len(self.channels))
+        known = self.bandwidth
+        holds = known is None or 0.0 < known < math.inf
+        require("bandwidth", holds, "a positive number of Hz", known)
         holds = len(self.names) in (0, len(self.channels))
         require("names", holds, "a word a channel", list(self.names))
         parts = self.order.split()

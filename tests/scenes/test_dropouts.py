@@ -10,7 +10,7 @@ import cnnum
 from cnnum.drivers.codecs.scan import Scan
 from cnnum.drivers.codecs.wire import Asked, wire
 from cnnum.drivers.codecs.wire import described_wire as wire_of
-from cnnum.errors import SceneError
+from cnnum.errors import FrameError, SceneError
 from cnnum.frame import FORCE_AXES, Frame
 from cnnum.scenes.dropouts import Dropouts, Liveness
 
@@ -226,6 +226,157 @@ def test_good_frames_are_handed_on_as_they_are():
         given = frame(values, number)
         assert watch.look(given) is given
     assert watch.count == 0
+
+
+ARRAYS = {  # shape, channels, offset, noise, load, whether in whole numbers
+    "counts": ((8, 8), 3, 16_000.0, 3.0, 600.0, True),
+    "counts of one axis": ((6, 9), 1, 16_000.0, 3.0, 600.0, True),
+    "a mat of 8 bits": ((8, 10), 1, 12.0, 0.6, 150.0, True),
+    "newtons": ((4, 4), 3, 0.0, 0.01, 2.0, False),
+    "newtons of one axis": ((6, 6), 1, 0.0, 0.02, 3.0, False),
+}
+RATES = (10.0, 50.0, 200.0, 1000.0)
+
+
+def at_rest(array, rate, seconds, rng):
+    shape, channels, offset, noise, _, _ = ARRAYS[array]
+    t = np.arange(round(seconds * rate)) / rate
+    return t, rng.normal(offset, noise, (len(t), *shape, channels))
+
+
+def looked_at(array, rate, values, **options):
+    """Return what is masked in every frame, the losses, and the bad frames."""
+    watch, masks, bad = Dropouts(values.shape[1:3], quiet=True, **options), [], 0
+    for number, one in enumerate(np.round(values) if ARRAYS[array][5] else values):
+        names = FORCE_AXES[3 - values.shape[3] :] if values.shape[3] == 1 else FORCE_AXES
+        try:
+            watch.look(Frame(one, names, "count", number, number / rate))
+        except FrameError:
+            bad += 1
+        masks.append(np.zeros(one.shape[:2], bool) if watch.masked is None else watch.masked)
+    return np.array(masks), watch.count, bad
+
+
+def lost(array, fault, values, part, rng):
+    """Put a fault into frames, and return its taxels."""
+    shape, _, offset, noise, load, _ = ARRAYS[array]
+    row, col = shape[0] // 2, shape[1] // 2
+    cells = {"taxel": np.s_[row, col], "column": np.s_[:, col], "row": np.s_[row], "all": np.s_[:]}
+    where = cells[fault.split()[0]]
+    marks = np.zeros(shape, bool)
+    marks[where] = True
+    size = values[part][:, marks].shape
+    if fault.endswith("zero"):
+        values[part, marks] = 0.0
+    elif fault.endswith("normal"):
+        values[part, marks, -1] = 0.0
+    elif fault.endswith("load"):
+        values[part, marks] = rng.normal(offset, noise, size)
+    else:
+        values[part, marks] = rng.normal(0.3 * offset - 2.0 * load, 5.0 * noise, size)
+    return marks
+
+
+SUDDEN = ("taxel zero", "taxel load", "column zero", "column normal", "row zero", "all zero")
+FLOATS = ("taxel floats", "row floats", "column floats")
+
+
+@pytest.mark.parametrize("rate", RATES)
+@pytest.mark.parametrize("array", ARRAYS)
+def test_lost_taxels_of_a_grip_are_masked_at_every_rate(array, rate):
+    """A taxel that floats is told by the time that a load takes, which the rate must resolve."""
+    shape = ARRAYS[array][0]
+    begin, lasts = max(0.3, 10 / rate), max(0.15, 4 / rate)
+    rows, cols = np.mgrid[: shape[0], : shape[1]] - np.array(shape)[:, None, None] / 2 + 0.5
+    face = np.exp(-(rows**2 + cols**2) / (0.1 * min(shape) ** 2))
+    for fault in (*SUDDEN, *FLOATS):
+        rng = np.random.default_rng(7)
+        t, values = at_rest(array, rate, begin + 0.4 + lasts + max(0.4, 8 / rate), rng)
+        grown = np.clip((t - begin) / 0.1, 0.0, 1.0)[:, None, None]
+        values[..., -1] += ARRAYS[array][4] * grown * face
+        part = slice(round((begin + 0.3) * rate), round((begin + 0.3 + lasts) * rate))
+        marks = lost(array, fault, values, part, rng)
+        for bandwidth in sorted({100.0, rate / 10.0}):
+            masks, count, bad = looked_at(array, rate, values, bandwidth=bandwidth)
+            if fault == "all zero":
+                assert (count, bad) == (0, part.stop - part.start)
+                continue
+            found = fault in SUDDEN or rate > 572.0 * bandwidth / 100.0
+            assert bad == 0
+            assert (masks[part] == (marks & found)).all(), fault
+            assert count == (marks.sum() if found else 0)
+            assert not masks[part.stop + round(0.1 * rate) + 2 :].any()
+
+
+def random_presses(array, rate, rng):
+    """One to three touches: pins, bars, plates, taps, and faces that stay or slide."""
+    (rows, cols), channels, _, _, load, _ = ARRAYS[array]
+    t, values = at_rest(array, rate, max(1.5, 40 / rate), rng)
+    y, x = np.mgrid[:rows, :cols].astype(float)
+    for _ in range(rng.integers(1, 4)):
+        kind = rng.choice(["pin", "face", "bar", "plate", "tap", "slide"])
+        begin = rng.uniform(max(0.15, 10 / rate), t[-1] - 0.1)
+        rise, fall = np.exp(rng.uniform(np.log(0.005), np.log(0.5), 2))
+        end = begin + rise + rng.uniform(0.02, 1.5)
+        grown = np.clip((t - begin) / rise, 0, 1) * (1 - np.clip((t - end) / fall, 0, 1))
+        if kind == "tap":
+            grown = np.sin(np.pi * np.clip((t - begin) / rng.uniform(0.01, 0.1), 0, 1))
+        row, col = rng.uniform(-0.5, rows - 0.5), rng.uniform(-0.5, cols - 0.5)
+        face = {
+            "pin": (y == round(row)) & (x == round(col)), "bar": y == round(row), "plate": y >= 0
+        }.get(kind)  # fmt: skip
+        if face is None:
+            speed = rng.uniform(-40, 40) if kind == "slide" else 0.0
+            at = col + speed * np.maximum(t - begin, 0)[:, None, None]
+            face = np.exp(-((y - row) ** 2 + (x - at) ** 2) / (2 * rng.uniform(0.4, 2.5) ** 2))
+        else:
+            face = face * (1 + 0.2 * rng.normal(size=(rows, cols)))
+        size = load * np.exp(rng.uniform(np.log(0.1), np.log(3.0)))
+        ways = np.append(0.3 * rng.normal(size=2), 1.0)[3 - channels :] if channels > 1 else [1.0]
+        values += size * (grown[:, None, None] * face)[..., np.newaxis] * ways
+    return values
+
+
+@pytest.mark.parametrize("rate", RATES)
+@pytest.mark.parametrize("array", ARRAYS)
+def test_no_press_is_masked_at_any_rate(array, rate):
+    for seed in range(2):
+        rng = np.random.default_rng([seed, int(rate), len(array)])
+        values = random_presses(array, rate, rng)
+        _, count, bad = looked_at(array, rate, values)
+        assert (count, bad) == (0, 0), seed
+
+
+def test_an_array_that_zeroes_itself_comes_back():
+    """All taxels make one step between two frames of 1 kHz, and stay there."""
+    rng = np.random.default_rng(8)
+    values = rng.normal(16_000.0, 3.0, (900, 6, 6, 1))
+    values[300:] += 600.0
+    masks, _, bad = looked_at("counts of one axis", 1000.0, values)
+    assert bad == pytest.approx(100, abs=2)
+    assert not masks[410:].any()
+
+
+@pytest.mark.parametrize("said_by", ["scene", "layout"])
+def test_the_bandwidth_is_that_of_the_scene_or_layout(tmp_path, said_by):
+    values = grip(frames=700)
+    values[600:, 3, 3] = np.random.default_rng(9).normal(9_000.0, 20.0, (100, 3))
+    np.save(tmp_path / "grip.npy", values)
+    keys = {said_by: "bandwidth = 10.0"}
+    (tmp_path / "grip.toml").write_text(f"shape = [8, 8]\nrate = 100.0\n{keys.get('layout', '')}\n")
+    scene = tmp_path / "scene.toml"
+    text = (
+        'needs = ["load_normal"]\n[array]\ndriver = "file"\npath = "grip.npy"\n'
+        '[program]\nname = "contact"\n[program.parameters]\npush = 1.0\n[frames]\n'
+    )
+    scene.write_text(text + keys.get("scene", ""))
+    seen = cnnum.load_scene(scene)
+    masks = [one.masked for one in seen.results()]
+    assert seen.summary().dropouts == 1
+    assert np.argwhere(masks[-1]).tolist() == [[3, 3]]
+    scene.write_text(text + "bandwidth = 0")
+    with pytest.raises(SceneError, match=r"'frames.bandwidth' must be a positive number"):
+        cnnum.load_scene(scene)
 
 
 @pytest.mark.parametrize("name", ["anyskin", "anyskin-text"])

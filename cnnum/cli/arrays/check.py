@@ -82,9 +82,10 @@ def _on_grid(recording: "Recording", positions: "Positions") -> "Recording":
 
 def _of_scene(finding: "Finding") -> "Finding":
     """Return a finding with a cure in keys of a scene, of a recording that has no layout."""
-    tables = {"channels": "frames.", "order": "frames.", "rate": "program.parameters."}
+    tables = {"rate": "program.parameters."} | dict.fromkeys(
+        ("channels", "order", "unit"), "frames."
+    )
     cure = {f"{tables.get(key, '')}{key}": value for key, value in finding.cure.items()}
-    cure.pop("unit", None)
     return replace(finding, cure=cure)
 
 

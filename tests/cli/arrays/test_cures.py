@@ -136,6 +136,62 @@ def test_a_rest_under_a_load_has_a_time_for_its_tare(call, records, tmp_path):
     assert moved[: round(100 * (at - 0.2))].any()
 
 
+def unit_of(call, records, path):
+    done = call("check", path, "--json")
+    (found,) = (one for one in records(done.stdout) if one["what"] == "unit")
+    return done.exit_code, found
+
+
+@pytest.mark.parametrize(
+    ("unit", "scale", "suffix"),
+    [("strain", 1.0, ".npz"), ("N", 1.0, ".csv"), ("V", 0.37, ".npz"), ("N", 7.3, ".npy")],
+)
+def test_a_wrong_unit_is_cured_with_a_layout_and_without(
+    call, records, tmp_path, unit, scale, suffix
+):
+    values = np.round(press(4, 4, offset=16_000)) * scale
+    path, scene, keys = tmp_path / f"a{suffix}", tmp_path / "scene.toml", "frames.unit"
+    if suffix == ".npy":
+        np.save(path, values)
+        keys, layout = "unit", tmp_path / "a.toml"
+        layout.write_text(f'shape = [4, 4]\nrate = 100.0\nunit = "{unit}"\n')
+    else:
+        cnnum.Recording(values, rate=100.0, unit=unit).save(path)
+    code, found = unit_of(call, records, path)
+    assert (code, found["wrong"], found["cure"]) == (1, True, {keys: "count"})
+    assert f'{keys} = "count"' in call("check", path).stdout
+    driver = {".npz": "npz"}.get(suffix, "file")
+    text = PLAIN.replace("simulated", f'{driver}"\npath = "{path.name}')
+    text = text.replace("load_normal", "contact")
+    scene.write_text(f'{text}parameters = {{ push = 1.0 }}\n[engine]\nname = "numba"\n')
+    more = ()
+    if suffix == ".npy":
+        layout.write_text(layout.read_text().replace(unit, "count"))
+        assert call("check", path).exit_code == 0
+    else:
+        more = ("--set", "frames.unit=count")
+    for ask in (("run", scene), ("replay", path, "--scene", scene)):
+        first, *rest = records(call(*ask, "--json", *more).stdout)
+        assert (first["kind"], rest[-1]["refused"]) == ("contact", 0)
+        assert 1.0 < first["t"] < 1.2
+
+
+def test_loads_in_their_unit_and_unknown_ones_are_no_fault(call, records, tmp_path):
+    loads = press(4, 4, noise=0.01, size=4.0)
+    for unit, wrong in (("N", False), ("count", False), ("strain", True)):
+        path = tmp_path / f"{unit}.npz"
+        cnnum.Recording(loads, rate=100.0, unit=unit).save(path)
+        done = call("check", path, "--json")
+        found = [one for one in records(done.stdout) if one["what"] == "unit"]
+        assert done.exit_code == int(wrong)
+        assert [one["cure"] for one in found] == {
+            "N": [], "count": [{"frames.unit": "N"}], "strain": [{"frames.unit": "count"}]
+        }[unit]  # fmt: skip
+    whole = np.round(press(4, 4, size=400.0))
+    cnnum.Recording(whole, rate=100.0, unit="Pa").save(tmp_path / "pa.npz")
+    assert call("check", tmp_path / "pa.npz").exit_code == 0
+
+
 def test_wrong_keys_are_refused(tmp_path):
     scene = tmp_path / "scene.toml"
     for line, said in (
@@ -143,6 +199,7 @@ def test_wrong_keys_are_refused(tmp_path):
         ('order = "rows cols"', "axes from the slowest to the fastest"),
         ('flip = ["up"]', "'flip"),
         ('channels = ["x", "x", "z", "y"]', "once"),
+        ('unit = "N\\u001b"', "a unit"),
     ):
         scene.write_text(f"{PLAIN}[frames]\n{line}\n")
         with pytest.raises(cnnum.CnnumError, match=said):
