@@ -280,6 +280,9 @@ class _Decoding:
 def _of_bag(path: Path, topic: str) -> Generator[Message, None, None]:
     if find_spec("rosbags") is None:
         raise missing_extra(f"the bag '{path.name}'", "rosbags", "bags")
+    for file in [path] if path.is_file() else sorted(path.glob("*")):
+        if file.is_file():
+            open_regular(file).close()  # refuses a pointer to data that is not here
     reading: Any = import_module("rosbags.highlevel")
     types: Any = import_module("rosbags.typesys")
     try:

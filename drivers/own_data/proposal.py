@@ -8,14 +8,14 @@ from collections.abc import Iterable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field
 from io import TextIOWrapper
-from itertools import islice
+from itertools import islice, product
 from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
 
 from cnnum.arrays import Floats
-from cnnum.drivers.clock_times import nanoseconds
+from cnnum.drivers.clock_times import by_format, nanoseconds
 from cnnum.drivers.codecs.wire import Asked, protocol_names, wire
 from cnnum.drivers.npz_archive import array_shapes
 from cnnum.drivers.own_data.hdf5_file import PARQUET, list_hdf5, read_hdf5
@@ -48,6 +48,9 @@ TIME = re.compile(
 
 COUNTER = re.compile(r"^(?:|index|frame|frame.?(?:no|nr|id|index|number)|seq|sequence|n|#)$", re.I)
 UNITS = {"N": "N", "n": "N", "kpa": "kPa", "pa": "Pa", "v": "V", "mv": "mV", "psi": "psi"}
+PAD = re.compile(r"shape = \[(\d+), (\d+)\]")
+"""The shape that a decoder asks for where it finds pads of several."""
+
 LIKELY = re.compile(r"tact|taxel|touch|skin|press|force|sensor|xela|values|data|grid", re.I)
 TIME_UNITS = ("s", "ms", "us", "ns")
 SCALE = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
@@ -411,11 +414,16 @@ def _sent(path: Path, names: Iterable[str]) -> Proposal | None:
     except OSError as error:
         raise unreadable(RecordingError, f"'{path}'", error) from None
     best: tuple[float, str, Any, bool] = (0.0, "", None, False)
+    trouble = ""
     for name in names:
         try:
             known = wire(name, Asked())
             decoder = known.decoder()
             scans = [*decoder.feed(data), *decoder.flush()]
+            if not scans and (one := PAD.search(decoder.trouble)) is not None:
+                trouble = decoder.trouble
+                decoder = wire(name, Asked(shape=(int(one[1]), int(one[2])))).decoder()
+                scans = [*decoder.feed(data), *decoder.flush()]
         except CnnumError:
             continue
         whole = 1.0 - decoder.discarded / max(1, len(data))
@@ -430,6 +438,8 @@ def _sent(path: Path, names: Iterable[str]) -> Proposal | None:
     proposal.table = {"protocol": name, "shape": (rows, cols), "channels": _short(scan.channels)}
     proposal.table["unit"] = scan.unit
     proposal.seen.append(f"packets of the protocol '{name}'")
+    if trouble:
+        proposal.undecided.append(f"shape: {trouble}")
     if not timed:
         _no_rate(proposal)
     return proposal
@@ -555,6 +565,18 @@ def _of_table(path: Path, lines: list[str], form: TextForm, width: int) -> Propo
     return proposal
 
 
+def _date_forms(texts: list[str]) -> list[str]:
+    """Return the forms that dates of a column have other than ISO's, days before months."""
+    found: list[str] = []
+    for sign, days in product("/.-", ("%d{0}%m{0}%Y", "%m{0}%d{0}%Y", "%d{0}%m{0}%y")):
+        for clock in ("%H:%M:%S.%f", "%H:%M:%S,%f", "%H:%M:%S", "%I:%M:%S.%f %p", "%I:%M:%S %p"):
+            form = f"{days.format(sign)} {clock}"
+            read = by_format(form)
+            if all(read(text) is not None for text in texts):
+                found.append(form)
+    return found
+
+
 def _columns(
     proposal: Proposal, columns: Mapping[str, list[str]], decimal: str, named: bool
 ) -> None:
@@ -571,6 +593,13 @@ def _columns(
             values[name] = np.array(made)
         elif not clock and nanoseconds(texts[0]) is not None:
             clock = name
+        elif not clock and (forms := _date_forms(texts)):
+            clock, proposal.table["time_format"] = name, forms[0]
+            if len(forms) > 1:
+                proposal.undecided.append(
+                    f"time_format: {texts[0].strip()} is read by '{forms[0]}', and '{forms[1]}' "
+                    "fits, too"
+                )
     if clock:
         proposal.table["time"] = clock
     else:

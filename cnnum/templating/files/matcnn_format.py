@@ -27,6 +27,12 @@ _CONTROL = re.compile(
     r"^[ \t]*(if|for|while|switch|try|parfor|function|return|eval|evalin|load|clear)\b",
     re.MULTILINE,
 )
+_OTHERWISE = re.compile(
+    _FIELD + r"[ \t]*(?:\([^()\n]*\))?[ \t]*(?:[-+*/^&|]=|\+\+|--|\{)[^;\n]*"
+    r"|^[ \t]*\[[^\]\n=]*\][ \t]*=[^=;\n]*",
+    re.MULTILINE,
+)
+"""Assignments to parts of matrices, or by operators: `A(2, 2) += 1`, `A{1} = 2`, `[A, B] = f()`."""
 _BLOCK = re.compile(r"^[ \t]*%\{[ \t]*$.*?^[ \t]*%\}[ \t]*$", re.MULTILINE | re.DOTALL)
 _CONTINUED = re.compile(r"\.\.\.[^\n]*\n")
 _NAMED = re.compile(_FIELD)
@@ -54,6 +60,11 @@ def read_fields(content: str, file: str) -> tuple[dict[str, Fields], dict[str, L
         raise TemplateError(
             f"'{file}', line {line}: expected only assignments of matrices, got '{match[1]}': "
             "what such code computes is not known without running it."
+        )
+    if (other := _OTHERWISE.search(code)) is not None:
+        raise TemplateError(
+            f"'{file}', line {_line(code, other.start())}: expected NAME_A = [matrix], or "
+            f"NAME_A(row, column) = number, got '{other[0].strip():.60}'."
         )
     records, lines = dict[str, Fields](), dict[str, Lines]()
     for match in _ASSIGNED.finditer(code):

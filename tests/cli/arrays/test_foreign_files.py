@@ -1,5 +1,7 @@
 """Twelve files as other programs write them: a layout, its check and the right event, by nobody."""
 
+import json
+
 import numpy as np
 import pytest
 from foreign_files import FILES, FRAMES, PRESSED, RATE, press
@@ -126,6 +128,67 @@ def test_what_is_no_file_of_frames_is_one_sentence(name, call, tmp_path):
     done = call("layout", path)
     assert (done.exit_code, done.stderr.count("\n")) == (2, 1), done.stderr
     assert said in done.stderr
+
+
+@pytest.mark.parametrize("name", ["a.bag", "a.db3", "bag/metadata.yaml", "a.parquet", "a.jsonl"])
+def test_a_pointer_of_git_lfs_is_called_one_in_every_kind_of_file(call, tmp_path, name):
+    path = tmp_path / name
+    path.parent.mkdir(exist_ok=True)
+    path.write_bytes(b"version https://git-lfs.github.com/spec/v1\noid sha256:00\nsize 1\n")
+    asked = path.parent if "/" in name else path
+    done = call("layout", asked)
+    assert (done.exit_code, done.stderr.count("\n")) == (2, 1), done.stderr
+    assert "a pointer of Git LFS" in done.stderr
+
+
+DATES = {
+    "%d/%m/%Y %H:%M:%S.%f": ("2024-12-31 23:59:58", ""),
+    "%m/%d/%Y %I:%M:%S.%f %p": ("2024-12-31 11:59:58", ""),
+    "%d.%m.%Y %H:%M:%S,%f": ("2024-05-03 12:00:00", "'%m.%d.%Y %H:%M:%S,%f' fits, too"),
+}
+
+
+@pytest.mark.parametrize("form", DATES)
+def test_dates_of_other_forms_have_their_form_proposed(call, tmp_path, form):
+    begin, said = DATES[form]
+    start = np.datetime64(begin, "us").astype(object)
+    values = press(3, 4, offset=900)
+    names = [f"r{row}_c{col}_{axis}" for row in range(3) for col in range(4) for axis in "xyz"]
+    lines = [";".join(["when", *names])]
+    for n, frame in enumerate(values):
+        stamp = (start + np.timedelta64(10_000 * n, "us").astype(object)).strftime(form)
+        lines.append(";".join([stamp, *(f"{value:.1f}" for value in frame.ravel())]))
+    path = tmp_path / "a.csv"
+    path.write_text("\n".join(lines) + "\n")
+    done = call("layout", path, "--write")
+    assert done.exit_code == 0, done.stdout
+    assert said in done.stdout
+    assert f'time_format = "{form}"' in done.stdout
+    recording = cnnum.load_recording(path)
+    assert recording.rate == pytest.approx(RATE)
+    assert len(recording) == FRAMES
+
+
+def test_pads_of_two_sizes_are_named_and_one_is_proposed(call, tmp_path):
+    lines = []
+    for n in range(60):
+        message = {"message": n}
+        for sensor, taxels in enumerate((16, 24), 1):
+            data = ",".join(f"{32_768 + n % 3 + k:04X}" for k in range(3 * taxels))
+            message[str(sensor)] = {
+                "sensor": sensor, "time": 1.0 + 0.01 * n, "model": "x", "taxels": taxels,
+                "data": data, "calibrated": None,
+            }  # fmt: skip
+        lines.append(json.dumps(message))
+    path = tmp_path / "xela.jsonl"
+    path.write_text("\n".join(lines) + "\n")
+    done = call("layout", path, "--write")
+    assert done.exit_code == 0, done.stderr
+    assert "pads of 4×4 and 4×6 taxels" in done.stdout
+    assert cnnum.load_recording(path).shape == (4, 4)
+    done = call("layout", path, "--set", "shape=[4, 6]", "--write", "--force")
+    assert done.exit_code == 0, done.stderr
+    assert cnnum.load_recording(path).shape == (4, 6)
 
 
 def xsensor(path, head, separator=",", form="{:.2f}", end="\n"):

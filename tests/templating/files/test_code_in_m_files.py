@@ -60,7 +60,8 @@ def test_an_element_that_is_set_counts(tmp_path, line, part, place, value):
     "line",
     ["EDGE_A(4,2) = 2;", "EDGE_A(0,1) = 2;", "EDGE_A(2) = 2;", "EDGE_A(:,1) = 2;",
      "EDGE_A(2,2) = [1 2];",
-     "OTHER_A(1,1) = 2;", "EDGE_A(end,1) = 2;"],
+     "OTHER_A(1,1) = 2;", "EDGE_A(end,1) = 2;", "EDGE_A(2,2) += 1;", "EDGE_A{2,2} = 9;",
+     "EDGE_A *= 2;", "EDGE_I++;", "[EDGE_A, x] = deal(2);"],
 )  # fmt: skip
 def test_elements_that_cannot_be_set_are_refused(tmp_path, line):
     with pytest.raises(TemplateError, match="line 4"):
