@@ -420,8 +420,9 @@ def _sent(path: Path, names: Iterable[str]) -> Proposal | None:
             known = wire(name, Asked())
             decoder = known.decoder()
             scans = [*decoder.feed(data), *decoder.flush()]
-            if not scans and (one := PAD.search(decoder.trouble)) is not None:
-                trouble = decoder.trouble
+            said = str(getattr(decoder, "trouble", ""))
+            if not scans and (one := PAD.search(said)) is not None:
+                trouble = said
                 decoder = wire(name, Asked(shape=(int(one[1]), int(one[2])))).decoder()
                 scans = [*decoder.feed(data), *decoder.flush()]
         except CnnumError:
