@@ -1,6 +1,9 @@
 """Objects as others take them: datasets, tables, HTML of notebooks, and plots.
 
-Heavy libraries are imported when one of these is asked for.
+The colour scale of the maps: two hues from a neutral middle, equal steps to the eye.
+
+Blue against orange is distinct with any common colour vision. The middle is the paper's colour,
+light or dark, so that a map sits on the page either way. Interpolated in OKLab (Ottosson 2020).
 """
 
 import math

@@ -1,4 +1,24 @@
-"""The cost of operations and transients: how many evaluations of the rates each will take."""
+"""The cost of operations and transients: how many evaluations of the rates each will take.
+
+How many evaluations of the rates a method will take for a transient, about.
+
+A step is as long as stability and the tolerance allow, and both change along the way:
+
+* Stability allows a pair its bound, all the time; Chebyshev's stages grow with the root of a step.
+* Take a mode e^{−λt} of size 1 and a method of order p with the error estimate c |hλ|^p. Steps are
+  then h = (tol/c)^{1/p} e^{λt/p} / λ: fast modes set the steps at first and then die. So a mode
+  takes p (c/tol)^{1/p} steps in all, however fast it is. Of many modes the one that asks most
+  counts.
+* Where an array grows until its cells saturate, cells switch one after the other, at the rate of
+  its growth. They do so until a front may have crossed the array. Each cell bends the rates where
+  it leaves the linear range: a step across a bend has an error of h², whatever the order. Across a
+  jump (of a state that is limited) it is h. A method steps down to it and up again by factors of 5.
+  Where bends lie closer, it keeps to the steps that they allow.
+
+The course of a frame is not known beforehand: the last paragraph's constants are those of pictures
+that are not at rest. The evaluations of 315 runs were counted with every method. Of those that bend
+nowhere, or end at a rest, 99 % took at most 1.3 times the fewest (docs/methods.md).
+"""
 
 import math
 from collections.abc import Callable, Iterable, Mapping

@@ -1,4 +1,29 @@
-"""Ends of transients that are known without a time step."""
+"""Ends of transients that are known without a time step.
+
+The exact answer of a linear array through its modes, where its boundary makes them known.
+
+A coupling that is even along both axes is diagonal in the modes of its boundary: zero-flux the
+DCT-II, a fixed rim the DST-I (radius 1), periodic the real Fourier modes. With orthonormal modes as
+rows of R and C, X̂ = R X Cᵀ. Every mode (k, l) follows layers × layers equations of its own.
+
+No time stepping at all: where an array is linear, its state at time t is one product.
+
+x(t) = e^{Mt} x₀ + t φ₁(Mt) S (w + g),     φ₁(z) = (e^z − 1)/z
+
+No time stepping where cells see only themselves: three linear pieces, one after the other.
+
+τ x' = −x + a f(x) + w with f(x) = (|x + 1| − |x − 1|)/2 is linear below −1, between, and above 1.
+A state moves one way only, so that it passes each piece once at most. Times are in τ:
+
+* outside, towards e = w + a s (s = ±1 the side): x = e + (x₀ − e) d, d = e^{−t}. It comes to s,
+  if e lies inside of s, when d = (s − e)/(x₀ − e).
+* between, with the slope m = a − 1 and the rate g(x) = m x + w: x = x₀ + g(x₀) (e^{mt} − 1)/m. It
+  comes to b = sign g, if g(b) has g's sign, at t = ln(1 + m (b − x₀)/g(x₀))/m. For m < 0 both terms
+  cancel near the rest: x = x₀ e^{mt} + w (e^{mt} − 1)/m then.
+
+Both quotients by m are those of `expm1` and `log1p`, as they cancel where a is near 1. For m = 0
+they are t and (b − x₀)/g(x₀).
+"""
 
 import math
 from collections.abc import Sequence

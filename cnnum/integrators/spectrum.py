@@ -1,4 +1,17 @@
-"""Where the eigenvalues of an array's Jacobian lie: exactly, or within a region."""
+"""Where the eigenvalues of an array's Jacobian lie: exactly, or within a region.
+
+Regions that hold the eigenvalues of an array, where these are not known.
+
+* The field of values of M = S (A − 1): a box from the extents of its symmetric and its skew part.
+  It bounds powers too, however far M is from normal: ‖p(M)‖ ≤ (1 + √2) max |p| over it (Crouzeix &
+  Palencia, SIAM J. Matrix Anal. Appl. 38 (2017) 649-655).
+* Gershgorin's discs of S (A D − 1), whatever cells saturate: centre (−1 + d a_kk)/τ with
+  0 ≤ d ≤ 1 (d = 1 where f(x) = x), radius Σ |a_kj|/τ.
+
+Where the eigenvalues of an array's Jacobian lie: exactly where they are known, else a bound.
+
+J = S(A D − 1) with D = diag f'(x), 0 ≤ f' ≤ 1, whatever cells saturate.
+"""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,10 @@
-"""From the source to the pages: moments as the few bytes that a page draws, and the newest."""
+"""From the source to the pages: moments as the few bytes that a page draws, and the newest.
+
+A picture: one frame with its results, as the few bytes that the page draws.
+
+Little-endian: number u32, flags u32, time f64 (s), wait f32 (ms), load f32. Then shear x, shear y
+and normal of all taxels (f32). Then a mark a taxel (u8): bit 0 contact, bit 1 bump, bit 2 edge.
+"""
 
 import struct
 import time

@@ -1,4 +1,14 @@
-"""Names that users give, and expressions that kernels take in, checked where they come in."""
+"""Names that users give, and expressions that kernels take in, checked where they come in.
+
+Names that users give: one line of letters, digits and a few signs, checked where they come in.
+
+A name goes on into listings, plans, pages and error messages. So it may not end a line or a
+comment.
+
+Expressions that a kernel takes in: arithmetic on known words, which can do nothing else.
+
+They come as text, from records such as output functions, and go into the text of kernels.
+"""
 
 import re
 from collections.abc import Iterable

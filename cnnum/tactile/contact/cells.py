@@ -1,4 +1,17 @@
-"""Exact averages over the cells of a grid of the tractions that contacts are made of."""
+"""Exact averages over the cells of a grid of the tractions that contacts are made of.
+
+Exact averages over the cells of a grid of the tractions that contacts are made of.
+
+Each profile has a closed antiderivative over the rectangle from the contact's centre to a cell
+corner. The contact's rim cuts the rectangle, and four corners make a cell. Neighbours share
+corners, so the sum over a grid that holds the whole contact is the load itself, to rounding.
+
+Cell averages of a circumferential traction, from line integrals along the cells' edges.
+
+A traction τ(ρ) around the centre is the curl of Φ(ρ), the integral of τ from ρ to the rim: q =
+(∂Φ/∂y, -∂Φ/∂x). So a cell's average needs Φ on its edges alone, and each edge serves two cells. The
+sum over all cells, a net force, is zero to rounding.
+"""
 
 import math
 from collections.abc import Callable

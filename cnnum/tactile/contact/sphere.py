@@ -1,4 +1,12 @@
-"""The tractions that a sphere leaves on the surface: pressed, pulled, twisted, or all at once."""
+"""The tractions that a sphere leaves on the surface: pressed, pulled, twisted, or all at once.
+
+Shear under a tangential force and a torque at once: no closed form, two approximations.
+
+Below sliding, the tractions of the force alone and of the torque alone are scaled and added. Cell
+by cell they are cut to friction times pressure. The scales are those with which the cut field still
+carries both loads. Sliding as a whole turns about a pole, and friction points along the motion
+everywhere. That is exact for rigid sliding, up to the cells' midpoints.
+"""
 
 import math
 from dataclasses import dataclass

@@ -1,4 +1,13 @@
-"""A uniform traction on a rectangle or a disc of the surface: displacement, stress and strain."""
+"""A uniform traction on a rectangle or a disc of the surface: displacement, stress and strain.
+
+The harmonic functions integrated over a quarter plane: four corners make a rectangle.
+
+X and Y go from a corner of the rectangle to the point; s² = X² + z², t² = Y² + z². Every function
+below satisfies ∂²/∂X∂Y = the point's function of the same name. Terms that depend on X or on Y
+alone are dropped: they cancel between corners. Love (1929) gave the normal load; the shear loads
+follow from the same antiderivatives. Arguments of logarithms and arctangents are written so that z
+>= 0 leaves no cancellation.
+"""
 
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, field

@@ -1,4 +1,12 @@
-"""From surface tractions to what taxels under the cover see: cell by cell, or wave by wave."""
+"""From surface tractions to what taxels under the cover see: cell by cell, or wave by wave.
+
+The half-space as a spatial filter: its response to a traction of one wave vector.
+
+A traction q exp(i(k_x x + k_y y)) gives stress of the same wave vector; the factors between them
+are here. k = |k| and depth z meet as kz alone, in three shapes. They are the harmonic extension
+e^{-kz}, the low-pass (1 + kz) e^{-kz} and the band-pass kz e^{-kz}. Normal stress is the low-pass,
+and normal strain is the band-pass at ν = 0.5.
+"""
 
 import math
 from collections.abc import Collection, Sequence

@@ -1,4 +1,9 @@
-"""A point load with all three components, from the whole array."""
+"""A point load with all three components, from the whole array.
+
+The point load seen by many taxels: strain, its derivatives, and the best force for a place.
+
+Lengths here are in units of the depth, so that z = 1.
+"""
 
 from dataclasses import dataclass
 

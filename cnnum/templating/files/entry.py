@@ -1,4 +1,14 @@
-"""The content of a template file: the template, its measured figures and its proof."""
+"""The content of a template file: the template, its measured figures and its proof.
+
+Figures of a template that a command measured, as the table [measured] of its file keeps them.
+
+`cnnum templates measure` writes the table as the last one of the file; nothing else should.
+
+Proofs and measurements of a designed template, as the table [proof] of its file.
+
+`cnnum templates design` writes it. A change of the weights by hand makes it void, as its digest
+differs.
+"""
 
 import math
 from collections.abc import Callable
