@@ -86,6 +86,10 @@ SLOWEST, FASTEST_STEP = 1.0, 1e-5
 frames a second, so that ms read as s are a thousand times as far apart."""
 
 
+UNITS = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+"""Units of times other than s, in s."""
+
+
 def differ(rate: float, other: float) -> bool:
     """Return whether two rates contradict each other."""
     return not other / OFF <= rate <= other * OFF
@@ -113,6 +117,20 @@ def contradicted(rate: float, times: NDArray[np.float64]) -> float | None:
     return 1.0 / middle if middle > 0.0 and (all(off) or all(slow)) else None
 
 
+def time_unit_of(times: NDArray[np.float64]) -> str:
+    """Return "ms", "us" or "ns" where times seem to be in that unit instead of s; else "".
+
+    Parameters
+    ----------
+    times : (frames,) float
+    """
+    steps = np.diff(times)
+    steps = steps[steps > 0.0]
+    middle = float(np.median(steps)) if len(steps) else 0.0
+    units = (unit for unit, size in UNITS.items() if middle * size < SLOWEST)
+    return next(units, "ns") if middle >= SLOWEST else ""
+
+
 def unit_fault(times: NDArray[np.float64]) -> str:
     """Return in words that times seem to be in another unit than s; empty where they do not.
 
@@ -123,8 +141,8 @@ def unit_fault(times: NDArray[np.float64]) -> str:
     steps = np.diff(times)
     steps = steps[steps > 0.0]
     middle = float(np.median(steps)) if len(steps) else 0.0
-    if middle >= SLOWEST:
-        return f"{middle:g} s from frame to frame: times in ms need time_unit = 'ms'"
+    if unit := time_unit_of(times):
+        return f"{middle:g} s from frame to frame: times in {unit} need time_unit = '{unit}'"
     if 0.0 < middle < FASTEST_STEP:
         return f"{middle:g} s from frame to frame: is the unit of the times a larger one?"
     return ""

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cnnum.arrays import Floats
-from cnnum.frame import FORCE_AXES, Quality
+from cnnum.frame import FORCE_AXES, Quality, time_unit_of
 from cnnum.recordings.orders import Order, best_order, pad_pressed
 from cnnum.recordings.recording import Recording
 from cnnum.recordings.times import rate_of
@@ -149,6 +149,9 @@ def _rates(recording: Recording) -> list[Finding]:
     rate = rate_of(recording.times[new])
     if not rate:
         return [Finding("rate", "The times of the frames give no rate.")]
+    if unit := time_unit_of(recording.times[new]):
+        said = f"The rate is {rate:.4g} Hz by the times, which seem to be in {unit} instead of s."
+        return [Finding("rate", said, cure={"time_unit": unit})]
     if abs(rate - recording.rate) > APART * rate:
         said = f"The rate is {recording.rate:g} Hz, and {rate:.4g} Hz by the times."
         return [Finding("rate", said, cure={"rate": float(f"{rate:.6g}")})]

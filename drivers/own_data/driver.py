@@ -205,9 +205,10 @@ def _times(
         )
     if len(back):
         first = int(back[0])
+        more = f" (and {len(back) - 1} times more)" if len(back) > 1 else ""
         warnings.warn(
             f"'{path}', {_where(held, first)}: the clock goes back by "
-            f"{times[first - 1] - times[first]:.3g} s (and {len(back) - 1} times more): the frames "
+            f"{times[first - 1] - times[first]:.3g} s{more}: the frames "
             "are kept in their order, each a period after the one before, and flagged.",
             RecordingWarning,
             stacklevel=2,

@@ -372,7 +372,9 @@ def test_only_times_that_contradict_do(rate):
 def test_times_in_another_unit_are_named():
     t = np.arange(50) / 60.0
     assert unit_fault(t) == unit_fault(np.zeros(9)) == ""
-    assert "time_unit = 'ms'" in unit_fault(1000.0 * t)
+    for unit, scale in (("ms", 1e3), ("us", 1e6), ("ns", 1e9)):
+        for rate in (10.0, 60.0, 1000.0):
+            assert f"time_unit = '{unit}'" in unit_fault(scale * np.arange(50) / rate)
     assert "a larger one" in unit_fault(1e-6 * t)
 
 

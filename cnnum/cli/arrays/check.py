@@ -36,9 +36,9 @@ def command(recording: Path, topic: str, as_json: bool) -> int:
     from cnnum.recordings.checking import checked
 
     output = Output(as_json)
-    held = load_recording(recording, topic=topic)
     table = array_of(recording, topic)
     with open_driver(str(table.pop("driver")), table) as driver:
+        held = getattr(driver, "recording", None) or load_recording(recording, topic=topic)
         pads = getattr(driver, "pads", None) or 1
         laid_out = getattr(driver, "layout", None) is not None
         positions = getattr(driver, "positions", ())
@@ -86,6 +86,7 @@ def _of_scene(finding: "Finding") -> "Finding":
         ("channels", "order", "unit"), "frames."
     )
     cure = {f"{tables.get(key, '')}{key}": value for key, value in finding.cure.items()}
+    cure.pop("time_unit", None)  # of the files of others alone
     return replace(finding, cure=cure)
 
 

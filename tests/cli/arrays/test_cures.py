@@ -176,6 +176,20 @@ def test_a_wrong_unit_is_cured_with_a_layout_and_without(
         assert 1.0 < first["t"] < 1.2
 
 
+@pytest.mark.parametrize(("unit", "scale"), [("ms", 1e3), ("us", 1e6), ("ns", 1e9)])
+def test_times_in_another_unit_are_a_fault_with_a_cure(call, records, tmp_path, unit, scale):
+    values = press(4, 4, offset=900)
+    np.savez(tmp_path / "a.npz", tactile=values, t=scale * np.arange(len(values)) / 100.0)
+    layout = tmp_path / "a.toml"
+    layout.write_text('shape = [4, 4]\nvalues = "tactile"\ntime = "t"\n')
+    done = call("check", tmp_path / "a.npz", "--json")
+    (found,) = (one for one in records(done.stdout) if one["what"] == "rate")
+    assert (done.exit_code, found["wrong"], found["cure"]) == (1, True, {"time_unit": unit})
+    layout.write_text(f'{layout.read_text()}time_unit = "{unit}"\n')
+    assert call("check", tmp_path / "a.npz").exit_code == 0
+    assert cnnum.load_recording(tmp_path / "a.npz").rate == pytest.approx(100.0)
+
+
 def test_loads_in_their_unit_and_unknown_ones_are_no_fault(call, records, tmp_path):
     loads = press(4, 4, noise=0.01, size=4.0)
     for unit, wrong in (("N", False), ("count", False), ("strain", True)):
