@@ -267,10 +267,13 @@ class Dropouts:
             self._learn(values, frame.time)
         new, back, doubted = odd & ~before, self._none, self._none
         lost = values
+        steps: Floats = np.zeros_like(values)
+        had: Floats = steps
+        away: Floats = steps
         if self._noise is not None and self._rest is not None:
             living = self._looked_at & ~before & ~odd
-            steps, had, away = ((a - b) / self._noise for a, b in (
-                (values, raw), (raw, self._rest), (values, self._rest)))  # fmt: skip
+            steps, had = (values - raw) / self._noise, (raw - self._rest) / self._noise
+            away = (values - self._rest) / self._noise
             place = frame.channels.index(NORMAL) if NORMAL in frame.channels else None
             begun = ~self._none
             if self._earlier is not None:  # a load that has moved before may be over now
@@ -353,10 +356,11 @@ class Dropouts:
         assert self._alike is not None
         away = values - self._rest
         shown = np.zeros((2, len(self._noise))) if self._span is None else self._span
-        ways = np.where(away > 0.0, shown[1], -shown[0])
+        ways: Floats = np.where(away > 0.0, shown[1], -shown[0])
         jumps, far = np.abs(steps) > JUMP, np.abs(away) > JUMP * self._noise
-        free = ways < LEFT * np.abs(away) + SPREAD * self._noise
-        found = (jumps & far & free & (values == 0.0) & self._analog).any(axis=2) & living
+        free: NDArray[np.bool_] = ways < LEFT * np.abs(away) + SPREAD * self._noise
+        zero = jumps & far & free & (values == 0.0) & self._analog
+        found: Mask = np.asarray(zero.any(axis=2) & living)
         # where noise keeps neighbours apart at rest, one number is none of the rest either
         told = np.where(np.abs(away) > SPREAD * self._noise, free, ~self._alike) & self._analog
         for line in lines_of(living):
