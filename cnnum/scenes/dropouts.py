@@ -355,10 +355,10 @@ class Dropouts:
         assert self._analog is not None
         assert self._alike is not None
         away = values - self._rest
-        shown = np.zeros((2, len(self._noise))) if self._span is None else self._span
-        ways: Floats = np.where(away > 0.0, shown[1], -shown[0])
+        shown: Floats = np.zeros((2, len(self._noise))) if self._span is None else self._span
+        ways = np.where(away > 0.0, np.asarray(shown[1]), -np.asarray(shown[0]))
         jumps, far = np.abs(steps) > JUMP, np.abs(away) > JUMP * self._noise
-        free: NDArray[np.bool_] = ways < LEFT * np.abs(away) + SPREAD * self._noise
+        free = np.asarray(ways < LEFT * np.abs(away) + SPREAD * self._noise)
         zero = jumps & far & free & (values == 0.0) & self._analog
         found: Mask = np.asarray(zero.any(axis=2) & living)
         # where noise keeps neighbours apart at rest, one number is none of the rest either
