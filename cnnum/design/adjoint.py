@@ -429,7 +429,7 @@ class Adjoint:
 
     @property
     def times(self) -> tuple[int, float]:
-        """Number of steps, and their length in time constants."""
+        """Number of steps, and their length in the unit of τ."""
         return self._of.steps, self._of.h
 
     def pull(self, loss: ArrayLike) -> Gradients:
@@ -511,7 +511,7 @@ def _refused(form: Template, duration: object, step: float, method: str) -> floa
         )
     if not isinstance(duration, int | float) or not 0.0 < duration < np.inf or not step > 0.0:
         raise TemplateError(
-            f"A gradient of '{form.name}' needs a duration and a step above 0 in time constants, "
+            f"A gradient of '{form.name}' needs a duration and a step above 0 in the unit of τ, "
             f"got {duration!r:.40} and {step:g}: give duration=…"
         )
     return float(duration)

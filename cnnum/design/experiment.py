@@ -85,7 +85,7 @@ class Experiment:
         Of the template's check, at most.
     seed : int
     duration : float, "settle" or None
-        Time constants, or until nothing changes any more; that of the check unless given.
+        In the unit of τ, or until nothing changes any more; that of the check unless given.
     engine : str
     chunk : int
         Runs a task; measured at the first one where it is 0. Whole multiples of 512 give the same

@@ -59,7 +59,7 @@ def filmstrip(template: Template, engine: Engine) -> tuple[tuple[str, Floats], .
     some = [run_case(template, engine, replace(case, duration=t), form.rtol) for t in times]
     given = case.input if case.input is not None else case.state
     outputs = [np.asarray(given), *(np.asarray(run.output) for run in [*some, whole])]
-    captions = ["before", *(f"{t:.3g} τ" if t < 1e3 else f"{t:.0f} τ" for t in (*times, end))]
+    captions = ["before", *(template.timed(t, 3 if t < 1e3 else 6) for t in (*times, end))]
     at = _liveliest(outputs)
     shown = [_plane(a[at]) for a in outputs]
     top = max(float(np.abs(a).max()) for a in shown)
@@ -157,7 +157,7 @@ def _facts(card: Card) -> list[str]:
             f"{verdict}; {1e3 * result.seconds:.3g} ms on {result.engine}."
         )
     if measured is not None and measured.settle:
-        times = ", ".join(f"{n}×{n}: {time:g} τ" for n, time in measured.settle)
+        times = ", ".join(f"{n}×{n}: {template.timed(time)}" for n, time in measured.settle)
         lines.append(f"Settles within {times}.")
     if measured is not None and check is not None and (why := unsettled(template, measured)):
         lines.append(f"No settle time: {why}")

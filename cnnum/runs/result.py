@@ -272,7 +272,7 @@ class Result(ByContent):
         settled = np.atleast_1d(self.settled)
         return [
             ("output", str(self.output.shape)),
-            ("time", f"{float(np.max(self.time)):.4g} τ"),
+            ("time", f"{float(np.max(self.time)):.4g}"),
             *((("times", str(len(self.times))),) if self.times else ()),
             ("steps", str(int(np.max(self.steps)))),
             ("settled", str(bool(settled.all()))),
@@ -288,7 +288,7 @@ class Result(ByContent):
         if self.times:
             first = self.output.reshape(len(self.times), -1, *self.output.shape[-2:])[:, 0]
             few = np.unique(np.linspace(0, len(self.times) - 1, FEW).round().astype(int)).tolist()
-            return {f"output at {self.times[n]:.4g} τ": first[n] for n in few}
+            return {f"output at {self.times[n]:.4g}": first[n] for n in few}
         parts = {"output": self.output, "state": self.state}
         return {n: v.reshape(-1, *v.shape[-2:])[0] for n, v in parts.items()}
 

@@ -95,7 +95,7 @@ def matrices(template: Template) -> list[tuple[str, Floats]]:
     """Return each (k, k) matrix with its label, those of only zeros left out where others are."""
     parts = {"A": template.A, "B": template.B}
     if template.delayed is not None:
-        late = f" of {template.delayed.delay:g} τ ago"
+        late = f" of {template.timed(template.delayed.delay)} ago"
         both = {f"A{late}": template.delayed.A, f"B{late}": template.delayed.B}
         parts |= {label: couplings for label, couplings in both.items() if couplings.any()}
     found = [pair for label, couplings in parts.items() for pair in _kernels(label, couplings)]

@@ -266,11 +266,28 @@ class Template:
         """Whether all couplings are linear, at once, and constant in time."""
         return not self.nonlinear and self.delayed is None and not self.gains
 
+    def timed(self, time: float, digits: int = 6) -> str:
+        """Return a time in words: as so many τ where every time constant is 1.
+
+        Parameters
+        ----------
+        time : float
+            In the unit of `tau`.
+        digits : int
+            Significant ones that are shown.
+        """
+        return f"{time:.{digits}g} {self.unit_of_time}"
+
+    @property
+    def unit_of_time(self) -> str:
+        """That of durations, steps and delays in words: τ itself where every one is 1."""
+        return "τ" if (self.tau == 1.0).all() else "(unit of τ)"
+
     def _repr_html_(self) -> str:
         pairs = [
             ("z", ", ".join(f"{z:g}" for z in self.z.tolist())),
             ("boundary", f"{self.boundary} (state), {self.input_boundary} (input)"),
-            ("duration", self.duration if self.duration == "settle" else f"{self.duration:g} τ"),
+            ("duration", self.duration if self.duration == "settle" else self.timed(self.duration)),
             ("output", self.output.name),
             ("source", self.source or "not given"),
         ]

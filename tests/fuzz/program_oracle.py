@@ -340,6 +340,14 @@ class Oracle:
         off = off + self.term(z)
         if biased:
             drive, off = drive + bias.v, off + bias.off
+        if not self.measuring and self.rounding.mantissa:
+            # terms are added in any order: sums on the way may be larger than the drive, and are
+            # exact only where all terms are
+            rim = boundary if isinstance(boundary, str) else abs(boundary)
+            sizes, _ = self.weighed(np.abs(kernel), V(np.abs(u.v), u.off), rim)
+            sizes = sizes + abs(z) + (np.abs(bias.v) if biased else 0.0)
+            terms = 2 + np.count_nonzero(kernel)
+            off = off + np.where(off > 0.0, terms * sizes * 2.0**-self.rounding.mantissa, 0.0)
         x = drive + left * (begun.v - drive)
         bound = off * (1.0 - left) + left * begun.off if left else off
         # a run of no time is its start

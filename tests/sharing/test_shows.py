@@ -53,8 +53,8 @@ SHOWN = {
     "recording": (recording, "Recording(6 frames of 4×5, .* in count, 50 Hz, 0.100 s)"),
     "events": (events, "EventList(1 contact, 1 gross slip)"),
     "template": (lambda: cnnum.get_template("EDGE"), "Template('EDGE', layers=1, .*)"),
-    "result": (result, "Result(output (3, 8, 8), time 5 τ, .*method .*)"),
-    "transient": (transient, "Result(output (3, 3, 8, 8), time 1 τ, times 3, .*)"),
+    "result": (result, "Result(output (3, 8, 8), time 5, .*method .*)"),
+    "transient": (transient, "Result(output (3, 3, 8, 8), time 1, times 3, .*)"),
     "plan": (plan, "Plan(touched on 8×8 cells, numba float32: contact)"),
 }
 
@@ -146,7 +146,7 @@ def test_datasets_have_named_axes():
 
 
 def test_a_transient_is_shown_at_its_times():
-    assert list(transient().maps()) == ["output at 0 τ", "output at 0.5 τ", "output at 1 τ"]
+    assert list(transient().maps()) == ["output at 0", "output at 0.5", "output at 1"]
 
 
 def test_an_event_is_as_short_as_what_is_known_of_it():

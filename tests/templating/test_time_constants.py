@@ -55,6 +55,15 @@ def test_time_is_counted_in_time_constants():
     assert Case(duration=2.0).time(slow) == 0.5
 
 
+def test_times_are_shown_as_so_many_time_constants_only_where_these_are_1():
+    """A duration of 5 with τ = 2 was shown as 5 τ."""
+    template = cnnum.get_template("EDGE")
+    assert template.timed(template.duration) == "5 τ"
+    slow = replace(template, tau=2.0)
+    assert slow.timed(slow.duration) == "5 (unit of τ)"
+    assert "5 (unit of τ)" in slow._repr_html_()
+
+
 def test_layers_of_their_own_time_constants_have_no_such_form():
     mixed = cnnum.Template("mixed", [[[[0.0]], [[0.0]]]] * 2, tau=[1.0, 2.0], duration=1.0)
     with pytest.raises(TemplateError, match="layers with one time constant"):

@@ -129,7 +129,7 @@ def report(
     if template.check is None:
         found["settle"] = settle_times(template, engine)
         output.record(found)
-        output.show(facts(_lines(found)), _UNCHECKED)
+        output.show(facts(_lines(found, template.unit_of_time)), _UNCHECKED)
         return
     measured = measure(template, engine)
     changes = flips(template, engine, draws=_DRAWS)
@@ -138,7 +138,7 @@ def report(
     found["worst_case"] = None if worst is None else worst.share
     found["worst_case_weights"] = "" if worst is None else worst.words
     output.record(found | {"flips": [asdict(change) for change in changes]})
-    output.show(facts(_lines(found)))
+    output.show(facts(_lines(found, template.unit_of_time)))
     shown = table("change of the weights", ">templates that flip", ">wrong cells")
     for change in changes:
         shown.add_row(change.change, _share(change), f"{100 * change.wrong:.2g} %")
@@ -178,14 +178,14 @@ def _feedback(template: "Template") -> list[Any]:
     return [template.A, *([late.A, late.B] if late else [])]
 
 
-def _lines(found: dict[str, Any]) -> list[tuple[str, str]]:
-    settle = ", ".join(f"{n}×{n}: {number(t)} τ" for n, t in found.get("settle", ()))
+def _lines(found: dict[str, Any], unit: str) -> list[tuple[str, str]]:
+    settle = ", ".join(f"{n}×{n}: {number(t)} {unit}" for n, t in found.get("settle", ()))
     sizes = ", ".join(f"{each} {found[each]}" for each in ("layers", "inputs", "radius"))
     return [
         ("template", found["template"]),
         ("form", f"well-formed: {sizes}"),
         ("stability", f"{found['stability']}. {found['why']}"),
-        ("largest Euler step", f"{number(found['euler_step'])} τ"),
+        ("largest Euler step", f"{number(found['euler_step'])} {unit}"),
         ("settles within", settle or "not measured"),
         ("margin of the bias", _margin(found)),
         ("worst case", _worst(found.get("worst_case"), found.get("worst_case_weights", ""))),

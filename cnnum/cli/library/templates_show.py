@@ -124,7 +124,7 @@ def _known(entry: "Entry") -> list[tuple[str, str]]:
         ("tags", ", ".join(about.tags)),
         ("experimental", " ".join(about.experimental.split())),
         ("published boundary", about.published_boundary),
-        ("settles within", ", ".join(f"{n}×{n}: {number(t)} τ" for n, t in times)),
+        ("settles within", ", ".join(f"{n}×{n}: {entry.template.timed(t, 3)}" for n, t in times)),
         ("no settle time", why),
         ("margin of the bias", "" if margin is None else number(margin)),
     ]
@@ -186,7 +186,7 @@ def _facts(template: "Template") -> list[tuple[str, str]]:
         ("τ", ", ".join(number(t, 6) for t in template.tau.tolist())),
         ("boundary", boundary),
         ("initial state", str(template.initial)),
-        ("duration", "until it settles" if settles else f"{template.duration:g} τ"),
+        ("duration", "until it settles" if settles else template.timed(float(template.duration))),
         ("output", template.output.name),
         ("check", f"{check.name}{f' ({given})' if given else ''}" if check else "none"),
     ]

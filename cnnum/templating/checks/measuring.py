@@ -64,7 +64,7 @@ def measure(template: Template, engine: Engine) -> Measured:
 
 
 def settle_times(template: Template, engine: Engine) -> tuple[tuple[int, float], ...]:
-    """Return cells along a side and time constants until the outputs rest, where they do.
+    """Return cells along a side and the time (unit of τ) until the outputs rest, where they do.
 
     A template without a check runs on black-and-white pictures.
     """
@@ -182,10 +182,10 @@ def unsettled(template: Template, measured: Measured) -> str:
 
 def _why(template: Template) -> str:
     if template.output.discrete:
-        return f"It runs in steps, for {template.duration} time constants."
+        return f"It runs in steps, for {template.timed(float(template.duration))}."
     if template.duration == "settle":
         return "A cell is still on its way when the longest run ends."
-    return f"It is still on its way after {2.0 * template.duration:g} τ."
+    return f"It is still on its way after {template.timed(2.0 * template.duration)}."
 
 
 def _start(case: Case) -> Floats:
@@ -236,5 +236,5 @@ def shifted(template: Template, engine: Engine, measured: Measured) -> str:
     if known is not None and case.duration is None:
         found = _settle(template, engine, SHAPE)
         if found is None or abs(found - known) > 0.3 * known + 0.2:
-            return f"it settles after {found or np.inf:.3g} τ"
+            return f"it settles after {template.timed(found or np.inf, 3)}"
     return ""

@@ -171,7 +171,7 @@ class CheckResult:
     margin : float or None
         The bias that may be added or taken with no wrong cell, where it was measured.
     settle : float or None
-        Time constants until the outputs rest, on 8×8 cells, where it was measured.
+        Time until the outputs rest, in the unit of τ, on 8×8 cells, where it was measured.
     note : str
         How the run differs from the measured figures; empty where it does not.
     """
