@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cnnum.arrays import Floats
+from cnnum.engines.backend import OneFrame
 from cnnum.graph.nodes import (
     Apply,
     Constant,
@@ -52,9 +53,9 @@ class OnHost:
         """Transients run in one way alone."""
         return {}
 
-    def one(self, memory: object) -> None:
+    def one(self, memory: object) -> OneFrame | None:
         """A single frame goes the way of a batch."""
-        return
+        return None
 
     def run_large(self, maps: Sequence[Values], lead: tuple[int, ...]) -> None:
         """Large arrays go the way of others, and are looked at before."""

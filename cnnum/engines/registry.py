@@ -41,7 +41,7 @@ PACKAGED: Mapping[str, EngineRecord] = {
     for record in (
         EngineRecord(
             "opencl",
-            _in("cnnum.engines.opencl:OpenCLBackend"),
+            _in("cnnum.engines.opencl.backend:OpenCLBackend"),
             whole=_in("cnnum.engines.whole.device_frames:opened"),
             devices=True,
             missing=_no_opencl,

@@ -38,6 +38,7 @@ from cnnum.kernels.expressions import (
 )
 from cnnum.kernels.statements import (
     Accumulate,
+    Alias,
     Array,
     Assign,
     Block,
@@ -45,11 +46,13 @@ from cnnum.kernels.statements import (
     Case,
     Counted,
     Declare,
+    Do,
     Loop,
     Note,
     Statement,
     Store,
     StripSteps,
+    Swap,
     Sweep,
     Verbatim,
     While,
@@ -62,11 +65,11 @@ from cnnum.kernels.statements import (
 )
 
 __all__ = [
-    "CELL", "COL", "ONE", "PLACE", "ROUND", "ROW", "ZERO", "Accumulate", "Array", "Assign",
+    "CELL", "COL", "ONE", "PLACE", "ROUND", "ROW", "ZERO", "Accumulate", "Alias", "Array", "Assign",
     "Binary", "Block", "Bounds", "Branch", "Call", "Case", "Cast", "Choice", "Component",
-    "Constant", "Counted", "Declare", "Element", "Expression", "Integer", "Load", "Loop", "Name",
-    "Negative",
-    "Note", "Number", "Operand", "Statement", "Store", "StripSteps", "Sweep", "Verbatim", "While",
+    "Constant", "Counted", "Declare", "Do", "Element", "Expression", "Integer", "Load", "Loop",
+    "Name", "Negative", "Note", "Number", "Operand", "Statement", "Store", "StripSteps", "Swap",
+    "Sweep", "Verbatim", "While",
     "add", "after", "block", "call", "clip", "declare", "fixed", "grid", "names", "pick", "real",
     "shifted", "size", "sweep", "total",
 ]  # fmt: skip

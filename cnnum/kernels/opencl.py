@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from cnnum.kernels.expressions import Component, Expression, Load
 from cnnum.kernels.printer import PRIMARY, UNARY, Printer, Ranked
-from cnnum.kernels.statements import Array, Store, StripSteps, Verbatim
+from cnnum.kernels.statements import Alias, Array, Store, StripSteps, Swap, Verbatim
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,6 +24,16 @@ class OpenCLPrinter(Printer):
         if array.start is None:
             return [f"real {array.name.text}[{array.length}];"]
         return [f"__global real *const {array.name.text} = {self.expression(array.start)};"]
+
+    def alias(self, alias: Alias) -> list[str]:
+        """Write a name for numbers of a private array."""
+        kept, start = "const " if alias.fixed else "", f" + {alias.start}" if alias.start else ""
+        return [f"__private real *{kept}{alias.name.text} = {alias.array.text}{start};"]
+
+    def swap(self, swap: Swap) -> list[str]:
+        """Write that two aliases change places."""
+        one, other = swap.one.text, swap.other.text
+        return [f"__private real *const swap = {one}; {one} = {other}; {other} = swap;"]
 
     def store(self, store: Store) -> list[str]:
         """Write that a place gets a vector."""

@@ -23,6 +23,7 @@ _WRITERS: dict[type, str] = {
     ir.Element: "element", ir.Component: "component", ir.Load: "load", ir.Call: "call",
     ir.Binary: "binary", ir.Negative: "negative", ir.Cast: "cast", ir.Choice: "choice",
     ir.Assign: "assign", ir.Declare: "declare", ir.Array: "array", ir.Store: "store",
+    ir.Alias: "alias", ir.Swap: "swap", ir.Do: "do",
     ir.Accumulate: "accumulate", ir.Note: "note", ir.StripSteps: "strip_steps",
     ir.Verbatim: "verbatim", ir.Block: "block", ir.Branch: "branch", ir.Case: "case",
     ir.While: "during", ir.Sweep: "sweep", ir.Loop: "loop", ir.Counted: "counted",
@@ -140,6 +141,10 @@ class Printer:
         if taken.how == "+":
             return [f"{target} = {target} + {self.within(taken.value, RANKS['+'] + 1)};"]
         return [f"{target} = {taken.how}({target}, {self.expression(taken.value)});"]
+
+    def do(self, do: ir.Do) -> list[str]:
+        """Write a call that is made for what it does."""
+        return [f"{self.expression(do.call)};"]
 
     def note(self, note: ir.Note) -> list[str]:
         """Write a comment."""

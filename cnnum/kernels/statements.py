@@ -8,6 +8,7 @@ from cnnum.kernels.expressions import (
     COL,
     PLACE,
     ROW,
+    Call,
     Element,
     Expression,
     Name,
@@ -51,6 +52,31 @@ class Array:
     name: Name
     length: int
     start: Expression | None
+
+
+@dataclass(frozen=True, slots=True)
+class Alias:
+    """A name for the numbers of a private array from a place on; `fixed` if no swap changes it."""
+
+    name: Name
+    array: Name
+    start: int = 0
+    fixed: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class Swap:
+    """Two aliases change places."""
+
+    one: Name
+    other: Name
+
+
+@dataclass(frozen=True, slots=True)
+class Do:
+    """A call of a function for what it does."""
+
+    call: Call
 
 
 @dataclass(frozen=True, slots=True)
@@ -221,8 +247,8 @@ class Verbatim:
 
 
 Statement = (
-    Note | Declare | Array | Assign | Store | Accumulate | Block | Branch | Case | Sweep | Loop
-    | Counted | While | StripSteps | Verbatim
+    Note | Declare | Array | Alias | Swap | Do | Assign | Store | Accumulate | Block | Branch
+    | Case | Sweep | Loop | Counted | While | StripSteps | Verbatim
 )  # fmt: skip
 
 

@@ -7,6 +7,7 @@ from typing import Any
 from cnnum.kernels.expressions import Name
 from cnnum.kernels.statements import (
     Accumulate,
+    Alias,
     Array,
     Assign,
     Counted,
@@ -71,7 +72,7 @@ def declared(records: Any) -> Iterator[str]:
     for record in records:
         if isinstance(record, Declare):
             yield from (name.text for name, _ in record.variables)
-        elif isinstance(record, Array):
+        elif isinstance(record, Array | Alias):
             yield record.name.text
         elif isinstance(record, Sweep | Loop | Counted):
             yield record.variable.text

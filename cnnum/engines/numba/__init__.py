@@ -1,7 +1,8 @@
-"""The numba engine: for machines without OpenCL, and a second implementation of the machine.
+"""The numba engine, for machines without OpenCL.
 
-It shares graphs, tableaux and the choice of methods with the other engines, and none of their
-neighbourhood code: local arithmetic runs in NumPy over a whole batch, transients in compiled
+The program of a small array is printed as one compiled function, from the records that the OpenCL
+engine prints too. Other programs are walked operation by operation, and share no neighbourhood code
+with other engines: local arithmetic runs in NumPy over a whole batch, transients in compiled
 functions. These take any template as lists of taps, so that nothing is compiled for a template.
 """
 
@@ -9,7 +10,8 @@ import numpy as np
 
 from cnnum.engines.backend import EngineRecord
 from cnnum.engines.numba.compiling import cores
-from cnnum.engines.numba.executable import NumbaExecutable
+from cnnum.engines.numba.executable import NumbaExecutable, why_walked
+from cnnum.engines.numba.printed import PrintedExecutable
 from cnnum.engines.numba.records import Real
 from cnnum.graph.schedule import Schedule
 from cnnum.integrators.solver import Solver, Solvers
@@ -36,6 +38,8 @@ class NumbaBackend:
         """Return the solver as it is: its scheme runs."""
         return solver
 
-    def build(self, schedule: Schedule, solvers: Solvers) -> NumbaExecutable:
-        """Return the schedule ready to run."""
+    def build(self, schedule: Schedule, solvers: Solvers) -> NumbaExecutable | PrintedExecutable:
+        """Return the schedule ready to run: printed as one function, or walked."""
+        if not why_walked(schedule):
+            return PrintedExecutable(schedule, solvers, _TYPES[self.precision])
         return NumbaExecutable.of(schedule, solvers, _TYPES[self.precision])

@@ -10,9 +10,20 @@ from cnnum.engines.host import HostExecutable, HostMemory
 from cnnum.engines.numba.evaluation import Evaluation
 from cnnum.engines.numba.records import Real, Reals
 from cnnum.engines.numba.transients import TransientRunner
-from cnnum.graph.nodes import Transient
+from cnnum.engines.opencl.lowering.storage import PRIVATE_CELLS
+from cnnum.graph.nodes import Apply, Loop, Product, Reduce, Transient
 from cnnum.graph.schedule import Schedule
 from cnnum.integrators.solver import Exact, Solvers
+
+
+def why_walked(schedule: Schedule) -> str:
+    """Return why a schedule is walked operation by operation; empty where it is printed."""
+    if schedule.cells > PRIVATE_CELLS:
+        return f"an array of more than {PRIVATE_CELLS} cells is shared by all cores"
+    done = (Apply, Reduce, Product, Loop, Transient)
+    if sum(isinstance(node.operation, done) for node in schedule.nodes) <= 1:
+        return "a template alone needs no compiler of its own"
+    return ""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -41,6 +52,12 @@ class NumbaExecutable(HostExecutable):
             if isinstance(node.operation, Transient)
         }
         return cls(schedule, dtype, runners, _dead_after(schedule))
+
+    @property
+    def strategies(self) -> Mapping[int, str]:
+        """How transients run, in words, by their nodes."""
+        how = f"a walk over the operations ({why_walked(self.schedule)})"
+        return dict.fromkeys(self.runners, how)
 
     def evaluate(self, values: dict[int, Reals], batch: int) -> None:
         """Fill in the values of all nodes, and forget those that nothing reads any more."""

@@ -117,8 +117,50 @@ class KernelSource:
     parts: LaunchPlan | None
 
 
-def lower(schedule: Schedule, solvers: Solvers, tables: Tables) -> KernelSource:
-    """Return the kernel text of a schedule, with tables that hold nothing yet."""
+@dataclass(frozen=True, slots=True)
+class Statements:
+    """A plan as records, which a printer makes a kernel of.
+
+    Attributes
+    ----------
+    body : tuple of Statement
+        Of a frame.
+    form : Form
+    arena : Arena
+    lowering : Lowering
+    outputs : Places
+    output_size : int
+    """
+
+    body: tuple[ir.Statement, ...]
+    form: Form
+    arena: Arena
+    lowering: Lowering
+    outputs: Places
+    output_size: int
+
+    def source(self, text: str, parts: LaunchPlan | None = None) -> KernelSource:
+        """Return the kernel of that text."""
+        private, size = self.arena.private, self.arena.size
+        return KernelSource(
+            text,
+            self.lowering.tables.buffer(),
+            self.output_size,
+            self.lowering.memory_size,
+            self.outputs,
+            0 if private else size,
+            {
+                index: f"{strategy.name} in {self.form.name} ({strategy.reason}; "
+                f"{self.form.reason})"
+                for index, strategy in self.lowering.strategies.items()
+            },
+            size if private else 0,
+            parts,
+        )
+
+
+def statements(schedule: Schedule, solvers: Solvers, tables: Tables) -> Statements:
+    """Return the records of a schedule, with tables that hold nothing yet."""
     form = next(form for form in FORMS if form.fits(schedule.cells))
     arena = Arena(private=form.private)
     outputs, used = _places(schedule, schedule.outputs)
@@ -132,8 +174,14 @@ def lower(schedule: Schedule, solvers: Solvers, tables: Tables) -> KernelSource:
     writes = _write_outputs(lowering, outputs, size)
     arena.top = arena.size
     slots = [arena.array(slot.text, maps * schedule.cells) for slot, maps in values.slots.items()]
-    body: list[ir.Statement] = [*slots, *values.placed.values(), *lowering.body, *writes]
-    parts = None
+    body = (*slots, *values.placed.values(), *lowering.body, *writes)
+    return Statements(body, form, arena, lowering, outputs, size)
+
+
+def lower(schedule: Schedule, solvers: Solvers, tables: Tables) -> KernelSource:
+    """Return the kernel text of a schedule, with tables that hold nothing yet."""
+    plan, parts = statements(schedule, solvers, tables), None
+    body, form, arena = list(plan.body), plan.form, plan.arena
     own = "\n".join([tables.text, *dict.fromkeys(tables.strips)])
     if form.split:
         body.insert(0, ir.declare(UNFINISHED, ir.ZERO))
@@ -145,20 +193,7 @@ def lower(schedule: Schedule, solvers: Solvers, tables: Tables) -> KernelSource:
             body.insert(0, _MINE)
         kernels = fill("plan", tables=own, body="\n".join(tables.printer.lines(body, 1)))
     prelude = _prelude(tables.lanes, tables.printer.numbers)
-    return KernelSource(
-        f"{prelude}\n#define FRAME_SIZE {arena.size}\n{kernels}",
-        tables.buffer(),
-        size,
-        lowering.memory_size,
-        outputs,
-        0 if arena.private else arena.size,
-        {
-            index: f"{strategy.name} in {form.name} ({strategy.reason}; {form.reason})"
-            for index, strategy in lowering.strategies.items()
-        },
-        arena.size if arena.private else 0,
-        parts,
-    )
+    return plan.source(f"{prelude}\n#define FRAME_SIZE {arena.size}\n{kernels}", parts)
 
 
 def _part(kernel: PartKernel, printer: OpenCLPrinter) -> str:
@@ -205,8 +240,8 @@ def _write_outputs(lowering: Lowering, places: Places, size: int) -> list[ir.Sta
     numbers: list[ir.Statement] = []
     maps: dict[int, list[ir.Statement]] = {}
 
-    def scattered(start: ir.Expression, stride: int, value: ir.Expression) -> ir.Verbatim:
-        return ir.Verbatim((ir.call("scatter", start, FRAME, LAST, stride, value), ";"))
+    def scattered(start: ir.Expression, stride: int, value: ir.Expression) -> ir.Do:
+        return ir.Do(ir.call("scatter", start, FRAME, LAST, stride, value))
 
     def write(node: Node, base: ir.Name, at: int, stride: int) -> None:
         value = values.read(node)

@@ -84,8 +84,12 @@ class Tables:
         Cache of a core that keeps up with its arithmetic.
     by_vectors : bool
         Whether a work item's arithmetic goes by vectors, as a processor's does.
+    vectors : bool
+        Whether the target's numbers can be vectors, as those of OpenCL C.
     types : dict of str to str
         Texts of further types and functions that the kernel uses, by name.
+    places : dict of str to (n,) int
+        Index tables, by name.
     strips : list of str
         Texts of kernels that take steps of large arrays.
     """
@@ -95,9 +99,10 @@ class Tables:
     width: int
     near_bytes: int
     by_vectors: bool
+    vectors: bool = True
     types: dict[str, str] = field(default_factory=dict[str, str])
     strips: list[str] = field(default_factory=list[str])
-    _tables: dict[str, str] = field(default_factory=dict[str, str])
+    places: dict[str, NDArray[np.int64]] = field(default_factory=dict[str, NDArray[np.int64]])
     _data: list[Floats] = field(default_factory=list[Floats])
     _length: int = 0
     _places: dict[bytes, int] = field(default_factory=dict[bytes, int])
@@ -118,13 +123,9 @@ class Tables:
         rim = np.flatnonzero(~inside)
         pitch = sources.shape[1]
         row, col = np.divmod(sources.ravel()[rim], shape[1])
-        self._index(f"{name}_to", rim)
-        self._index(f"{name}_from", (row + radius) * pitch + col + radius)
+        self.places[f"{name}_to"] = rim
+        self.places[f"{name}_from"] = (row + radius) * pitch + col + radius
         return ir.Name(f"{name}_to"), ir.Name(f"{name}_from"), rim.size
-
-    def _index(self, name: str, values: NDArray[np.int64]) -> None:
-        body = ", ".join(str(int(value)) for value in values)
-        self._tables[name] = f"__constant int {name}[{values.size}] = {{{body}}};"
 
     def constant(self, values: Floats, at: ir.Operand) -> ir.Expression:
         """Return the number that stands there among these, which the data buffer gets."""
@@ -146,7 +147,11 @@ class Tables:
     @property
     def text(self) -> str:
         """Further types and functions, and the index tables, as OpenCL C."""
-        return "\n".join([*self.types.values(), *self._tables.values()])
+        tables = (
+            f"__constant int {name}[{places.size}] = {{{', '.join(map(str, places.tolist()))}}};"
+            for name, places in self.places.items()
+        )
+        return "\n".join([*self.types.values(), *tables])
 
     def buffer(self) -> NDArray[np.floating]:
         """Return the data buffer's contents (one number if there is nothing)."""

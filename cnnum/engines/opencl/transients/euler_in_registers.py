@@ -48,6 +48,7 @@ def fits_rows(text: TransientBuilder) -> bool:
     work = rows * (int(np.count_nonzero(text.template.A)) + 2 * text.radius * text.layers)
     return (
         text.tables.lanes == 1
+        and text.tables.vectors
         and width(cols) is not None
         and rows * text.layers <= MOST_ROWS
         and work <= MOST_STATEMENTS

@@ -37,8 +37,6 @@ Z, SCALED, FROM, TO = ir.names("z wh from to")
 
 V, B = ir.names("v b")
 
-SWAP = "real *const swap = from; from = to; to = swap;"
-
 
 @dataclass(frozen=True, slots=True)
 class StepWeights:
@@ -101,8 +99,9 @@ def fused_euler(text: TransientBuilder, scheme: FixedSteps) -> Figures:
     step = text.aside(lambda: _sweep(text, weights))
     text.body += [
         ir.Note(f"// {scheme.name}: {scheme.count} steps of {scheme.step:g}, each one sweep"),
-        ir.Verbatim(("real *from = y, *to = z;",)),
-        ir.Counted(ir.ROUND, 0, scheme.count, None, (*step, ir.Verbatim((SWAP,)))),
+        ir.Alias(FROM, Y, fixed=False),
+        ir.Alias(TO, Z, fixed=False),
+        ir.Counted(ir.ROUND, 0, scheme.count, None, (*step, ir.Swap(FROM, TO))),
     ]
     return fixed_figures(text, scheme)
 

@@ -42,8 +42,9 @@ def rolled(text: TransientBuilder, scheme: AdaptiveSteps) -> Attempt:
     count, n = scheme.tableau.stages, text.states
     text.array(LATER_RATES, (count - 1) * n)
     text.array(XS, n)
-    names = [f"*const k{stage} = later + {(stage - 1) * n}" for stage in range(1, count)]
-    text.body.append(ir.Verbatim((f"__private real {', '.join(names)};",)))
+    text.body += [
+        ir.Alias(rates_of(stage), LATER_RATES, (stage - 1) * n) for stage in range(1, count)
+    ]
     once = "__attribute__((opencl_unroll_hint(1)))"
     stage = tuple(text.aside(lambda: _round(text, scheme)))
     body: list[ir.Statement] = [

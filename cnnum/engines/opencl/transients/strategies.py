@@ -98,7 +98,9 @@ STRATEGIES = (
              lambda text, scheme: fuses(text, scheme) and fits_rows(text)),
     Strategy("fused sweeps", "a step of linear couplings is one sweep with the step in its weights",
              (FixedSteps,), fused_euler,
-             lambda text, scheme: text.tables.lanes > 1 and fuses(text, scheme),
+             lambda text, scheme: (
+                 (text.tables.lanes > 1 or not text.tables.vectors) and fuses(text, scheme)
+             ),
              own_weights=True),
     Strategy("rolled stages", "a loop over the stages of a single small frame is built quickly",
              (AdaptiveSteps,), _followed(rolled), lambda text, _: rolls(text)),
