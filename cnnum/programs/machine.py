@@ -137,10 +137,17 @@ class FrameFields:
         A flag is off while there is any such taxel. A scene marks them in the channel "saturated";
         without that channel nothing is removed.
         """
-        if not self._marked:
+        at_end = self.at_end
+        if at_end is None:
             return marks
-        at_end = Field(self._graph, self._graph.add(Input(SATURATED))) > 0.5
         return marks & ~(at_end.any() if marks.scalar else at_end)
+
+    @property
+    def at_end(self) -> Field | None:
+        """Logic map of the taxels at an end of their range; None where nothing marks them."""
+        if not self._marked:
+            return None
+        return Field(self._graph, self._graph.add(Input(SATURATED))) > 0.5
 
     @property
     def rate(self) -> float:

@@ -416,6 +416,10 @@ class Dropouts:
         )  # fmt: skip
 
 
+def _one_number(values: Floats) -> bool:
+    return values.size > 1 and bool((values == values[0, 0, 0]).all())
+
+
 def at_end(frame: Frame, end: float) -> Mask:
     """Return the taxels that stand at an end of their range."""
     found = np.asarray((np.abs(frame.values) >= end).any(axis=2))
@@ -544,6 +548,7 @@ class Liveness:
         self._seen: NDArray[np.int64] | None = None  # frames up to its last change
         self._frames = 0
         self._alike: float | None = None
+        self._alive = False  # whether a frame was anything else than one number at its end
         self._silent = False
 
     def look(self, number: int, frame: Frame) -> tuple[Event, ...]:
@@ -553,6 +558,7 @@ class Liveness:
         if last is None or self._since is None or self._changes is None or self._seen is None:
             self._since = np.full(frame.shape, time)
             self._changes, self._seen = (np.zeros(frame.shape, dtype=np.int64) for _ in range(2))
+            self._alive = not (_one_number(values) and at_end(frame, self._end).all())
             return ()
         changed = (values != last).any(axis=2)
         self._frames += 1
@@ -560,9 +566,13 @@ class Liveness:
         self._changes += changed
         self._seen[changed] = self._frames
         if changed.all():
-            self._alike = None
+            self._alike, self._alive = None, True
             return self._told(number, frame) if self._silent else ()
-        alike = values.size > 1 and bool((values == values[0, 0, 0]).all())
+        alike = _one_number(values)
+        # an array that has lived, and stands at the end of its range, is pressed too hard
+        if alike and self._alive and at_end(frame, self._end).all():
+            alike = False
+        self._alive = self._alive or not alike
         self._alike = None if not alike else time if self._alike is None else self._alike
         return self._told(number, frame)
 

@@ -54,6 +54,8 @@ class Event:
         When that gap ended, in s on the clock of the frames.
     load_is_bound : bool
         Whether the strength is a lower bound of a load, because a taxel was at an end of its range.
+    saturated : bool
+        Whether a taxel was at an end of its range: place, direction and strength may be wrong.
     """
 
     time: float
@@ -69,6 +71,7 @@ class Event:
     unit: str | None = None
     load_is_bound: bool = False
     place: tuple[float, float] | None = None
+    saturated: bool = False
 
     @property
     def t(self) -> float:
@@ -97,6 +100,7 @@ class Event:
             "after_gap": None if self.after_gap is None else round(self.after_gap, 6),
             "gap_end": None if self.gap_end is None else round(self.gap_end, 6),
             "load_is_bound": True if self.load_is_bound else None,
+            "saturated": True if self.saturated else None,
         }
         return {name: value for name, value in values.items() if value is not None}
 
@@ -131,6 +135,8 @@ class Event:
             parts.append(f"strength {least}{self.strength:.3g} {self.unit or ''}".rstrip())
         if self.after_gap is not None:
             parts.append(f"after a gap of {self.after_gap:.3f} s")
+        if self.saturated:
+            parts.append("saturated")
         return parts
 
 
@@ -209,6 +215,7 @@ class EventRule:
             unit=(self.unit or None) if strong else None,
             sense=int(np.sign(_number(outputs, self.sense))) if self.sense and began else None,
             load_is_bound=saturated and strong and self.load,
+            saturated=saturated,
         )
 
     def _place(self, outputs: Outputs) -> tuple[float, float] | None:

@@ -95,7 +95,7 @@ class FrameResult(NamedTuple):
         Fault of a bad frame, which is skipped.
     saturated : (rows, cols) bool or None
         Taxels at an end of their range because of a load (all, if it is not known which), so that
-        loads found on them are lower bounds; None if there is none.
+        normal loads found on them are lower bounds; None if there is none.
     masked : (rows, cols) bool or None
         Taxels that have dropped out and are continued from their neighbours; None if there is none.
     """
@@ -112,7 +112,10 @@ class FrameResult(NamedTuple):
 
     @property
     def load_is_bound(self) -> bool:
-        """Whether loads are lower bounds, as some taxel stands at an end of its range."""
+        """Whether normal loads are lower bounds, as some taxel stands at an end of its range.
+
+        Shear may then be off either way, even in its sign.
+        """
         return self.saturated is not None
 
 
@@ -491,6 +494,8 @@ class Scene(OfThisProcess):
             _end_of_range(self.driver, self.conversion),
             self.spec.dead,
             [f"event of {titled(rule.phase, rule.kind)}" for rule in rules if rule.shape],
+            self.spec.program_name,
+            marks=marks,
             quiet=quiet,
         )
         detector = EventDetector(rules)

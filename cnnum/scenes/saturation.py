@@ -103,6 +103,10 @@ class Saturation:
         Taxels that are not looked at.
     withheld : sequence of str
         Events that are not reported while a taxel stands at its end, for the sentence.
+    program : str
+        Its name, for the sentences.
+    marks : bool
+        Whether the program is told which taxels they are, and leaves out what they would decide.
     quiet : bool
         Whether nothing is said on the logger "cnnum".
     """
@@ -113,16 +117,20 @@ class Saturation:
         limit: float = float("inf"),
         dead: Sequence[tuple[int, int]] = (),
         withheld: Sequence[str] = (),
+        program: str = "",
         *,
+        marks: bool = False,
         quiet: bool = False,
     ) -> None:
         self._limit, self._withheld = limit, tuple(dict.fromkeys(withheld))
+        self._program, self._marks = program, marks
         self._looked_at = np.ones(shape, dtype=np.bool_)
         for row, col in dead:
             self._looked_at[row, col] = False
         none = np.zeros(shape, dtype=np.bool_)
         self._past = _Past(0, 0.0, False, None, none, np.full(shape, np.inf), none)
-        self._quiet, self._said, self._named = quiet, quiet, none
+        self._quiet, self._named = quiet, none
+        self._said = self._said_most = False
 
     def look(self, frame: Frame, size: float) -> Seen | None:
         """Return what a frame shows, None where that is nothing; `take` keeps it in mind.
@@ -161,7 +169,12 @@ class Saturation:
         if settled:
             self._name(seen.past.stuck, "since the first frame", known=seen.known)
         self._name(seen.past.broken, "with no load around them", known=True)
-        if seen.found is not None and not self._said:
+        if seen.found is None or self._said_most:
+            return
+        if seen.known and 2 * seen.found.sum() > self._looked_at.sum():
+            self._said = self._said_most = True
+            logging.getLogger("cnnum").warning("%s", self._sentence_of_most(seen))
+        elif not self._said:
             self._said = True
             logging.getLogger("cnnum").warning("%s", self._sentence(seen))
 
@@ -208,13 +221,34 @@ class Saturation:
         count = 0 if seen.found is None else int(seen.found.sum())
         which = f"{count} of {self._looked_at.size} taxels" if seen.known else "some taxels"
         unknown = "" if seen.known else " (it is not known which)"
-        withheld = " and ".join(self._withheld)
-        more = f", and no {withheld} is reported from such frames" if withheld else ""
+        more = self._not_reported()
+        if self._marks:
+            more += f"; the program '{self._program}' leaves out what depends on them"
         return (
-            f"In frame {seen.frame.sequence} ({seen.frame.time:.3f} s) {which} are at the limit of "
-            f"their range{unknown}: the load on them is at least what they read "
-            f"('load_is_bound'){more}; press less, lower the gain, or take a thicker cover."
+            f"{self._when(seen)} {which} are at the limit of their range{unknown}: the normal load "
+            "on them is at least what they read ('load_is_bound'), and shear, directions and "
+            f"shapes may be wrong{more}; press less, lower the gain, or take a thicker cover."
         )
+
+    def _sentence_of_most(self, seen: Seen) -> str:
+        """Return the message of the first frame with more such taxels than others."""
+        count = 0 if seen.found is None else int(seen.found.sum())
+        program = f"the program '{self._program}'" if self._program else "a program"
+        more = self._not_reported()
+        return (
+            f"{self._when(seen)} {count} of {self._looked_at.size} taxels are at the limit of "
+            f"their range, so the array is saturated and {program} cannot work: only lower bounds "
+            f"of normal loads ('load_is_bound') are left of its values{more}; press less, lower "
+            "the gain, or take a thicker cover, and if nothing presses, check supply and wiring."
+        )
+
+    def _not_reported(self) -> str:
+        withheld = " and ".join(self._withheld)
+        return f", and no {withheld} is reported from such frames" if withheld else ""
+
+    @staticmethod
+    def _when(seen: Seen) -> str:
+        return f"In frame {seen.frame.sequence} ({seen.frame.time:.3f} s)"
 
 
 def marked(values: Floats, at_end: Mask | None) -> Floats:

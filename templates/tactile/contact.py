@@ -54,7 +54,8 @@ def contact(
         `contact` (flag), `contact_map` (logic), `contact_area` (cells), `contact_row`,
         `contact_column` (centroid of the load, cells; afterwards, where it was last), `load_x`,
         `load_y`, `load_normal` (of all that touches), `friction_used` (tangential over normal
-        load).
+        load), `shear_known` (flag: something touches, and no taxel is at an end of its range, where
+        `load_normal` is a lower bound and the shear and its ratio may be off either way).
 
     Raises
     ------
@@ -67,6 +68,7 @@ def contact(
     load = pressed_of(loads, share, depth, reads, normal_gain)
     row, column = frame.centroid(load.weight)
     touches = load.touched.any()
+    known = frame.within_range(touches)
     normal, x, y = (where(touches, unit * part, 0.0) for part in (load.normal, load.x, load.y))
     return {
         "contact": loads.contact,
@@ -78,4 +80,5 @@ def contact(
         "load_y": y,
         "load_normal": normal,
         "friction_used": where(touches, length([x, y]) / normal, 0.0),
+        "shear_known": known,
     }

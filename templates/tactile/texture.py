@@ -11,7 +11,7 @@ from cnnum.programs.fields import Field, length, maximum, sqrt, square, where
 from cnnum.programs.machine import FrameFields
 from cnnum.programs.parameters import refuse_outside
 from cnnum.programs.transients import transient
-from cnnum.templates.tactile.localize import DEPTH, PITCH, SHARE, unmix
+from cnnum.templates.tactile.localize import DEPTH, PITCH, SHARE, near_the_end, unmix
 from cnnum.templates.tactile.shared.loads import PUSH, loads_of
 
 SAMPLES, APART = 128, 0.015
@@ -74,7 +74,8 @@ def texture(
     Returns
     -------
     mapping
-        `texture_friction` (map: mean of |T|/|S_n|, (6.3); 0 where not known), `texture_roughness`
+        `texture_friction` (map: mean of |T|/|S_n|, (6.3); 0 where not known, as
+        where the taxel was at an end of its range within the window), `texture_roughness`
         (map: 100 times its standard deviation over its mean, (6.4)), `texture_frames` (map: samples
         in contact, T + 1 at most), `friction`, `roughness` (means over the taxels that know
         theirs), `texture_known` (flag: any does), `texture_rubs` (flag: the pattern of the normal
@@ -106,7 +107,11 @@ def texture(
         x, y, normal = transient(alone, input=[x, y, normal]).outputs
         gain = float(np.sqrt((alone.B[2, 2] ** 2).sum()))
         least, noise = maximum(SHARE * normal.max(), gain * least), gain * gain * noise
-    rubbed = frame.within_range(loads.contact & (normal > least))
+    at_end = frame.at_end
+    if at_end is not None and taxels != "load":  # its neighbours' loads cannot be taken off
+        at_end = near_the_end(at_end)
+    rubbed = loads.contact & (normal > least)
+    rubbed = rubbed if at_end is None else rubbed & ~at_end
     now = where(rubbed, length([x, y]) / normal, 0.0)
     tick = _tick(frame)
     values, marks = _last(frame, now, rubbed, window, tick)
@@ -114,6 +119,9 @@ def texture(
     mean = _sum(values) / maximum(count, 1.0)
     gaps = [mark * square(value - mean) for value, mark in zip(values, marks, strict=True)]
     known = (count >= 2.0) & (mean > 0.0)
+    if at_end is not None:
+        known = known & _whole(frame, at_end, window)
+    share = where(known, 1.0, 0.0)
     deviation = sqrt(_sum(gaps) / maximum(count - 1.0, 1.0))
     friction = where(known, mean, 0.0)
     roughness = where(known, 100.0 * deviation / where(known, mean, 1.0), 0.0)
@@ -127,15 +135,27 @@ def texture(
         "texture_known": known.any(),
         "texture_rubs": known.any()
         & _moves(frame, normal, rubbed, noise, window, tick)
-        & _steady(values, marks),
+        & _steady(values, marks, share),
     }
 
 
-def _steady(values: list[Field], marks: list[Field]) -> Field:
-    """Return a flag: both halves of the window have one ratio, over all taxels."""
+def _whole(frame: FrameFields, at_end: Field, window: int) -> Field:
+    """Return the taxels that were within their range in the whole window.
+
+    Samples beyond it are missing where the load is highest, so that the others are a choice.
+    """
+    lasts = window * max(1, round(APART * frame.rate)) + 1
+    left = frame.memory("frames until its window is whole")
+    count = where(at_end, float(lasts), maximum(left.value - 1.0, 0.0))
+    left.store(count)
+    return count < 0.5
+
+
+def _steady(values: list[Field], marks: list[Field], share: Field) -> Field:
+    """Return a flag: both halves of the window have one ratio, over the taxels that know theirs."""
     half = (len(values) + 1) // 2
     new, old = (
-        _sum(values[part]).sum() / maximum(_sum(marks[part]).sum(), 1.0)
+        (share * _sum(values[part])).sum() / maximum((share * _sum(marks[part])).sum(), 1.0)
         for part in (slice(0, half), slice(half, None))
     )
     return abs(new - old) < 0.5 * STEADY * (new + old)

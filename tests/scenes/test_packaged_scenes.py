@@ -79,6 +79,37 @@ def test_localize_gives_the_load_on_every_bump():
     assert np.abs(np.array(events[0].where) - [3.5 - 0.4 / 1.5, 3.5 - 0.9 / 1.5]).max() < 0.6
 
 
+@pytest.mark.parametrize("gain", [80.0, 200.0])
+def test_localize_states_no_shear_whose_sign_it_cannot_know(gain):
+    """A bump's shear is 0 and not known where a taxel at it, or at its side, is at its end."""
+    wants = ["bump_contact", "bump_shear_known", "bump_load_x", "bump_load_y", "bump_x", "bump_y",
+             "bump_normal"]  # fmt: skip
+    scene = load_scene("localize", changes={"array.gain": gain, "needs": wants})
+    marked = checked = 0
+    own = loads_on_bumps(scene.driver)
+    for moment, loads in zip(scene.results(), own, strict=True):
+        out, touched = moment.outputs, moment.outputs["bump_contact"] > 0
+        known = out["bump_shear_known"] > 0
+        whole = (known == touched).all()
+        marked += not whole
+        assert not out["bump_load_x"][~known].any()
+        assert moment.load_is_bound or whole
+        if not whole:
+            assert out["bump_x"] == out["bump_y"] == 0.0
+        if moment.frame.truth["normal_force"] < 0.1:
+            continue
+        checked += int(known.sum())
+        top = loads[..., 2].max()
+        for k, axis in enumerate("xy"):
+            off = np.abs(out[f"bump_load_{axis}"] - loads[..., k])[known]
+            # second neighbours at their end add 1 % each to what holds without any
+            assert not off.size or off.max() < 0.1 * top
+        # what lies below a tenth of the largest load is left out, the rest is found too low
+        assert out["bump_normal"] < 1.01 * loads[..., 2].sum()
+    assert checked
+    assert marked
+
+
 def test_bumps_too_close_to_be_told_apart_are_refused():
     with pytest.raises(PhysicsError, match=r"Bumps 2\.5 radii apart over taxels 1\.66667 radii"):
         load_scene("localize", changes={"array.bump_radius": 0.6e-3, "array.thickness": 1e-3})

@@ -66,6 +66,59 @@ def test_a_sphere_that_saturates_gets_no_edge(caplog):
     assert all(m.load_is_bound for m in taken_in)
     kinds = [event.kind for m in moments for event in m.events]
     assert kinds == ["contact", "release"]
+    assert all(m.load_is_bound == e.saturated for m in moments for e in m.events)
+
+
+HARD = {
+    "load": {"array.script": [*TOUCH[:1], {"kind": "press", "duration": 0.3, "load": 9.0},
+                              {"kind": "hold", "duration": 3.0}, *TOUCH[3:]]},
+    "gain": {"array.gain": 400.0},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("how", "rate"), [("load", 10.0), ("gain", 50.0)])
+def test_an_array_pressed_to_its_end_is_saturated_and_not_silent(how, rate, caplog):
+    """All taxels read one number for seconds: the rail's. Texture says that it cannot work."""
+    wants = ["texture", "texture_known", "texture_friction", "friction"]
+    scene = load_scene("texture", changes={**HARD[how], "needs": wants, "array.rate": rate})
+    moments = list(scene.results())
+    limit = scene.driver.calibration.limit
+    ends = [(np.abs(m.frame.values) >= limit).any(axis=-1) for m in moments]
+    alike = [m for m in moments if (m.frame.values == m.frame.values[0, 0, 0]).all()]
+    assert len(alike) > 2.0 * rate
+    assert not [event for m in moments for event in m.events]
+    assert "nothing shows that the array is alive" not in caplog.text
+    assert caplog.text.count("saturated and the program 'texture' cannot work") == 1
+    for moment, at_end in zip(moments, ends, strict=True):
+        assert not moment.outputs["texture_friction"][at_end].any()
+        if at_end.all():
+            assert not moment.outputs["texture_known"]
+            assert moment.outputs["friction"] == 0.0
+
+
+def test_texture_is_right_where_it_says_that_it_knows():
+    """With a few taxels at their end, the others' friction is as good as without: 5 %."""
+    wants = ["texture", "texture_friction", "texture_rubs"]
+    scene = load_scene("texture", changes={"array.gain": 115.0, "needs": wants})
+    known = []
+    for moment in scene.results():
+        if moment.outputs["texture_rubs"]:
+            found = moment.outputs["texture_friction"]
+            assert moment.saturated is None or not found[moment.saturated].any()
+            known.append(int((found > 0).sum()))
+            np.testing.assert_allclose(found[found > 0], 0.6, rtol=0.05)
+    assert known
+    assert 20 < max(known) < 60
+
+
+def test_contact_says_whether_it_knows_the_shear():
+    changes = {"needs": ["shear_known", "load_x"], "array.script": TOUCH, "array.gain": 240.0}
+    moments = list(load_scene("contact", changes=changes).results())
+    pressed = [m for m in moments if m.frame.truth["normal_force"] > 0.05]
+    assert {m.load_is_bound for m in pressed} == {False, True}
+    for moment in pressed:
+        assert bool(moment.outputs["shear_known"]) is not moment.load_is_bound
+    assert not any(m.outputs["shear_known"] for m in moments[:40])
 
 
 def test_the_run_says_it_in_words_and_in_records(capsys):
