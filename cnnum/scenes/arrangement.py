@@ -5,6 +5,7 @@ import logging
 from collections.abc import Collection, Mapping
 from difflib import get_close_matches
 from pathlib import Path
+from typing import cast
 
 from cnnum.drivers.driver import Driver
 from cnnum.drivers.geometry import Grid
@@ -18,7 +19,8 @@ from cnnum.programs.quantities import PITCH, in_own_units, takes_pitch
 from cnnum.safety.names import LONGEST, shown
 from cnnum.scenes.events import EVENT_RULES
 from cnnum.scenes.scene_file import EVERYTHING, SceneSpec
-from cnnum.tactile.cover import BumpCover
+from cnnum.tactile.cover import BumpCover, FlatCover, LayerCover
+from cnnum.tactile.deconvolution import DEEPEST
 
 COUNT = "count"
 """Unit of values without a scale."""
@@ -31,6 +33,13 @@ BUMP = "bump"
 
 ALL = "tactile"
 """The program with the outputs of the others: bumps are a part of it that few scenes want."""
+
+NO_COVER = ("slip", "twist", "gross_slip", BUMP)
+"""Begins of the outputs of `ALL` that ask for no depth of the cover."""
+
+TELLS = 0.01
+"""Part by which a scene's fact of the cover may differ from the array's until it is said: digits
+of a rounded one."""
 
 PADS, NARROWEST = "pads", 3
 """Of a pad's columns: a neighbourhood of a taxel is as wide."""
@@ -101,11 +110,14 @@ def grid_of(spec: SceneSpec, driver: Driver) -> Grid | None:
         raise SceneError(f"Scene '{spec.name}': {error}") from None
 
 
-def bound(program: Program, spec: SceneSpec, driver: Driver, grid: Grid | None = None) -> Program:
+def bound(
+    program: Program, spec: SceneSpec, driver: Driver, grid: Grid | None = None, unit: str = ""
+) -> Program:
     """Return the program with the scene's parameters, and the facts of its array.
 
     The program runs at the array's rate. Its pitch goes to one that counts in pitches and is given
-    a length.
+    a length. An array that knows its bumps, or its flat cover, gives their geometry and the
+    modulus, if `unit` says that the program sees strain.
 
     Raises
     ------
@@ -137,6 +149,10 @@ def bound(program: Program, spec: SceneSpec, driver: Driver, grid: Grid | None =
         )
     if "bump_pitch" in known and (program.name != ALL or _wants_bumps(spec)):
         given = {**_of_bumps(driver, known, given), **given}
+    if _wants_cover(program, spec):
+        facts = _of_cover(driver, known, given, pitch, unit)
+        own = {name: value for name, value in given.items() if name not in spec.usual}
+        given = {**given, **facts, **own}
     return program.bind(**given)
 
 
@@ -189,6 +205,74 @@ def _of_bumps(
         "bump_unit" if "bump_unit" in known else "unit": newtons,
     }
     return {name: value for name, value in facts.items() if name in known}
+
+
+def _wants_cover(program: Program, spec: SceneSpec) -> bool:
+    wants = [want for want in spec.needs if not want.startswith(NO_COVER)]
+    return program.name != ALL or bool(wants)
+
+
+def _of_cover(
+    driver: Driver, known: Collection[str], given: Mapping[str, object], pitch: object, unit: str
+) -> dict[str, object]:
+    """Return the parameters of a program that the array's flat cover gives."""
+    cover = getattr(driver, "cover", None)
+    if not isinstance(cover, FlatCover) or not isinstance(pitch, float):
+        return {}
+    facts: dict[str, object] = {"youngs_modulus": cover.youngs_modulus, "thickness": cover.depth}
+    if "thickness" in known:
+        facts[PITCH] = pitch
+    if cover.depth <= DEEPEST * pitch:
+        facts["depth"] = cover.depth / pitch
+    strain = unit == "strain" and given.get("reads", "strain") == "strain"
+    if strain and "depth" in known and "reads" in known:
+        facts["unit"] = 2.0 / 3.0 * cover.youngs_modulus * pitch**2
+    return {name: value for name, value in facts.items() if name in known}
+
+
+def warn_of_other_cover(program: Program, spec: SceneSpec, driver: Driver) -> None:
+    """Say on the logger "cnnum" that a program takes the array's cover for another one."""
+    pitch = cast(float | None, getattr(driver, "pitch", None))
+    cover, known = getattr(driver, "cover", None), inspect.signature(program.function).parameters
+    asks = next((name for name in ("depth", "thickness") if name in known), None)
+    if cover is None or asks is None or pitch is None or not _wants_cover(program, spec):
+        return
+    if not isinstance(cover, FlatCover):
+        kind = "a layer on a rigid base" if isinstance(cover, LayerCover) else "a cover with bumps"
+        cure = "set 'array.cover' to \"flat\""
+        if isinstance(cover, BumpCover):
+            cure = "take 'localize', which knows bumps"
+        why = f"it takes the cover for a thick flat one, and the array has {kind}: {cure}"
+    elif cover.depth > DEEPEST * pitch and asks == "depth":
+        why = (
+            f"the cover of the array is {cover.depth / pitch:.3g} pitches thick, and nothing below "
+            f"{DEEPEST:g} shows through: take a thinner one"
+        )
+    elif told := _contradicted(program, spec, cover, pitch):
+        why = told
+    else:
+        return
+    logging.getLogger("cnnum").warning(
+        "Scene '%s': whether something touches is known, but loads, places and shapes by the "
+        "program '%s' are not: %s.",
+        spec.name, spec.program_name, why,
+    )  # fmt: skip
+
+
+def _contradicted(program: Program, spec: SceneSpec, cover: FlatCover, pitch: float) -> str:
+    """Return what a scene says of the cover that is not the array's."""
+    there = {"depth": cover.depth / pitch, "thickness": cover.depth,
+             "youngs_modulus": cover.youngs_modulus}  # fmt: skip
+    bound_to = dict(program.parameters)
+    for name, own in there.items():
+        said = bound_to.get(name)
+        asked = name in spec.parameters and name not in spec.usual
+        if asked and isinstance(said, float) and abs(said / own - 1.0) > TELLS:
+            return (
+                f"'program.parameters.{name}' is {said:.4g}, and {own:.4g} by the array: leave it "
+                "out to use the array's"
+            )
+    return ""
 
 
 def refuse_unfit(program: Program, spec: SceneSpec, driver: Driver, unit: str) -> None:

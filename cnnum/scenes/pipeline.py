@@ -44,6 +44,7 @@ from cnnum.scenes.arrangement import (
     refuse_unfit,
     unknown_want,
     warn_of_no_bumps,
+    warn_of_other_cover,
 )
 from cnnum.scenes.bad_frames import BadFrames
 from cnnum.scenes.conversion import ByCalibration, Conversion, Reader, conversion_for, unit_of
@@ -315,15 +316,16 @@ class Scene(OfThisProcess):
             conversion = conversion_for(spec.calibration, driver, spec.base, spec.scale)
             refuse_other_limits(spec, driver)
             grid = grid_of(spec, driver)
-            program = bound(program_of(spec), spec, driver, grid)
-            refuse_unfit(program, spec, driver, unit_of(conversion, driver))
+            measured = unit_of(conversion, driver)
+            program = bound(program_of(spec), spec, driver, grid, measured)
+            refuse_unfit(program, spec, driver, measured)
             shape = driver.shape if grid is None else grid.shape
             traced = program.trace(shape, (*conversion.channels, CHANNEL))
             outputs = traced.outputs
             channels = (*conversion.channels, *([CHANNEL] if _reads_marks(traced) else []))
             wants = _needs(spec, outputs, events_of_everything(driver))
             warn_of_no_bumps(spec, driver)
-            measured = unit_of(conversion, driver)
+            warn_of_other_cover(program, spec, driver)
             rules = with_units(_rules(spec, wants, outputs), program, measured)
             fields = tuple(w for w in wants if w not in EVENT_RULES and w not in spec.own)
             needs = tuple(dict.fromkeys((*(n for rule in rules for n in rule.needs), *fields)))

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib import resources
 from pathlib import Path
 from typing import Any, cast
@@ -82,6 +82,9 @@ class SceneSpec:
         the program itself.
     parameters : mapping
         Parameters of the program.
+    usual : tuple of str
+        Parameters as a packaged scene has them, for its usual array: one that knows better gives
+        its own.
     engine, device, precision, fallback : str or None
     ranges : mapping or None
         Driver and options of a recording on which whole numbers measure their ranges.
@@ -119,6 +122,7 @@ class SceneSpec:
     positions: Positions = ()
     pitch: float | None = None
     reading: Reading = field(default_factory=Reading)
+    usual: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         checked_name("a scene", self.name, SceneError)
@@ -174,12 +178,21 @@ def read_scene(
         table = by_new_names(parse_toml(text), RENAMED)
     except ValueError as error:
         raise SceneError(f"Scene '{scene}' is not TOML: {error}.") from None
+    usual = _parameters_of(table) if str(scene) in scene_names() else []
     for key, value in by_new_names(changes or {}, RENAMED).items():
         _set(table, key, value)
-    spec = _spec(str(scene), table, base)
+        usual = [name for name in usual if not f"program.parameters.{name}.".startswith(f"{key}.")]
+    spec = replace(_spec(str(scene), table, base), usual=tuple(usual))
     if not trust:
         _refuse_code(spec, scene, changes or {})
     return spec
+
+
+def _parameters_of(table: Mapping[str, object]) -> list[str]:
+    found: object = table
+    for key in ("program", "parameters"):
+        found = cast("Mapping[str, object]", found).get(key) if isinstance(found, Mapping) else None
+    return list(cast("Mapping[str, object]", found)) if isinstance(found, Mapping) else []
 
 
 def _refuse_code(spec: SceneSpec, scene: str | Path, changes: Mapping[str, object]) -> None:

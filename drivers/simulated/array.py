@@ -25,7 +25,7 @@ from cnnum.drivers.simulated.tractions import Tractions
 from cnnum.drivers.simulated.truth import truth_of
 from cnnum.errors import PhysicsError
 from cnnum.frame import Frame, Quality, Truth
-from cnnum.tactile.cover import BumpCover
+from cnnum.tactile.cover import BumpCover, FlatCover, LayerCover
 from cnnum.tactile.grid import Grid
 from cnnum.tactile.taxel import SIDES, Calibration, Coupling, Reading, Readout, Taxel
 
@@ -43,8 +43,10 @@ class SimulatedArray(Closing):
     ----------
     calibration : Calibration
         The exact way back from voltages to strain at the taxels.
+    cover : FlatCover, LayerCover or BumpCover
+        What lies over the taxels.
     bumps : BumpCover or None
-        The bumps of a bumpy cover.
+        The cover, where it has bumps.
     total_frames : int
         Scans of the whole script.
     surface : Grid
@@ -67,7 +69,8 @@ class SimulatedArray(Closing):
         self.unit = "V"
         self.rate = options.rate
         self.pitch = options.pitch
-        self.bumps = _bumps(options)
+        self.cover = _cover(options)
+        self.bumps = self.cover if isinstance(self.cover, BumpCover) else None
         layout = Layout(options.shape, options.pitch)
         self.surface: Grid = layout.surface
         contact = _contact(options, layout)
@@ -227,12 +230,13 @@ def _springs(options: Settings) -> Springs:
     return Springs(pair, reach=1.02 * widest)
 
 
-def _bumps(options: Settings) -> BumpCover | None:
-    if options.cover != "bumpy":
-        return None
-    return BumpCover(
-        options.thickness, options.youngs_modulus, options.bump_radius, pitch=options.pitch
-    )
+def _cover(options: Settings) -> FlatCover | LayerCover | BumpCover:
+    modulus = options.youngs_modulus
+    if options.cover == "bumpy":
+        return BumpCover(options.thickness, modulus, options.bump_radius, pitch=options.pitch)
+    if options.cover == "layer":
+        return LayerCover(options.thickness, modulus, taxel_depth=options.depth)
+    return FlatCover(options.depth, modulus)
 
 
 def _taxel(options: Settings, rng: np.random.Generator) -> Taxel:

@@ -110,7 +110,7 @@ SCENES = {
     "slip": (FORCE_AXES, (), ("unmix",)),
     "twist": (FORCE_AXES, (), ("unmix",)),
     "localize": (
-        FORCE_AXES,
+        (*FORCE_AXES, "saturated"),  # its shear is unknown where a taxel is at its end
         ("bump_contact", "bump_load_x", "bump_load_y", "bump_load_normal"),
         ("contact_threshold",),
     ),

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from cnnum.drivers.registry import driver_options
+from cnnum.drivers.registry import driver_options, open_driver
+from cnnum.scenes.arrangement import bound, program_of
 from cnnum.scenes.pipeline import load_scene
 from cnnum.scenes.scene_file import read_scene
 
@@ -48,3 +49,80 @@ def test_scenes_know_the_simulated_cover(name):
     # a load of one cell strains as 3/2E of its pressure, which is a force over pitch²
     newtons = 2 / 3 * array.youngs_modulus * array.pitch**2
     assert spec.parameters["unit"] == pytest.approx(newtons, rel=1e-3)
+
+
+PRESS = [
+    {"kind": "hold", "duration": 0.5},
+    {"kind": "press", "duration": 0.3, "load": 1.0},
+    {"kind": "pull", "duration": 0.6, "speed": 0.8e-3},
+    {"kind": "hold", "duration": 0.1},
+]
+
+
+def pressed(**changes):
+    given = {"needs": [*LOADS, "friction_used"], "array.script": PRESS, "array.rate": 25.0}
+    return load_scene("contact", changes={**given, **changes})
+
+
+@pytest.mark.parametrize(
+    "cover",
+    [
+        {"array.thickness": 0.5e-3},
+        {"array.thickness": 2e-3},
+        {"array.youngs_modulus": 2.4e6},
+    ],
+    ids=str,
+)
+def test_loads_are_newtons_under_other_flat_covers(cover, caplog):
+    """The array gives depth and modulus to the program; 11 % is the bound of `contact` from one
+    cell of radius on, and 1.2 is that of the stiffest cover.
+    """
+    held = [m for m in pressed(**cover).results() if m.frame.truth["normal_force"] > 0.9]
+    assert len(held) > 12
+    for moment in held:
+        out, truth = moment.outputs, moment.frame.truth
+        assert out["load_normal"] == pytest.approx(1.0, abs=0.11)
+        assert abs(out["load_x"] - truth["shear_x"]) < 0.06
+        assert abs(out["load_y"] - truth["shear_y"]) < 0.06
+        assert abs(out["friction_used"] - truth["shear_x"]) < 0.1
+    assert not caplog.text
+
+
+@pytest.mark.parametrize(
+    ("changes", "why"),
+    [
+        ({"array.cover": "layer"}, "the array has a layer on a rigid base"),
+        ({"array.cover": "bumpy"}, "the array has a cover with bumps: take 'localize'"),
+        ({"array.thickness": 5e-3}, "3.33 pitches thick"),
+        ({"program.parameters.depth": 0.5}, "'program.parameters.depth' is 0.5, and 0.6667"),
+        ({"program.parameters.depth": "1.5 mm"}, "'program.parameters.depth' is 1, and 0.6667"),
+    ],
+    ids=str,
+)
+def test_what_a_program_cannot_know_of_a_cover_is_said(changes, why, caplog):
+    """Once, when the scene is loaded; slip and twist ask nothing of the cover, and nothing is."""
+    pressed(**changes).close()
+    assert caplog.text.count("loads, places and shapes by the program 'tactile' are not") == 1
+    assert why in caplog.text
+    caplog.clear()
+    load_scene("slip", changes=changes).close()
+    assert not caplog.text
+
+
+def test_a_scene_of_ones_own_keeps_its_word_and_gets_what_it_leaves_out():
+    asked = dict(bound_of({"program.parameters.unit": 2.0, "array.thickness": 0.5e-3}))
+    assert (asked["unit"], asked["depth"]) == (2.0, pytest.approx(1 / 3))
+    halfspace = {"program": {"name": "surface_load"}, "array.youngs_modulus": 2.4e6,
+                 "array.thickness": 2e-3, "needs": ["load_normal"]}  # fmt: skip
+    known = dict(bound_of(halfspace))
+    assert [known[name] for name in ("thickness", "pitch", "youngs_modulus")] == [
+        2e-3,
+        1.5e-3,
+        2.4e6,
+    ]
+
+
+def bound_of(changes):
+    spec = read_scene("contact", changes=changes)
+    driver = open_driver(spec.driver, spec.driver_options)
+    return bound(program_of(spec), spec, driver, unit="strain").parameters
