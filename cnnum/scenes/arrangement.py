@@ -116,8 +116,9 @@ def bound(
     """Return the program with the scene's parameters, and the facts of its array.
 
     The program runs at the array's rate. Its pitch goes to one that counts in pitches and is given
-    a length. An array that knows its bumps, or its flat cover, gives their geometry and the
-    modulus, if `unit` says that the program sees strain.
+    a length. An array that knows its bumps gives their geometry. One that knows its flat cover
+    corrects depth and unit of a packaged scene, which are those of the usual cover; `unit` says
+    what the program sees.
 
     Raises
     ------
@@ -150,9 +151,11 @@ def bound(
     if "bump_pitch" in known and (program.name != ALL or _wants_bumps(spec)):
         given = {**_of_bumps(driver, known, given), **given}
     if _wants_cover(program, spec):
+        # a recording of the array does not know its cover, and has to give the same: what a scene
+        # of one's own does not say, it is not given
         facts = _of_cover(driver, known, given, pitch, unit)
-        own = {name: value for name, value in given.items() if name not in spec.usual}
-        given = {**given, **facts, **own}
+        changed = {n: v for n, v in facts.items() if n in spec.usual and _differ(given[n], v)}
+        given = {**given, **changed}
     return program.bind(**given)
 
 
@@ -219,15 +222,20 @@ def _of_cover(
     cover = getattr(driver, "cover", None)
     if not isinstance(cover, FlatCover) or not isinstance(pitch, float):
         return {}
-    facts: dict[str, object] = {"youngs_modulus": cover.youngs_modulus, "thickness": cover.depth}
-    if "thickness" in known:
-        facts[PITCH] = pitch
+    facts: dict[str, object] = {}
     if cover.depth <= DEEPEST * pitch:
         facts["depth"] = cover.depth / pitch
     strain = unit == "strain" and given.get("reads", "strain") == "strain"
     if strain and "depth" in known and "reads" in known:
         facts["unit"] = 2.0 / 3.0 * cover.youngs_modulus * pitch**2
     return {name: value for name, value in facts.items() if name in known}
+
+
+def _differ(said: object, there: object) -> bool:
+    """Return whether a fact of the cover is another one, beyond the digits of a rounded one."""
+    if not isinstance(said, float) or not isinstance(there, float):
+        return False
+    return abs(said / there - 1.0) > TELLS
 
 
 def warn_of_other_cover(program: Program, spec: SceneSpec, driver: Driver) -> None:
@@ -263,14 +271,16 @@ def _contradicted(program: Program, spec: SceneSpec, cover: FlatCover, pitch: fl
     """Return what a scene says of the cover that is not the array's."""
     there = {"depth": cover.depth / pitch, "thickness": cover.depth,
              "youngs_modulus": cover.youngs_modulus}  # fmt: skip
-    bound_to = dict(program.parameters)
+    known = inspect.signature(program.function).parameters
+    # who asks for newtons asks for the cover's depth, too
+    usual = {name: each.default for name, each in known.items() if "unit" in spec.parameters}
+    bound_to = {**usual, **dict(program.parameters)}
     for name, own in there.items():
         said = bound_to.get(name)
-        asked = name in spec.parameters and name not in spec.usual
-        if asked and isinstance(said, float) and abs(said / own - 1.0) > TELLS:
+        if _differ(said, own):
             return (
-                f"'program.parameters.{name}' is {said:.4g}, and {own:.4g} by the array: leave it "
-                "out to use the array's"
+                f"'program.parameters.{name}' is {said:.4g}, and {own:.4g} by the array: set it to "
+                "that"
             )
     return ""
 

@@ -276,7 +276,9 @@ EVENT_RULES: dict[str, tuple[EventRule, ...]] = {
             sense="twist_sense",
         ),
     ),
-    "edge": (EventRule("edge", "edge_count", where=("edge_row", "edge_column"), shape=True),),
+    "edge": (
+        EventRule("edge", "edge_count", where=("edge_row", "edge_column"), shape=True, steady=0.1),
+    ),
     "bump": (
         EventRule(
             "bump",

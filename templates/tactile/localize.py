@@ -64,8 +64,8 @@ def localize(
         (maps of each bump's own load, 0 where it is not touched), `bump_shear_known` (logic map:
         touched, and neither its taxel nor one at its sides is at an end of its range; elsewhere
         the shear, whose sign could be wrong, is 0), `bump_x`, `bump_y`, `bump_normal` (their sums;
-        of shear 0 unless it is known under all touched bumps), `bump_row`, `bump_column` (centroid of the normal load, cells;
-        afterwards, where it was last), `bump_patches` (number of
+        of shear 0 unless it is known under all touched bumps), `bump_row`, `bump_column` (centroid
+        of the normal load, cells; afterwards, where it was last), `bump_patches` (number of
         contacts: touched bumps that are neighbours, diagonal ones too, make one), `bump_patch`
         (map: which contact, 0 for none), `bump_patch_row`, `bump_patch_column` (maps: in each
         bump of a contact the centroid of its normal load, cells).
