@@ -4,12 +4,12 @@ from itertools import cycle
 
 import numpy as np
 import pytest
-from cnnum.templating.function_tables import Table
 
 import cnnum
 from cnnum.engines.numba import printed
 from cnnum.engines.numba.executable import NumbaExecutable
 from cnnum.templating.couplings import DelayedCoupling, Gain, NonlinearCoupling
+from cnnum.templating.functions import Table
 
 CHANNELS = {"channels": ("a", "b")}
 WEIGHTS = 0.1 * np.arange(-4.0, 5.0).reshape(3, 3)
