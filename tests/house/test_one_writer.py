@@ -93,6 +93,7 @@ OWN_DATA = {
     "cnnum/engines/devices/pocl_wheel.py",  # /proc/self/maps
     "cnnum/engines/devices/self_test.py",  # a kernel of the package
     "cnnum/engines/numba/compiling.py",  # the package's own sources
+    "cnnum/engines/numba/printed.py",  # the source of its own printer
     "cnnum/engines/opencl/text.py",  # kernels of the package
     "cnnum/engines/processor.py",  # /proc/cpuinfo
     "cnnum/lab/bench/compile_time.py",  # a file that the benchmark has just written
