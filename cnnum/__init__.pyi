@@ -38,13 +38,13 @@ from .runs.analysis import analyse as analyse
 from .runs.analysis import analyse_program as analyse_program
 from .runs.chip import Chip as Chip
 from .runs.result import Result as Result
-from .scenes.event_list import EventList as EventList
 from .scenes.events import Event as Event
 from .scenes.exporting import export as export
 from .scenes.pipeline import Scene as Scene
 from .scenes.pipeline import get_scene as get_scene
 from .scenes.pipeline import load_scene as load_scene
 from .scenes.scene_file import scene_names as scene_names
+from .scenes.scene_record import EventList as EventList
 from .scenes.scene_record import SceneRecord as SceneRecord
 from .stream import Stream as Stream
 from .templating.batch import TemplateBatch as TemplateBatch

@@ -1,4 +1,12 @@
-"""Recordings as NumPy archives: written by `cnnum record`, read again as an array.
+"""Recordings as NumPy archives: sizes are checked before memory is taken.
+
+The arrays of a NumPy archive that others wrote: its sizes are checked before memory is taken.
+
+An archive is a zip file of ``.npy`` members. The directory of the zip file, the header of each
+array and the bytes that follow must agree. The promised array must fit into the memory of this
+machine. And it must be no more than the file can honestly hold.
+
+Recordings as NumPy archives: written by `cnnum record`, read again as an array.
 
 An archive holds, a row a frame: ``values`` (frames, rows, cols, channels), ``sequence``, ``time``
 (s), ``quality`` (flags of `cnnum.frame.Quality`), ``truth`` (frames, truths) and ``saturated``
@@ -9,24 +17,265 @@ array had a calibration. ``kind`` marks it as one.
 
 import logging
 import math
-from collections.abc import Iterator, Mapping
+import struct
+import warnings
+import zipfile
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cnnum.arrays import Floats, Shape
 from cnnum.drivers.driver import Counters, Counting
-from cnnum.drivers.npz_archive import read_arrays
-from cnnum.errors import CalibrationError, CodecError
+from cnnum.errors import CalibrationError, CodecError, RecordingError, unreadable
 from cnnum.frame import Frame, Quality, Truth, contradicted
 from cnnum.recordings.chunks import untimed
-from cnnum.recordings.npz_writer import CALIBRATION, CAME, FRAMES, KIND, MARKS
+from cnnum.recordings.export import CALIBRATION, CAME, FRAMES, KIND, MARKS
 from cnnum.safety.names import shown
+from cnnum.safety.reading import DAMAGE, MEGABYTE, open_regular
+from cnnum.safety.values import host_bytes
 from cnnum.tactile.taxel import Calibration
 from cnnum.tactile.taxel.readout import Heat
+
+SUFFIX = ".npy"
+
+PLAIN = "fiub"
+"""Kinds of numbers that a member may hold (float, int, unsigned, bool), in up to 64 bits."""
+
+MOST_NAMES, LONGEST_NAME = 1024, 256
+"""Texts of one array of texts, and signs of one."""
+
+MOST_AXES = 6
+
+LONGEST_HEADER = 1 << 16
+"""Bytes before an array's values; that of a recording has 128."""
+
+LONGEST_READ = 1 << 20
+"""Bytes of one read from a file: the directory of a zip file comes in one."""
+
+SPARED, MOST_FOLD = 256 * MEGABYTE, 64
+"""An archive may hold `SPARED` bytes, or `MOST_FOLD` times its own.
+
+Values of 64 bits of which the lowest is noise take a 64th at best. Frames that never change are
+compressed further: these pass up to `SPARED` bytes, a recording without compression always."""
+
+
+class _Bounded:
+    """A file of which no read takes more memory than `LONGEST_READ`."""
+
+    def __init__(self, file: IO[bytes]) -> None:
+        self._file = file
+        self.seek, self.tell, self.seekable = file.seek, file.tell, file.seekable
+
+    def read(self, size: int = -1) -> bytes:
+        if size > LONGEST_READ:
+            raise zipfile.BadZipFile("its directory is longer than that of any recording")
+        return self._file.read(LONGEST_READ if size < 0 else size)
+
+
+@dataclass(frozen=True, slots=True)
+class _Header:
+    """The header before an array's values."""
+
+    shape: tuple[int, ...]
+    by_columns: bool
+    dtype: np.dtype[Any]
+    length: int
+
+    @property
+    def bytes(self) -> int:
+        """Bytes of the values."""
+        return math.prod(self.shape) * self.dtype.itemsize
+
+    @property
+    def memory(self) -> int:
+        """Bytes of the values, and of their copy in numbers of 64 bits."""
+        as_it_is = self.dtype in (np.dtype("f8"), np.dtype("i8"))
+        return self.bytes + (0 if as_it_is else 8 * math.prod(self.shape))
+
+
+def read_arrays(path: Path, wanted: Collection[str]) -> dict[str, NDArray[Any]]:
+    """Return those of the wanted arrays that an archive holds, by name; others are not read.
+
+    Raises
+    ------
+    RecordingError
+        If the file cannot be read, or needs more memory than there is.
+    CodecError
+        If it is no archive, is damaged, or promises more than it can hold; names the array.
+    """
+    try:
+        with open_regular(path) as file:
+            return _read(path, file, wanted)
+    except (CodecError, RecordingError):
+        raise
+    except MemoryError:
+        raise RecordingError(f"'{path}' cannot be read: there is not enough memory.") from None
+    except OSError as error:
+        raise unreadable(RecordingError, f"'{path}'", error) from None
+
+
+def array_shapes(path: Path) -> dict[str, tuple[tuple[int, ...], str]]:
+    """Return the shapes and types of the arrays of an archive, or of the one of a .npy file ("").
+
+    Arrays of other things than plain numbers and texts are left out. It raises as `read_arrays`.
+    """
+    found: dict[str, tuple[tuple[int, ...], str]] = {}
+    try:
+        with open_regular(path) as file:
+            if path.suffix.lower() == SUFFIX:
+                header = _parsed(file)
+                return {"": (header.shape, header.dtype.str)}
+            with zipfile.ZipFile(_Bounded(file)) as archive:  # pyright: ignore[reportArgumentType, reportCallIssue]
+                for info in archive.infolist()[:MOST_NAMES]:
+                    try:
+                        header = _header(path, archive, info)
+                    except CodecError:
+                        continue
+                    found[info.filename.removesuffix(SUFFIX)] = header.shape, header.dtype.str
+    except OSError as error:
+        raise unreadable(RecordingError, f"'{path}'", error) from None
+    except DAMAGE as error:
+        raise CodecError(f"'{path}' is not a NumPy file: {str(error).rstrip('.')}.") from None
+    return found
+
+
+def _read(path: Path, file: IO[bytes], wanted: Collection[str]) -> dict[str, NDArray[Any]]:
+    size = file.seek(0, 2)
+    try:
+        archive = zipfile.ZipFile(_Bounded(file))  # pyright: ignore[reportArgumentType, reportCallIssue]
+    except DAMAGE:
+        raise CodecError(f"'{path}' is not a NumPy archive (.npz), or it is cut off.") from None
+    with archive:
+        members = _members(path, archive, wanted)
+        headers = {name: _header(path, archive, info) for name, info in members.items()}
+        _refuse_beyond(path, size, sum(header.bytes for header in headers.values()))
+        _refuse_memory(path, sum(header.memory for header in headers.values()))
+        return {
+            name: _values(path, archive, members[name], header) for name, header in headers.items()
+        }
+
+
+def _members(
+    path: Path, archive: zipfile.ZipFile, wanted: Collection[str]
+) -> dict[str, zipfile.ZipInfo]:
+    found: dict[str, zipfile.ZipInfo] = {}
+    for info in archive.infolist():
+        name = info.filename.removesuffix(SUFFIX)
+        if name not in wanted:
+            continue
+        if name in found:
+            raise CodecError(f"'{path}' holds the array '{name}' twice.")
+        if info.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+            raise _damaged(path, name, "it is neither stored as it is nor deflated")
+        found[name] = info
+    return found
+
+
+def _header(path: Path, archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> _Header:
+    name = info.filename.removesuffix(SUFFIX)
+    try:
+        with archive.open(info) as member, warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of Python's parser and NumPy, about odd headers
+            header = _parsed(member)
+    except OSError as error:
+        raise _damaged(path, name, str(error.strerror or error)) from None
+    except DAMAGE as error:
+        raise _damaged(path, name, str(error) or type(error).__name__) from None
+    if info.file_size != header.length + header.bytes:
+        raise _damaged(
+            path,
+            name,
+            f"expected {header.bytes} bytes of values by its header, got "
+            f"{info.file_size - header.length}",
+        )
+    return header
+
+
+def _parsed(member: IO[bytes]) -> _Header:
+    version = np.lib.format.read_magic(member)
+    form = {(1, 0): "<H", (2, 0): "<I"}.get(version)
+    if form is None:
+        raise ValueError(f"expected an array of version 1.0 or 2.0, got {version}")
+    (length,) = struct.unpack(form, member.read(struct.calcsize(form)))
+    if length > LONGEST_HEADER:
+        raise ValueError(f"expected a header of at most {LONGEST_HEADER} bytes, got {length}")
+    begin = member.tell()
+    member.seek(begin - struct.calcsize(form))
+    read = {
+        (1, 0): np.lib.format.read_array_header_1_0,
+        (2, 0): np.lib.format.read_array_header_2_0,
+    }[version]
+    shape, by_columns, dtype = read(member)
+    _check(shape, dtype)
+    return _Header(shape, by_columns, dtype, begin + length)
+
+
+def _check(shape: tuple[int, ...], dtype: np.dtype[Any]) -> None:
+    if any(isinstance(n, bool) or n < 0 for n in shape) or len(shape) > MOST_AXES:
+        raise ValueError(f"expected up to six axes of 0 or more, got {shown(shape)}")
+    if dtype.kind == "U":
+        if math.prod(shape) > MOST_NAMES or dtype.itemsize > 4 * LONGEST_NAME:
+            raise ValueError(
+                f"expected at most {MOST_NAMES} texts of {LONGEST_NAME} signs, got "
+                f"{shown(shape)} of type {shown(dtype.str)}"
+            )
+    elif dtype.kind not in PLAIN or dtype.itemsize > 8 or dtype.names or dtype.subdtype:
+        raise ValueError(f"expected plain numbers or texts, got the type {shown(dtype.str)}")
+
+
+def _refuse_beyond(path: Path, size: int, needed: int) -> None:
+    """Raise if the arrays are more than their file can honestly hold."""
+    if needed > max(SPARED, MOST_FOLD * size):
+        raise CodecError(
+            f"'{path}' promises {needed / 1e9:.3g} GB in a file of {size / 1e9:.3g} GB, more than "
+            f"{MOST_FOLD} times its size: where that is true, write it without compression."
+        )
+
+
+def _refuse_memory(path: Path, needed: int) -> None:
+    room = host_bytes()
+    if room is not None and needed > room:
+        raise RecordingError(
+            f"'{path}' needs {needed / 1e9:.3g} GB of memory, more than the {room / 1e9:.3g} GB of "
+            "this machine: record it in parts."
+        )
+
+
+def _values(
+    path: Path, archive: zipfile.ZipFile, info: zipfile.ZipInfo, header: _Header
+) -> NDArray[Any]:
+    name = info.filename.removesuffix(SUFFIX)
+    try:
+        with archive.open(info) as member:
+            member.read(header.length)
+            content = bytearray(header.bytes)
+            _fill(content, member)
+            flat = np.frombuffer(content, header.dtype)
+            return flat.reshape(header.shape, order="F" if header.by_columns else "C")
+    except OSError as error:
+        raise _damaged(path, name, str(error.strerror or error)) from None
+    except DAMAGE as error:
+        raise _damaged(path, name, str(error) or type(error).__name__) from None
+
+
+def _fill(content: bytearray, member: IO[bytes]) -> None:
+    at = 0
+    while part := member.read(min(LONGEST_READ, len(content) - at) or 1):  # its end has the check
+        if at + len(part) > len(content):
+            raise ValueError("more values follow than its header says")
+        content[at : at + len(part)] = part
+        at += len(part)
+    if at < len(content):
+        raise ValueError(f"expected {len(content)} bytes of values, got {at}")
+
+
+def _damaged(path: Path, name: str, why: str) -> CodecError:
+    return CodecError(f"'{path}' is damaged in the array '{name}': {why.rstrip('.')}.")
+
 
 _KEYS = ("kind", "channels", "unit", "rate", "truths", *FRAMES)
 _FLAGS = int(~Quality.GOOD)

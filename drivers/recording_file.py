@@ -1,20 +1,128 @@
-"""Recordings by their file: which driver reads one, and all of its frames in memory."""
+"""Recordings as arrays of a scene: MCAP files, recordings in memory, and the driver of any file."""
 
+from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cnnum.arrays import Shape
+from cnnum.drivers.driver import Counters, Counting, lost_before
+from cnnum.drivers.options import require
 from cnnum.drivers.own_data.sources import READERS
 from cnnum.drivers.registry import open_driver
 from cnnum.errors import CnnumError, RecordingError, missing_file
-from cnnum.frame import Frame
+from cnnum.frame import Frame, Quality
 from cnnum.recordings.messages import holds_frames, is_bag, topics
+from cnnum.recordings.reader import Contents, look
 from cnnum.recordings.recording import Recording
 from cnnum.recordings.times import rate_of
 from cnnum.safety.names import shown
 from cnnum.safety.reading import DAMAGE, names_something, open_regular
 from cnnum.safety.values import as_path
+
+
+@dataclass(frozen=True, slots=True)
+class McapOptions:
+    """Options of the driver "mcap".
+
+    Attributes
+    ----------
+    path : Path
+        A file that `cnnum record` wrote; it may be cut off or damaged.
+    budget : float
+        How many times as much time, unpacked bytes and frames as usual the file may take.
+    """
+
+    path: Path
+    budget: float = 1.0
+
+    def __post_init__(self) -> None:
+        require("budget", self.budget > 0.0, "a number above 0", self.budget)
+
+    def open(self) -> "McapFile":
+        """Look through the recording; a warning counts its unreadable parts.
+
+        Raises
+        ------
+        RecordingError, CodecError
+            As `look`.
+        """
+        contents = look(self.path, self.budget)
+        contents.warn()
+        return McapFile(contents)
+
+
+class McapFile(Counting):
+    """A recording as an array: its frames as they came, read a chunk at a time.
+
+    Attributes
+    ----------
+    calibration : Calibration or None
+        That of the array when it was recorded.
+    total_frames : int
+    """
+
+    def __init__(self, contents: Contents) -> None:
+        super().__init__()
+        self._contents = contents
+        layout = contents.layout
+        self.shape: Shape = layout.shape
+        self.channels = layout.channels
+        self.unit = layout.unit
+        self.rate = layout.rate
+        self.calibration = layout.calibrated(contents.path)
+        self.total_frames = contents.frames
+
+    def frames(self) -> Iterator[Frame]:
+        """Yield the frames as fast as they are fetched; a second call starts again.
+
+        Raises
+        ------
+        RecordingError
+            If the file can no longer be read.
+        CodecError
+            If it has been changed into none of this array.
+        """
+        self._counters = Counters()
+        last: int | None = None
+        for frame, _ in self._contents.stored():
+            self.count(repeated=frame.repeated, dropped=lost_before(frame, last))
+            last = frame.sequence
+            yield frame
+
+
+MEMORY = "memory"
+"""Its name in a scene; no file can name it."""
+
+
+class RecordingDriver(Counting):
+    """The frames of a recording, flags and lost scans included.
+
+    Parameters
+    ----------
+    recording : Recording
+    """
+
+    def __init__(self, recording: Recording) -> None:
+        super().__init__()
+        self._recording = recording
+        self.shape = recording.shape
+        self.channels = recording.channels
+        self.unit = recording.unit
+        self.rate = recording.rate
+        self.total_frames = len(recording)
+
+    def frames(self) -> Iterator[Frame]:
+        """Yield the frames in their order, from the first one."""
+        last: int | None = None
+        for frame in self._recording.frames():
+            repeated = bool(frame.quality & Quality.REPEATED)
+            self.count(repeated=repeated, dropped=lost_before(frame, last))
+            last = frame.sequence
+            yield frame
+
 
 LISTED = 6
 """Topics that a sentence names."""

@@ -4,8 +4,8 @@ import os
 import time
 from collections.abc import Callable, Iterable, Iterator
 
-from cnnum.drivers.codecs.open_protocol import encode_scan
 from cnnum.drivers.codecs.scan import Scan
+from cnnum.drivers.codecs.wire import encode_scan
 from cnnum.frame import Frame, Quality
 
 

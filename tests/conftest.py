@@ -94,13 +94,13 @@ def only(wanted: str) -> None:
 
     Processes that a test starts choose for themselves: `measure` counts all devices, as they do.
     """
-    from cnnum.engines.devices import listing, selection, self_test
+    from cnnum.engines.devices import listing, selection
     from cnnum.engines.devices import peak as measure
     from cnnum.errors import DeviceError
 
     listed = listing.list_devices
     # their own names for it are kept: they count devices as the processes that they start do
-    assert measure.list_devices is self_test.list_devices is listed
+    assert measure.list_devices is selection.list_devices is listed
     try:
         label = selection.choose_device(wanted).label
     except DeviceError as error:

@@ -147,7 +147,7 @@ def follow(
         The same, but called however the scene has ended, if there is anything to keep: not where
         the whole source lies before `begin`.
     """
-    from cnnum.scenes.gaps import GapWatch
+    from cnnum.scenes.dropouts import GapWatch
     from cnnum.scenes.scene_file import EVERYTHING
 
     known = getattr(scene.driver, "total_frames", None)

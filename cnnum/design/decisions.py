@@ -11,8 +11,7 @@ import numpy as np
 from cnnum.arrays import Floats
 from cnnum.errors import TemplateError
 from cnnum.templating.batch import TemplateBatch
-from cnnum.templating.checks.intervals import wilson
-from cnnum.templating.checks.robustness import mismatched
+from cnnum.templating.checks.robustness import mismatched, wilson
 from cnnum.templating.checks.running import Engine
 from cnnum.templating.files.entry import About, Entry, FlipRate, Proof
 from cnnum.templating.template import Template

@@ -6,8 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cnnum.arrays import Floats
-from cnnum.design.exact import Shape, as_template, duration_from_rails
-from cnnum.design.linear_program import Weights, separate
+from cnnum.design.linear_program import Shape, Weights, as_template, duration_from_rails, separate
 from cnnum.design.local_rules import Table, table_of
 from cnnum.errors import CnnumError
 from cnnum.templating.checks.records import ClosedForm

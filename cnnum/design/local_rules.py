@@ -13,7 +13,7 @@ from cnnum.errors import TemplateError
 from cnnum.templating.boundary import parse_boundary
 from cnnum.templating.checks.records import Case
 from cnnum.templating.checks.registry import form_of
-from cnnum.templating.checks.rules.language import Neighbourhood, Rule, reads_wide
+from cnnum.templating.checks.rules import Neighbourhood, Rule, reads_wide
 from cnnum.templating.template import Check, Template
 
 Source = Literal["u", "y", "before"]

@@ -1,4 +1,4 @@
-"""One task of a sweep: runs of one launch, each judged by the template's check."""
+"""A task of a sweep: a template with changed weights, run once."""
 
 import itertools
 from collections.abc import Mapping, Sequence
@@ -9,26 +9,77 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cnnum.arrays import Floats
-from cnnum.design.changed_weights import Parts, biases_of
-from cnnum.design.changed_weights import weights_of as changed_weights_of
-from cnnum.design.experiment import CHIP, DRAW, OUTER, Experiment, Value
+from cnnum.arrays import Floats, largest
+from cnnum.design.experiment import CHIP, DRAW, OUTER, WEIGHT, Experiment, Value
 from cnnum.engine import Engine
-from cnnum.errors import (
-    ArrayError,
-    MethodError,
-    NotSupportedError,
-    SizeError,
-    TemplateError,
-)
+from cnnum.errors import ArrayError, MethodError, NotSupportedError, SizeError, TemplateError
 from cnnum.runs.chip import MOST_BITS, Chip
 from cnnum.runs.result import Result
-from cnnum.safety.memory import refuse_on_host
+from cnnum.safety.values import refuse_on_host
 from cnnum.templating.batch import TemplateBatch
 from cnnum.templating.checks.records import Case
 from cnnum.templating.checks.registry import form_of
-from cnnum.templating.numbers import weights_of, with_numbers
+from cnnum.templating.numbers import on_grid, weights_of, with_numbers
 from cnnum.templating.template import Template
+
+Parts = dict[str, Floats]
+
+
+def changed_weights(
+    template: Template, place: Mapping[str, Value], rng: np.random.Generator
+) -> Parts:
+    """Return A, B and z of a run; the order of the axes changes nothing.
+
+    Mismatch multiplies every number by 1 plus a normal number of that width. Of b bits, a number
+    is a whole multiple of the largest of its matrix over 2^(b−1) − 1.
+    """
+    parts: Parts = {"A": template.A.copy(), "B": template.B.copy(), "z": template.z.copy()}
+    for name, value in place.items():
+        if WEIGHT.fullmatch(name):
+            row, col = (int(n) for n in name[2:-1].split(","))
+            parts[name[0]][..., row, col] = float(value)
+    for name in ("A", "B"):
+        if name in place:
+            parts[name] *= float(place[name])
+    if "z" in place:
+        parts["z"][:] = float(place["z"])
+    if "bits" in place:
+        parts = {key: rounded(part, int(place["bits"])) for key, part in parts.items()}
+    width = float(place.get("mismatch", 0.0))
+    if width:
+        parts = {
+            key: part * (1.0 + width * rng.normal(size=part.shape)) for key, part in parts.items()
+        }
+    return parts
+
+
+def rounded(part: Floats, bits: int) -> Floats:
+    """Return numbers as whole multiples of the largest one over 2^(bits − 1) − 1."""
+    return on_grid(part, largest(part), bits)
+
+
+def biases_of(
+    shape: tuple[int, int], place: Mapping[str, Value], rng: np.random.Generator
+) -> Floats:
+    """Return the bias map of a run: of each cell its own, and one that drifts across the array.
+
+    Parameters
+    ----------
+    shape : (rows, cols)
+    place : mapping
+        "offset", a standard deviation, and "drift", that of the slope times the half diagonal.
+    rng : Generator
+    """
+    found = np.zeros(shape)
+    if offset := float(place.get("offset", 0.0)):
+        found += offset * rng.normal(size=shape)
+    if drift := float(place.get("drift", 0.0)):
+        rows, cols = (np.arange(n) - (n - 1) / 2.0 for n in shape)
+        half = max(float(np.hypot(rows[-1], cols[-1])), 1.0)
+        down, east = drift * rng.normal(size=2) / half
+        found += down * rows[:, np.newaxis] + east * cols
+    return found
+
 
 MOST_SEEDS = 2**31
 
@@ -193,7 +244,7 @@ def _block(experiment: Experiment, first: int, last: int) -> Figures:
     template = _form(experiment.base, shared)
     case = _case(experiment, template, shared)
     rngs = [np.random.default_rng([experiment.seed, run]) for run in range(first, last)]
-    drawn = [changed_weights_of(template, p, rng) for p, rng in zip(places, rngs, strict=True)]
+    drawn = [changed_weights(template, p, rng) for p, rng in zip(places, rngs, strict=True)]
     noise = [float(place.get("noise", 0.0)) for place in places]
     inputs = case.pictures if template.inputs or case.state is None else case.states
     noisy = [inputs + s * r.normal(size=inputs.shape) for s, r in zip(noise, rngs, strict=True)]

@@ -24,19 +24,19 @@ from numpy.typing import NDArray
 from cnnum.arrays import Floats
 from cnnum.design.local_rules import LOCAL, table_of
 from cnnum.errors import CnnumError
-from cnnum.templating.checks.digital.pointwise import MARGIN
-from cnnum.templating.checks.measuring import WRONG
-from cnnum.templating.checks.parameters import has, number, text
+from cnnum.templating.checks.digital.neighbourhood import MARGIN
+from cnnum.templating.checks.records import has, number, text
 from cnnum.templating.checks.registry import form_of
-from cnnum.templating.checks.rules.language import is_wide
-from cnnum.templating.checks.rules.linear import (
+from cnnum.templating.checks.rules import (
     BEFORE,
     CELLS,
     MIDDLE,
     colour_weights,
     decided,
+    is_wide,
     narrowest,
 )
+from cnnum.templating.checks.running import WRONG
 from cnnum.templating.template import Template
 
 MOST = 1.0

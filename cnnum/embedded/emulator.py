@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cnnum import kernels as ir
-from cnnum.embedded.arithmetic.primitives import BY_SIGN, PRIMITIVES
+from cnnum.embedded.arithmetic import BY_SIGN, PRIMITIVES
 from cnnum.embedded.program import IntegerProgram
 
 Numbers = NDArray[Any]

@@ -7,15 +7,13 @@ import numpy as np
 
 from cnnum.arrays import Floats
 from cnnum.embedded.c.files import Exported, Facts, exported
-from cnnum.embedded.c.layout import bytes_of
-from cnnum.embedded.c.program import c_text
+from cnnum.embedded.c.program import bytes_of, c_text
 from cnnum.embedded.emulator import Emulator, Numbers, cleared
-from cnnum.embedded.formats import Precision
+from cnnum.embedded.formats import NoFormats, Precision
+from cnnum.embedded.lowering.builder import solvers_for
 from cnnum.embedded.lowering.schedules import lower
-from cnnum.embedded.lowering.solvers import solvers_for
 from cnnum.embedded.measuring import Seen, inputs_of, measured
 from cnnum.embedded.program import Array, IntegerProgram
-from cnnum.embedded.sizes import NoFormats
 from cnnum.graph.schedule import Schedule
 from cnnum.integrators.solver import Solver
 

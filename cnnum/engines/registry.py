@@ -10,8 +10,7 @@ from typing import Any, cast
 
 from cnnum.embedded.formats import is_integer
 from cnnum.engines.backend import Backend, EngineRecord
-from cnnum.engines.notices import say_once
-from cnnum.engines.opencl_advice import how_to_get_opencl
+from cnnum.engines.notices import how_to_get_opencl, say_once
 from cnnum.errors import DeviceError, NoOpenCLError, NotSupportedError, name_error
 from cnnum.safety.names import shown
 

@@ -20,7 +20,7 @@ from cnnum.graph.nodes import (
     Reduce,
     Transient,
 )
-from cnnum.templating.reads import delays_outputs, reads_outputs, reads_states
+from cnnum.templating.network import delays_outputs, reads_outputs, reads_states
 from cnnum.templating.template import Template
 
 

@@ -44,8 +44,7 @@ from cnnum.integrators.tableau import (
     followed,
 )
 from cnnum.safety.values import is_real
-from cnnum.templating.network import Network
-from cnnum.templating.reads import bends, jumps, turning_points
+from cnnum.templating.network import Network, bends, jumps, turning_points
 from cnnum.templating.template import Template
 
 

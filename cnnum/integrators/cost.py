@@ -35,7 +35,7 @@ from cnnum.integrators.schemes import AdaptiveSteps, FixedSteps
 from cnnum.integrators.solver import Linear, Solver
 from cnnum.integrators.spectrum import Spectrum
 from cnnum.integrators.tableau import MAX_STAGES, ButcherTableau, chebyshev_method, stages_about
-from cnnum.templating.reads import bends
+from cnnum.templating.network import bends
 from cnnum.templating.template import Template
 
 FREE = (Constant, ConstantMap, Parameter, Pick)

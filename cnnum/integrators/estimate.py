@@ -19,7 +19,7 @@ the order: Σ_n z^n (p+1)!/(p+1+n)! ≤ e^{z/(p+2)}.
 import numpy as np
 
 from cnnum.arrays import Floats
-from cnnum.templating.reads import reads_states, widened
+from cnnum.templating.network import reads_states, widened
 from cnnum.templating.template import Template
 
 SAFETY = 3.0

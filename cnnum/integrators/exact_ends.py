@@ -35,7 +35,7 @@ from numpy.typing import NDArray
 
 from cnnum.arrays import Floats, Shape
 from cnnum.integrators.estimate import LOST
-from cnnum.safety.memory import refuse_on_host
+from cnnum.safety.values import refuse_on_host
 from cnnum.templating.boundary import Boundary
 from cnnum.templating.network import Network
 from cnnum.templating.template import Template

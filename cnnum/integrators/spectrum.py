@@ -21,9 +21,8 @@ from numpy.typing import NDArray
 from cnnum.arrays import Floats, Shape, distinct
 from cnnum.integrators.estimate import error_growth
 from cnnum.integrators.exact_ends import diagonal_in_modes, mode_rates
-from cnnum.safety.memory import refuse_on_host
-from cnnum.templating.network import Network
-from cnnum.templating.reads import widened
+from cnnum.safety.values import refuse_on_host
+from cnnum.templating.network import Network, widened
 from cnnum.templating.template import Template
 
 Complexes = NDArray[np.complex128]

@@ -18,7 +18,7 @@ from typing import Any, TypeVar, cast
 from cnnum import kernels as ir
 from cnnum.kernels.expressions import Expression, Name
 from cnnum.kernels.launch_plan import Launch, LaunchPlan, LaunchStep, Rounds, Steps
-from cnnum.kernels.uses import uses
+from cnnum.kernels.statements import uses
 
 Record = TypeVar("Record")
 

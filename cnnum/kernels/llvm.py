@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from cnnum import kernels as ir
 from cnnum.kernels.expressions import operand
-from cnnum.kernels.uses import uses
+from cnnum.kernels.statements import uses
 
 _LLVM: Any = import_module("llvmlite.ir")  # it has no types
 

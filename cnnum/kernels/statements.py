@@ -1,7 +1,8 @@
 """Statements of a kernel, as records: lowering's output, the input of passes and printers."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, fields, is_dataclass, replace
+from typing import Any
 
 from cnnum.kernels.expressions import (
     CELL,
@@ -282,3 +283,146 @@ def grid(rows: int, cols: int, radius: int, body: Sequence[Statement], hint: str
     place = (ROW + radius) * (cols + 2 * radius) + COL + radius
     places = Declare("int", ((CELL, ROW * cols + COL), (PLACE, place)), fixed=True)
     return Sweep(ROW, rows, (Sweep(COL, cols, (places, *body), hint),))
+
+
+@dataclass(frozen=True, slots=True)
+class Uses:
+    """The use of outer names by statements.
+
+    Attributes
+    ----------
+    names : tuple of str
+        All of them, in the order of their first use.
+    taken_in : dict of str to str
+        Those that values are taken into, and how: "+", or a function's name.
+    changed : frozenset of str
+        Those that get other values.
+    """
+
+    names: tuple[str, ...]
+    taken_in: dict[str, str]
+    changed: frozenset[str]
+
+
+def uses(statements: tuple[Statement, ...]) -> Uses:
+    """Return the use of outer names by statements."""
+    everything = list(_records(statements))
+    own = set(declared(everything))
+    names = (record.text for record in everything if isinstance(record, Name))
+    taken_in = {
+        record.target.text: record.how for record in everything if isinstance(record, Accumulate)
+    }
+    changed = {
+        record.target.text
+        for record in everything
+        if isinstance(record, Assign) and isinstance(record.target, Name)
+    }
+    return Uses(
+        tuple(dict.fromkeys(name for name in names if name not in own)),
+        {name: how for name, how in taken_in.items() if name not in own},
+        frozenset(changed - own),
+    )
+
+
+def names_in(value: Any) -> set[str]:
+    """Return all variables and arrays of a record, or of a tuple of them."""
+    return {record.text for record in _records(value) if isinstance(record, Name)}
+
+
+def names_of_own(body: tuple[Statement, ...]) -> set[str]:
+    """Return the names that statements, and those within them, declare themselves."""
+    return set(declared(_records(body)))
+
+
+def declared(records: Any) -> Iterator[str]:
+    """Yield the names that statements declare themselves."""
+    for record in records:
+        if isinstance(record, Declare):
+            yield from (name.text for name, _ in record.variables)
+        elif isinstance(record, Array | Alias):
+            yield record.name.text
+        elif isinstance(record, Sweep | Loop | Counted):
+            yield record.variable.text
+
+
+def _records(value: Any) -> Iterator[Any]:
+    """Yield a record and all in it, in the order in which they are written."""
+    if isinstance(value, tuple):
+        for each in value:  # pyright: ignore[reportUnknownVariableType]
+            yield from _records(each)
+    elif is_dataclass(value):
+        yield value
+        for field in fields(value):
+            yield from _records(getattr(value, field.name))
+
+
+def live(body: Sequence[Statement], needed: set[str]) -> tuple[Statement, ...]:
+    """Return statements without variables that nothing reads; `needed` gathers the read ones.
+
+    Numbers of arrays, and variables from outside, are outputs: they are always set.
+    """
+    return _live(body, needed, names_of_own(tuple(body)))
+
+
+def _live(body: Sequence[Statement], needed: set[str], own: set[str]) -> tuple[Statement, ...]:
+    """Return the live statements of a block; `own` are the variables that the body declares."""
+    kept = list[Statement]()
+    for statement in reversed(body):
+        if isinstance(statement, Sweep | Loop | Counted):
+            found = _live_block(statement, needed, own)
+        elif isinstance(statement, Declare):
+            found = _live_variables(statement, needed)
+        else:
+            found = statement if _sets(statement, needed, own) else None
+        if found is not None:
+            kept.append(found)
+    return tuple(kept[::-1])
+
+
+def _live_variables(new: Declare, needed: set[str]) -> Declare | None:
+    variables = list[tuple[Name, Expression | None]]()
+    for name, value in reversed(new.variables):
+        if name.text in needed:
+            needed.discard(name.text)  # another one by that name may stand in another loop
+            needed |= names_in(value)
+            variables.insert(0, (name, value))
+    return replace(new, variables=tuple(variables)) if variables else None
+
+
+def _sets(statement: Statement, needed: set[str], own: set[str]) -> bool:
+    """Return whether a statement has an effect; the names it reads become needed."""
+    assert isinstance(statement, Assign | Accumulate)
+    target = statement.target
+    adds = isinstance(statement, Accumulate) or statement.sign != "="
+    if isinstance(target, Name) and target.text not in needed and (adds or target.text in own):
+        return False
+    needed |= names_in(statement.value)
+    if isinstance(target, Element):
+        needed |= names_in(target.at)
+    return True
+
+
+def _live_block(
+    statement: Sweep | Loop | Counted, needed: set[str], own: set[str]
+) -> Statement | None:
+    outer = statement.variable.text in needed
+    if isinstance(statement, Counted):
+        if statement.running is not None:
+            needed.add(statement.running.text)
+        # a round may read variables that the one before has set, and so on
+        known = -1
+        while known < len(needed):
+            known = len(needed)
+            _within(statement.body, needed, own)
+    inner = _within(statement.body, needed, own)
+    if not outer:  # a loop's own variable: one by that name before the loop is another
+        needed.discard(statement.variable.text)
+    return replace(statement, body=inner) if inner else None
+
+
+def _within(body: Sequence[Statement], needed: set[str], own: set[str]) -> tuple[Statement, ...]:
+    """Return the live statements of a block, whose own variables are not known outside."""
+    inner = set(needed)
+    found = _live(body, inner, own)
+    needed |= inner
+    return found

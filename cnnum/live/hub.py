@@ -17,7 +17,7 @@ import numpy as np
 from cnnum.arrays import Floats, Shape
 from cnnum.drivers.driver import Counters
 from cnnum.frame import FORCE_AXES, Frame, Quality
-from cnnum.scenes.gaps import GapWatch
+from cnnum.scenes.dropouts import GapWatch
 from cnnum.scenes.pipeline import FrameResult
 
 HEAD = struct.Struct("<IIdff")

@@ -1,15 +1,176 @@
-"""The parameters of a program, checked by the annotations of its function."""
+"""The parameters of a program, checked by annotations, and physical ones with units and ranges."""
 
 import inspect
 import math
+import re
 import types
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from numbers import Integral, Real
 from typing import Any, Literal, Union, get_args, get_origin
 
 from cnnum.errors import ProgramError
-from cnnum.programs.quantities import in_own_units, refuse_out_of_range
 from cnnum.safety.names import shown
+
+METRES = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "µm": 1e-6, "μm": 1e-6}
+HERTZ = {"Hz": 1.0, "kHz": 1e3}
+NEWTONS = {"N": 1.0, "mN": 1e-3, "kN": 1e3}
+PASCALS = {"Pa": 1.0, "kPa": 1e3, "MPa": 1e6, "GPa": 1e9}
+
+PER_TEN_MINUTES = {"/10min": 1.0, "/min": 10.0, "/h": 1.0 / 6.0}
+
+PITCH = "pitch"
+"""The distance of the taxels: the divisor of lengths where a program counts in pitches."""
+
+_TEXT = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([A-Za-zµμ]+|/\d*[a-z]+)\s*")
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """A physical parameter that several programs share.
+
+    Attributes
+    ----------
+    meaning : str
+        The unit of a plain number, for the sentence of an error.
+    least, most : float
+        Range of its magnitude.
+    units : mapping of str to float
+        Unit to its size in SI.
+    example : str
+        As a user may write it.
+    signed : bool
+        Whether it may be negative; never 0.
+    in_pitches : bool
+        Whether a plain number counts pitches of the array.
+    """
+
+    meaning: str
+    least: float
+    most: float
+    units: Mapping[str, float]
+    example: str
+    signed: bool = False
+    in_pitches: bool = False
+
+
+QUANTITIES: Mapping[str, Quantity] = {
+    "depth": Quantity("pitches of the array", 0.02, 50.0, METRES, "1 mm", in_pitches=True),
+    "rate": Quantity("frames a second (Hz)", 1e-3, 1e6, HERTZ, "100 Hz"),
+    "unit": Quantity("newtons, or another unit of load,", 1e-30, 1e30, NEWTONS, "1.3 N"),
+    "push": Quantity("sign of a push", 1e-6, 1e6, {}, "", signed=True),
+    "thickness": Quantity("metres", 1e-7, 10.0, METRES, "1 mm"),  # 10: a pitch of 1 for theory
+    PITCH: Quantity("metres", 1e-7, 10.0, METRES, "1.5 mm"),
+    "youngs_modulus": Quantity("pascals", 1e-9, 1e15, PASCALS, "870 kPa"),
+    **dict.fromkeys(
+        ("sa1_field", "ra1_field", "pc_field", "sa2_field"),
+        Quantity("pitches of the array", 0.0, 1e3, METRES, "2 mm", in_pitches=True),
+    ),
+    **dict.fromkeys(
+        ("sa_to", "ra1_from", "ra1_to", "pc_from", "pc_to"),
+        Quantity("cycles a second (Hz)", 1e-3, 1e6, HERTZ, "50 Hz"),
+    ),
+    **dict.fromkeys(
+        ("false_reports", "slip_false_reports", "twist_false_reports"),
+        Quantity("false reports in ten minutes", 1e-3, 1e3, PER_TEN_MINUTES, "6 /h"),
+    ),
+}
+"""By the parameter's name, in every program that has it."""
+
+
+def in_own_units(
+    program: str, parameters: Mapping[str, object], known: Mapping[str, object]
+) -> dict[str, object]:
+    """Return parameters with plain numbers for texts such as "1 mm".
+
+    Parameters
+    ----------
+    program : str
+        Its name, for the sentence of an error.
+    parameters : mapping of str to object
+    known : mapping of str to object
+        Parameters that the program has.
+
+    Raises
+    ------
+    ProgramError
+        If a text is not a number with a unit that fits. Or if a length is given where pitches are
+        meant, and no pitch is known.
+    """
+    found = dict(parameters)
+    pitch = found.get(PITCH)
+    if pitch is not None:
+        pitch = found[PITCH] = _number(program, PITCH, pitch)
+        refuse_out_of_range(program, {PITCH: pitch})
+    if PITCH not in known and takes_pitch(known):
+        found.pop(PITCH, None)
+    for name in found.keys() & QUANTITIES.keys() & known.keys():
+        value = found[name]
+        if isinstance(value, str) and QUANTITIES[name].units:
+            found[name] = _number(program, name, value, pitch)
+    return found
+
+
+def takes_pitch(known: Mapping[str, object]) -> bool:
+    """Return whether a program has a parameter that counts pitches."""
+    return any(QUANTITIES[name].in_pitches for name in QUANTITIES.keys() & known.keys())
+
+
+def refuse_out_of_range(program: str, parameters: Mapping[str, object]) -> None:
+    """Refuse physical parameters that no array has.
+
+    Raises
+    ------
+    ProgramError
+        With the parameter, its range, and how to give it with a unit.
+    """
+    for name, value in parameters.items():
+        quantity = QUANTITIES.get(name)
+        if quantity is None or not isinstance(value, int | float):
+            continue
+        size = abs(value) if quantity.signed else value
+        if not quantity.least <= size <= quantity.most:
+            raise ProgramError(_outside(program, name, quantity, value))
+
+
+def _outside(program: str, name: str, quantity: Quantity, value: float) -> str:
+    begin = f"The parameter '{name}' of program '{program}'"
+    if quantity.signed:
+        return (
+            f"{begin} must be −1 where a push lowers the values, or +1 where it raises them, got "
+            f"{shown(value)}."
+        )
+    hint = ""
+    if quantity.in_pitches:
+        hint = f"; for a length give its unit, as in {name} = '{quantity.example}'"
+    return (
+        f"{begin} counts {quantity.meaning} and must be {quantity.least:g} to {quantity.most:g}, "
+        f"got {shown(value)}{hint}."
+    )
+
+
+def _number(program: str, name: str, value: object, pitch: object = None) -> object:
+    """Return a text as the number that it stands for; anything else as it is."""
+    quantity, text = QUANTITIES[name], value
+    if not isinstance(text, str):
+        return value
+    match = _TEXT.fullmatch(text[:64])
+    if match is None or match[2] not in quantity.units:
+        units = ", ".join(f"'{unit}'" for unit in quantity.units if unit.isascii())
+        raise ProgramError(
+            f"The parameter '{name}' of program '{program}' must be a number ({quantity.meaning}), "
+            f"or a text with a unit of {units}, as in '{quantity.example}', got {shown(text)}."
+        )
+    number = float(match[1]) * quantity.units[match[2]]
+    if not quantity.in_pitches:
+        return number
+    if not isinstance(pitch, int | float):
+        raise ProgramError(
+            f"The parameter '{name}' of program '{program}' counts pitches of the array: give "
+            f"'pitch', the distance of the taxels, with {shown(text)}, as in pitch = '1.5 mm'."
+        )
+    return number / pitch
+
 
 LARGEST = 2**63 - 1
 """The largest whole number."""

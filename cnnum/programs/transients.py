@@ -72,7 +72,7 @@ def transient(
     mask : logic Field, optional
         Fixed-state mask: where it holds, the state keeps its value.
     weights : sequence of Field
-        Maps whose cells hold the numbers of each frame's own template, as `cnnum.runs.lanes`
+        Maps whose cells hold the numbers of each frame's own template, as `cnnum.runs.batches`
         packs them. Those of the template say only where they are, and how fast it may be.
     spec : RunSpec, optional
         Duration, method and tolerances.

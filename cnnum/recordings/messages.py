@@ -27,13 +27,12 @@ from cnnum.errors import (
     missing_extra,
     unreadable,
 )
-from cnnum.recordings.chunks import SCHEMA
+from cnnum.recordings.chunks import SCHEMA, is_raw
 from cnnum.recordings.mcap_records import PREFIX, Budget, SpentError, WholeChunk, records_in
-from cnnum.recordings.raw_chunks import is_raw
-from cnnum.recordings.scan import Hole, scan
-from cnnum.safety.memory import host_bytes
+from cnnum.recordings.reader import Hole, scan
 from cnnum.safety.names import shown
 from cnnum.safety.reading import MEGABYTE, open_regular
+from cnnum.safety.values import host_bytes
 
 LINES = (".jsonl", ".ndjson", ".json")
 BAGS = (".bag", ".db3")

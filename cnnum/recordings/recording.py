@@ -17,10 +17,8 @@ from cnnum.arrays import Floats, numbers
 from cnnum.errors import ArrayError, RecordingError
 from cnnum.frame import FORCE_AXES, Frame, Quality, Truth, contradicted, shown_maps
 from cnnum.recordings.chunks import CHUNK_BYTES, ChunkMaker, beginning, untimed
-from cnnum.recordings.csv_writer import marked_text
-from cnnum.recordings.export import export, suffix_of
+from cnnum.recordings.export import export, marked_text, suffix_of, write_index
 from cnnum.recordings.layout import Layout
-from cnnum.recordings.mcap_index import write_index
 from cnnum.recordings.reader import look
 from cnnum.recordings.times import FASTEST, numbered, rate_of
 from cnnum.renamed import renamed, warn_of

@@ -5,10 +5,8 @@ The way of the data: `record` → `verdicts` → `encoding` and the pictures →
 `encoding` gives all of it as JSON.
 """
 
-from cnnum.report.plan_cost import PlanCost
-from cnnum.report.record import SceneRecord, SceneRecorder
+from cnnum.report.record import PlanCost, SceneRecord, SceneRecorder, Verdict, compare
 from cnnum.report.sections import write_demo_report
-from cnnum.report.verdicts import Verdict, compare
 from cnnum.report.work_precision import WorkPrecision, measure_work_precision
 
 __all__ = [

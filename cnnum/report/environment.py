@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 
-from cnnum.engines.processor import processor
+from cnnum.engines.notices import processor
 from cnnum.version import __version__
 
 _PACKAGES = ("numpy", "scipy", "pyopencl", "pocl-binary-distribution")

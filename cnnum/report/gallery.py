@@ -13,8 +13,7 @@ import numpy as np
 from cnnum.arrays import Floats
 from cnnum.report.charts import plain
 from cnnum.templating.checks import CheckResult, form_of
-from cnnum.templating.checks.measuring import unsettled
-from cnnum.templating.checks.running import Engine, run_case, run_way
+from cnnum.templating.checks.running import Engine, run_case, run_way, unsettled
 from cnnum.templating.files import Entry
 from cnnum.templating.numbers import functions, matrices
 from cnnum.templating.template import Template

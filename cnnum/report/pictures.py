@@ -11,8 +11,17 @@ from numpy.typing import NDArray
 
 from cnnum.arrays import Floats
 from cnnum.report.charts import Scale, at, box, line, path, picture, plain, polyline, round_up, text
-from cnnum.report.record import NORMAL, SHEAR_X, SHEAR_Y, SceneRecord
-from cnnum.report.verdicts import LANES, Lane, Verdict, held, spans
+from cnnum.report.record import (
+    LANES,
+    NORMAL,
+    SHEAR_X,
+    SHEAR_Y,
+    Lane,
+    SceneRecord,
+    Verdict,
+    held,
+    spans,
+)
 from cnnum.sharing import STEPS, step
 
 SHOWN = ("contact", "incipient slip", "gross slip", "twist")

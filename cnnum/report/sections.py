@@ -23,7 +23,6 @@ from cnnum.report.charts import (
     si,
     symbol,
 )
-from cnnum.report.encoding import ReportData, to_json
 from cnnum.report.html import Cell, both, glyph, legend, paragraph, section, swatch, table
 from cnnum.report.pictures import (
     MapScale,
@@ -34,9 +33,16 @@ from cnnum.report.pictures import (
     shown_unit,
     timeline,
 )
-from cnnum.report.plan_cost import PlanCost
-from cnnum.report.record import SceneRecord
-from cnnum.report.verdicts import MAX_DELAY, MAX_TURN, TrueEvent, Verdict
+from cnnum.report.record import (
+    MAX_DELAY,
+    MAX_TURN,
+    PlanCost,
+    ReportData,
+    SceneRecord,
+    TrueEvent,
+    Verdict,
+    to_json,
+)
 from cnnum.report.work_precision import WorkPrecision
 from cnnum.safety.files import write_whole
 from cnnum.scenes.events import Event

@@ -1,5 +1,12 @@
-"""Runs of many templates at once: as lanes of one launch, or one after the other."""
+"""Runs of many templates at once: as lanes of one launch, or one after the other.
 
+Runs of templates of one form as lanes of one launch, each lane with numbers of its own.
+
+A template stands for all: its numbers say where weights are, and how fast the fastest array is.
+The numbers themselves are a map of each frame. The sum over the inputs, taken once, is made here.
+"""
+
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
@@ -7,15 +14,277 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cnnum.arrays import Floats, Shape
 from cnnum.errors import ArrayError, NotSupportedError
-from cnnum.runs.arguments import channels_and_lead, maps_by_role
-from cnnum.runs.delays import by_halving, delay_of, halved
-from cnnum.runs.lanes import Maps, fits_lanes, run_lanes
-from cnnum.runs.request import Ask
-from cnnum.runs.result import Result
+from cnnum.graph.nodes import RunSpec
+from cnnum.integrators.tableau import BOGACKI_SHAMPINE, TABLEAUX
+from cnnum.runs.growth import by_halving, delay_of, halved
+from cnnum.runs.request import Ask, OpenEngine, as_frame, channels_and_lead, maps_by_role
+from cnnum.runs.result import Result, result_of, with_fallback
 from cnnum.runs.settling import lanes_at_rest
-from cnnum.templating.batch import TemplateBatch
+from cnnum.templating.batch import LADDER, Parts, TemplateBatch, inner, own_parts
+from cnnum.templating.couplings import DelayedCoupling
+from cnnum.templating.network import jumps
+from cnnum.templating.numbers import with_numbers
 from cnnum.templating.template import Template
+
+ANGLES = 16
+"""Of waves on a torus, along each axis."""
+
+
+def fastest(batch: TemplateBatch, dt: float | None) -> float:
+    """Return the fastest rate of any template, 1/time: a rung of a ladder, or the bound of dt."""
+    numbers = batch.flat(batch.lead)
+    exact = float((_rates(batch.template, numbers) / numbers["tau"]).max())
+    rung = LADDER ** math.ceil(math.log(exact, LADDER) - 1e-9)
+    if dt is not None and exact * dt <= 2.0:
+        return min(rung, 2.0 / dt)
+    return rung
+
+
+def _rates(template: Template, numbers: Parts) -> Floats:
+    """Return bounds on the rates of layers, times τ: on a torus, whose cells are in their range.
+
+    Rates of arrays with other boundaries, or with saturated cells, are within the same disc.
+
+    Returns
+    -------
+    (frames, layers) float
+    """
+    kernels = numbers["A"]
+    if template.layers > 1:
+        linear = np.abs(kernels).sum(axis=(2, 3, 4)) + 1.0
+    else:
+        count = kernels.shape[-1]
+        places: Floats = np.arange(count, dtype=np.float64) - count // 2
+        angles: Floats = np.arange(ANGLES, dtype=np.float64) * (2.0 * np.pi / ANGLES)
+        waves = np.exp(1j * angles[:, np.newaxis] * places)
+        modes = np.einsum("ar,nrc,bc->nab", waves, kernels[:, 0, 0], waves) - 1.0
+        sizes = np.where(modes.real < 0.0, np.abs(modes), 1.0)
+        linear = sizes.reshape(len(kernels), -1).max(axis=1)[:, np.newaxis]
+    extra = _widened(template, numbers)
+    if "delayed A" in numbers:
+        extra = extra + np.abs(numbers["delayed A"]).sum(axis=(2, 3, 4))
+    return np.asarray(linear + extra, dtype=np.float64)
+
+
+def _widened(template: Template, numbers: Parts) -> Floats:
+    """Return by how much |dx/dt|·τ of each layer may change more than by A, (frames, layers)."""
+    total = np.zeros(numbers["tau"].shape)
+    for k, gain in enumerate(template.gains, 1):
+        most = np.abs(numbers[f"gain {k}"]).max(axis=-1)
+        weights = np.abs(numbers["A"][:, gain.to, gain.source]).sum(axis=(1, 2))
+        total[:, gain.to] += np.maximum(most - 1.0, 0.0) * weights * template.output.steepest
+    for k, one in enumerate(template.nonlinear, 1):
+        each = replace(one, weights=np.ones((1, 1))).stiffness
+        total[:, one.to] += each * np.abs(numbers[f"coupling {k}"]).sum(axis=(1, 2))
+    return total
+
+
+def growth(template: Template, numbers: Parts) -> Floats:
+    """Return the bound on the growth of errors of every frame, 1/time (`error_growth`)."""
+    a = numbers["A"]
+    own = np.einsum("nllkk->nlk", a)[..., a.shape[-1] // 2]
+    low, high = template.output.slope
+    others = template.output.steepest * (np.abs(a).sum(axis=(2, 3, 4)) - np.abs(own))
+    rows = np.maximum(low * own, high * own) + others + _widened(template, numbers) - 1.0
+    return np.asarray((rows / numbers["tau"]).max(axis=1), dtype=np.float64)
+
+
+MOST_CELLS = 256
+"""Of arrays whose frames lie in lanes."""
+
+LEAST = 1e-9
+"""Numbers that stand for those of the frames: too small to change how fast an array is."""
+
+Maps = dict[str, NDArray[np.floating]]
+
+
+def fits_lanes(batch: TemplateBatch, shape: Shape, asked: Mapping[str, Any]) -> bool:
+    """Return whether the templates of a batch can be lanes of a launch."""
+    template = batch.template
+    method, fixed = asked["method"], asked["dt"] is not None
+    known = method in ("auto", BOGACKI_SHAMPINE.name, "euler") or (fixed and method in TABLEAUX)
+    return known and not template.output.discrete and shape[0] * shape[1] <= MOST_CELLS
+
+
+def run_lanes(
+    batch: TemplateBatch,
+    lead: tuple[int, ...],
+    maps: Maps,
+    shape: Shape,
+    asked: Mapping[str, Any],
+    engine: OpenEngine,
+) -> list[tuple[NDArray[np.intp], Result]]:
+    """Run all frames of a batch, and return results with the places of their frames.
+
+    All are one launch, but for delays: each rung of a ladder of delays is another.
+
+    Parameters
+    ----------
+    batch : TemplateBatch
+    lead : tuple of int
+        That batch and maps broadcast to.
+    maps : dict of str to (n, maps, rows, cols) array
+        By role.
+    shape : (rows, cols)
+    asked : mapping
+        Options of the run.
+    engine : OpenEngine
+    """
+    template, numbers = batch.template, batch.flat(lead)
+    given = _given(template, numbers, maps, shape)
+    patterns, rate = _patterns(batch), fastest(batch, asked["dt"])
+    rungs = _rungs(template, numbers)
+    parts: list[tuple[NDArray[np.intp], Result]] = []
+    for rung in np.unique(rungs):
+        at = np.flatnonzero(rungs == rung)
+        standing = _standing(template, patterns, rate, float(rung))
+        own = {role: array[at] for role, array in given.items()}
+        own["weights"] = _packed(template, numbers, patterns, at, shape)
+        parts.append((at, _launch(standing, own, asked, engine)))
+    return parts
+
+
+def _launch(
+    template: Template, given: Maps, asked: Mapping[str, Any], engine: OpenEngine
+) -> Result:
+    names, lead = channels_and_lead(given)
+    shape = (int(given["state"].shape[-2]), int(given["state"].shape[-1]))
+    free = asked["method"] == "auto" and asked["dt"] is None
+    follows = free and template.delayed is None and not jumps(template)
+    method = BOGACKI_SHAMPINE.name if follows else asked["method"]
+    spec = RunSpec(asked["duration"], method, asked["rtol"], asked["atol"], asked["dt"])
+    plan = engine.plan_for(template, shape, names, spec, "own weights")
+    outputs = plan.run_finite(as_frame(given, lead, np.dtype(engine.precision)))
+    (solver,) = plan.solvers.values()
+    reason = f"templates side by side in lanes; {solver.reason}"
+    return with_fallback(result_of(outputs, template.layers, solver.method, reason), plan)
+
+
+def _given(template: Template, numbers: Parts, maps: Maps, shape: Shape) -> Maps:
+    """Return the maps of all frames by role, in a transient's order."""
+    count = len(numbers["A"])
+    drive = np.zeros((count, template.layers, *shape)) + numbers["z"][..., np.newaxis, np.newaxis]
+    if "input" in maps and "B" in numbers:
+        drive += _driven(numbers["B"], maps["input"], template)
+    if "bias" in maps:
+        drive = drive + maps["bias"]
+    kept = ("input", "previous") if _sees_inputs(template) else ()
+    given = {role: maps[role] for role in kept if role in maps}
+    given |= {"state": _start(template, maps, drive.shape), "bias": drive}
+    return given | ({"mask": maps["mask"]} if "mask" in maps else {})
+
+
+def _sees_inputs(template: Template) -> bool:
+    """Return whether any coupling but B reads inputs."""
+    delayed = template.delayed is not None and template.inputs > 0
+    return delayed or any("u" in (one.neighbour, one.centre) for one in template.nonlinear)
+
+
+def _driven(b: Floats, inputs: NDArray[np.floating], template: Template) -> Floats:
+    """Return B∗u of every frame and layer."""
+    radius, boundary = b.shape[-1] // 2, template.input_boundary
+    rows, cols = inputs.shape[-2:]
+    total = np.zeros((len(b), b.shape[1], rows, cols))
+    rim = [(0, 0), (0, 0), (radius, radius), (radius, radius)]
+    padded = (
+        np.pad(inputs, rim, mode=boundary.pad_mode)
+        if boundary.constant is None
+        else np.pad(inputs, rim, constant_values=boundary.constant)
+    )
+    for layer, source, row, col in np.argwhere((b != 0.0).any(axis=0)):
+        seen = padded[:, source, row : row + rows, col : col + cols]
+        total[:, layer] += b[:, layer, source, row, col, np.newaxis, np.newaxis] * seen
+    return total
+
+
+def _start(template: Template, maps: Maps, frames: tuple[int, ...]) -> NDArray[np.floating]:
+    if "state" in maps:
+        return maps["state"]
+    if template.initial == "input":
+        return maps["input"]
+    return np.full(frames, float(template.initial))
+
+
+# numbers of the frames, and those that stand for them
+
+
+def _patterns(batch: TemplateBatch) -> dict[str, NDArray[np.bool_]]:
+    """Return which numbers any template has; values of gains and each cell's own weight always."""
+    found: dict[str, NDArray[np.bool_]] = {}
+    for name, part in own_parts(batch.parts).items():
+        lead = tuple(range(part.ndim - inner(name)))
+        used = np.asarray((part != 0.0).any(axis=lead))
+        if name.startswith("gain"):
+            used = np.ones_like(used)
+        if name == "A":
+            middle = used.shape[-1] // 2
+            used[range(len(used)), range(len(used)), middle, middle] = True
+        found[name] = used
+    return found
+
+
+def _packed(
+    template: Template,
+    numbers: Parts,
+    patterns: Mapping[str, NDArray[np.bool_]],
+    at: NDArray[np.intp],
+    shape: Shape,
+) -> Floats:
+    """Return the numbers of frames as the cells of as many maps as they need."""
+    columns = [numbers[name][at][:, used] for name, used in patterns.items()]
+    columns += [numbers["tau"][at], growth(template, numbers)[at, np.newaxis]]
+    if template.delayed is not None:
+        columns.append(numbers["delay"][at, np.newaxis])
+    packed = np.concatenate(columns, axis=1)
+    cells = shape[0] * shape[1]
+    count = -(-packed.shape[1] // cells)
+    maps = np.zeros((len(at), count * cells))
+    maps[:, : packed.shape[1]] = packed
+    return maps.reshape(-1, count, *shape)
+
+
+def _standing(
+    template: Template, patterns: Mapping[str, NDArray[np.bool_]], rate: float, delay: float
+) -> Template:
+    """Return the template that stands for all: where numbers are, and the fastest rate of any."""
+    parts, first = dict[str, Floats](), 0
+    for name, used in patterns.items():
+        count = int(used.sum())
+        parts[name] = np.zeros(used.shape)
+        # 0 is no weight, and would leave none
+        parts[name][used] = LEAST * (1.0 + (first + np.arange(count)) / 64.0)
+        first += count
+    middle, layers = parts["A"].shape[-1] // 2, range(template.layers)
+    parts["A"][layers, layers, middle, middle] += 1.0 - rate
+    inputs = template.inputs if _sees_inputs(template) else 0
+    delayed = template.delayed
+    if delayed is not None:
+        seen = parts["delayed B"][:, :inputs] if inputs else np.zeros((template.layers, 0, 1, 1))
+        delayed = DelayedCoupling(delay, parts["delayed A"], seen)
+    form = Template(
+        "batch",
+        parts["A"],
+        np.zeros((template.layers, inputs, 1, 1)) if inputs else None,
+        boundary=template.boundary,
+        input_boundary=template.input_boundary,
+        duration=template.duration,
+        output=template.output,
+        nonlinear=template.nonlinear,
+        delayed=delayed,
+        gains=template.gains,
+    )
+    return with_numbers(form, {name: part for name, part in parts.items() if name[0] in "cg"})
+
+
+def _rungs(template: Template, numbers: Parts) -> Floats:
+    """Return the smallest number of a ladder that is no less than the delay of each frame."""
+    if template.delayed is None:
+        return np.ones(len(numbers["A"]))
+    steps = np.ceil(np.log(numbers["delay"]) / math.log(LADDER) - 1e-9)
+    return np.asarray(LADDER**steps, dtype=np.float64)
+
 
 PARTS = ("output", "state", "time", "steps", "settled", "error")
 """Of a result, with an axis of frames."""

@@ -18,8 +18,7 @@ from cnnum.engines.backend import Backend, Solve
 from cnnum.engines.registry import first_that
 from cnnum.errors import MethodError, NotSupportedError
 from cnnum.graph.nodes import Transient
-from cnnum.runs.arguments import ROLES, maps_by_role
-from cnnum.runs.request import Ask
+from cnnum.runs.request import ROLES, Ask, maps_by_role
 from cnnum.runs.result import Result
 from cnnum.safety.values import expect, is_real
 from cnnum.templating.batch import TemplateBatch

@@ -15,10 +15,9 @@ from cnnum.arrays import all_finite
 from cnnum.engines.backend import OneFrame
 from cnnum.errors import MethodError
 from cnnum.plan import Plan
-from cnnum.runs.arguments import LEAST_SQUARES, ROLES, refuse_grey_levels
 from cnnum.runs.growth import hides_errors, looks_again, may_grow, scale
 from cnnum.runs.linear_range import may_stay_linear
-from cnnum.runs.request import Ask, Form, Request
+from cnnum.runs.request import LEAST_SQUARES, ROLES, Ask, Form, Request, refuse_grey_levels
 from cnnum.runs.result import Result, result_of, with_fallback, with_proof
 from cnnum.runs.settling import saturated
 from cnnum.runs.wavefront import begins_saturated, monotone

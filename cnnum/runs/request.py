@@ -1,4 +1,4 @@
-"""What is asked of a run, and what an engine keeps from one run to the next."""
+"""What is asked of a run: its maps, checked, and its options; and what is kept for the next."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cnnum.arrays import Shape
+from cnnum.arrays import Shape, as_shape, finite, maps, real_numbers
 from cnnum.embedded.formats import is_integer
 from cnnum.engines.backend import Backend, EngineRecord
+from cnnum.errors import ArrayError
 from cnnum.graph.nodes import RunSpec
 from cnnum.integrators.solver import Solver
 from cnnum.plan import Plan
-from cnnum.runs.arguments import channels_and_lead
 from cnnum.runs.linear_range import as_linear, stays_linear
 from cnnum.runs.planning import graph_of, plan_of
 from cnnum.templating.batch import TemplateBatch
@@ -25,6 +25,188 @@ if TYPE_CHECKING:
     from cnnum.runs.chip import Chip
     from cnnum.runs.prepared import PreparedRun
     from cnnum.runs.result import Result
+
+
+PIXELS = 255.0
+"""Largest grey level of 8 bits."""
+
+ROLES = ("input", "previous", "state")
+"""The maps of a run that can be a picture."""
+
+LEAST_SQUARES = (PIXELS / 2) ** 2
+"""Sum of squares below which numbers are no grey levels, for a quick look."""
+
+
+def refuse_pixels(template: Template, role: str, value: ArrayLike) -> None:
+    """Refuse bool and 8-bit pixels as an input or a state.
+
+    Raises
+    ------
+    ArrayError
+        With the function that makes a picture of them.
+    """
+    kind = getattr(value, "dtype", None)
+    if kind is not None and kind in (np.dtype(bool), np.dtype(np.uint8)):
+        raise _refusal(template, role, f"an array of {kind}")
+
+
+def refuse_grey_levels(template: Template, role: str, array: NDArray[np.floating]) -> None:
+    """Refuse numbers that are 8-bit grey levels, where the cells saturate at −1 and 1.
+
+    Grey levels are whole numbers from 0 to 255, at least one of them 128 or more.
+
+    Raises
+    ------
+    ArrayError
+        With the function that makes a picture of them.
+    """
+    if template.output.linear or not array.size:
+        return
+    low, high = float(array.min()), float(array.max())
+    if low >= 0.0 and PIXELS / 2 < high <= PIXELS and bool((array == np.rint(array)).all()):
+        raise _refusal(template, role, f"whole numbers of {low:g} to {high:g}")
+
+
+def refuse_signed_mask(array: NDArray[np.floating]) -> None:
+    """Refuse a fixed-state mask with numbers below 0, as other simulators draw theirs.
+
+    Raises
+    ------
+    ArrayError
+        With the meaning of the argument here.
+    """
+    if array.size and float(array.min()) < 0.0:
+        raise ArrayError(
+            "'mask' holds the state of cells where it is not 0, got numbers down to "
+            f"{array.min():g}: pass a bool array; for a mask of MatCNN, in which −1 marks the "
+            "held cells, pass mask < 0."
+        )
+
+
+def _refusal(template: Template, role: str, got: str) -> ArrayError:
+    return ArrayError(
+        f"'{role}' of template '{template.name}' must be a picture with numbers from −1 "
+        f"(white) to 1 (black), got {got}: use cnnum.as_picture to convert pixels (True or "
+        "level 0 is black)."
+    )
+
+
+MANY_CELLS = 256 * 256
+"""Cells from which an engine may look at maps while it takes them."""
+
+
+def has_many_cells(shape: Shape) -> bool:
+    """Return whether an array is too large to be looked at before it is taken."""
+    return shape[0] * shape[1] > MANY_CELLS
+
+
+def maps_by_role(
+    template: Template, values: dict[str, ArrayLike | None]
+) -> tuple[dict[str, NDArray[np.floating]], Shape]:
+    """Return the maps of a run as (..., maps, rows, cols) by role, in a transient's order.
+
+    Numbers of few cells are finite; those of many are not yet checked.
+
+    Raises
+    ------
+    ArrayError
+        If something is missing or too much, or shapes do not fit. Or if pixels are given where a
+        picture is meant, or a mask has numbers below 0.
+    """
+    if template.inputs == 0 and template.initial == "input" and values["state"] is None:
+        values = {**values, "state": values["input"], "input": None}
+    if template.inputs == 0 and values["input"] is not None:
+        raise ArrayError(
+            f"Template '{template.name}' has no control template: leave out the input."
+        )
+    if template.inputs and values["input"] is None:
+        raise ArrayError(f"Template '{template.name}' needs an input.")
+    if template.initial == "input" and values["input"] is None and values["state"] is None:
+        raise ArrayError(f"Template '{template.name}' starts from its input: give input or state.")
+    for role in ROLES:
+        if (value := values[role]) is not None:
+            refuse_pixels(template, role, value)
+    given = {role: real_numbers(role, v) for role, v in values.items() if v is not None}
+    for role in given.keys() & set(ROLES):
+        refuse_grey_levels(template, role, given[role])
+    if "mask" in given:
+        refuse_signed_mask(given["mask"])
+    shape = _common_shape(list(given.values()))
+    counts = {"input": template.inputs, "previous": template.inputs, "mask": 1}
+    if not has_many_cells(shape):
+        given = {role: finite(role, array) for role, array in given.items()}
+    found = {
+        role: maps(role, array, shape, counts.get(role, template.layers))
+        for role, array in given.items()
+    }
+    return found, shape
+
+
+def _common_shape(values: Sequence[NDArray[np.floating]]) -> Shape:
+    if not values:
+        raise ArrayError("A run needs at least a state: its shape is the array's.")
+    shapes = {value.shape[-2:] for value in values}
+    if len(shapes) != 1 or len(next(iter(shapes))) != 2:
+        raise ArrayError(
+            f"Input, state, bias and mask must share their rows and columns, got {sorted(shapes)}."
+        )
+    return as_shape(next(iter(shapes)))
+
+
+def channels_and_lead(
+    given: dict[str, NDArray[np.floating]],
+) -> tuple[tuple[str, ...], tuple[int, ...]]:
+    """Return channel names, and the leading axes that all maps broadcast to.
+
+    Raises
+    ------
+    ArrayError
+        If their batches do not broadcast, or are empty.
+    """
+    try:
+        lead = np.broadcast_shapes(*(array.shape[:-3] for array in given.values()))
+    except ValueError:
+        shapes = {role: array.shape for role, array in given.items()}
+        raise ArrayError(f"The batches of {shapes} do not broadcast.") from None
+    if 0 in lead:
+        raise ArrayError("A batch needs at least one array, got none.")
+    names = [f"{role} {n}" for role, array in given.items() for n in range(array.shape[-3])]
+    return tuple(names), lead
+
+
+def as_frame(
+    given: dict[str, NDArray[np.floating]], lead: tuple[int, ...], dtype: np.dtype[np.floating]
+) -> NDArray[np.floating]:
+    """Return all maps as one frame (..., rows, cols, channels) of finite numbers.
+
+    Raises
+    ------
+    ArrayError
+        If a number is not finite, or too large for the precision.
+    """
+    shape = as_shape(next(iter(given.values())).shape[-2:])
+    # side by side in memory, where they can be copied as they are
+    count = sum(array.shape[-3] for array in given.values())
+    planes = np.empty((*lead, count, *shape), dtype)
+    at = 0
+    for role, array in given.items():
+        numbers = finite(role, array) if has_many_cells(shape) else array
+        _put(role, numbers, planes[..., at : at + array.shape[-3], :, :])
+        at += array.shape[-3]
+    axes = range(len(lead))
+    return planes.transpose(*axes, -2, -1, -3)
+
+
+def _put(role: str, array: NDArray[np.floating], planes: NDArray[np.floating]) -> None:
+    try:
+        with np.errstate(over="raise"):
+            planes[...] = array
+    except FloatingPointError:
+        raise ArrayError(
+            f"'{role}' reaches {np.abs(array).max():.3g}, more than {planes.dtype} holds: scale it "
+            "down, or use precision='float64'."
+        ) from None
+
 
 Form = tuple[object, ...]
 """All that runs share which differ in their numbers alone."""

@@ -18,13 +18,18 @@ from cnnum.integrators.estimate import LOST
 from cnnum.integrators.rosenbrock import ImplicitSteps
 from cnnum.integrators.solver import Exact, Solver, Stepping
 from cnnum.plan import Plan
-from cnnum.runs.arguments import as_frame, maps_by_role
-from cnnum.runs.delays import by_differences, by_halving, delay_of, lets_go, unknown
-from cnnum.runs.growth import compared, follows
-from cnnum.runs.request import Ask, Request
+from cnnum.runs.growth import (
+    by_differences,
+    by_halving,
+    compared,
+    delay_of,
+    follows,
+    lets_go,
+    unknown,
+)
+from cnnum.runs.request import Ask, Request, as_frame, maps_by_role
 from cnnum.runs.result import ROLES, Result
-from cnnum.templating.network import Network
-from cnnum.templating.reads import turning_points
+from cnnum.templating.network import Network, turning_points
 from cnnum.templating.template import Duration
 
 MOST = 10_000

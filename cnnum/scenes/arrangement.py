@@ -9,18 +9,17 @@ from typing import cast
 
 from cnnum.drivers.driver import Driver
 from cnnum.drivers.geometry import Grid
-from cnnum.drivers.outside import module_of
+from cnnum.drivers.registry import module_of
 from cnnum.errors import ArrayError, SceneError, UnknownNameError, name_error
 from cnnum.frame import differ, limits_of
 from cnnum.programs import Program
 from cnnum.programs.library import get_program, load_program
-from cnnum.programs.parameters import RATE
-from cnnum.programs.quantities import PITCH, in_own_units, takes_pitch
+from cnnum.programs.parameters import PITCH, RATE, in_own_units, takes_pitch
 from cnnum.safety.names import LONGEST, shown
 from cnnum.scenes.events import EVENT_RULES
 from cnnum.scenes.scene_file import EVERYTHING, SceneSpec
+from cnnum.tactile.bump_loads import DEEPEST
 from cnnum.tactile.cover import BumpCover, FlatCover, LayerCover
-from cnnum.tactile.deconvolution import DEEPEST
 
 COUNT = "count"
 """Unit of values without a scale."""

@@ -7,15 +7,13 @@ import numpy as np
 
 from cnnum.arrays import Floats
 from cnnum.drivers.driver import Driver
-from cnnum.drivers.geometry import Grid
-from cnnum.drivers.in_memory import MEMORY
+from cnnum.drivers.geometry import Grid, Reordered
+from cnnum.drivers.recording_file import MEMORY
 from cnnum.drivers.registry import DRIVERS, open_driver
-from cnnum.drivers.reordered import Reordered
 from cnnum.embedded.formats import is_integer
 from cnnum.errors import SceneError
 from cnnum.frame import BAD, Quality
-from cnnum.scenes.conversion import Conversion
-from cnnum.scenes.dead_cells import DeadCells
+from cnnum.scenes.conversion import Conversion, DeadCells
 from cnnum.scenes.saturation import Mask, Saturation, marked
 from cnnum.scenes.scene_file import SceneSpec
 

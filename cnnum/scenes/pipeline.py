@@ -14,11 +14,10 @@ import numpy as np
 
 from cnnum.arrays import Floats, Shape, number_type
 from cnnum.drivers.driver import Driver
-from cnnum.drivers.geometry import Grid
-from cnnum.drivers.in_memory import MEMORY, RecordingDriver
+from cnnum.drivers.geometry import Grid, Reordered
+from cnnum.drivers.recording_file import MEMORY, RecordingDriver
 from cnnum.drivers.registry import open_driver
-from cnnum.drivers.reordered import Reordered
-from cnnum.drivers.timing.paced import SAME_TIME
+from cnnum.drivers.timing import SAME_TIME
 from cnnum.engine import Engine
 from cnnum.errors import (
     ArrayError,
@@ -46,9 +45,15 @@ from cnnum.scenes.arrangement import (
     warn_of_no_bumps,
     warn_of_other_cover,
 )
-from cnnum.scenes.bad_frames import BadFrames
-from cnnum.scenes.conversion import ByCalibration, Conversion, Reader, conversion_for, unit_of
-from cnnum.scenes.dead_cells import DeadCells
+from cnnum.scenes.bad_frames import ANY, BadFrames, FrameRange, range_for
+from cnnum.scenes.conversion import (
+    ByCalibration,
+    Conversion,
+    DeadCells,
+    Reader,
+    conversion_for,
+    unit_of,
+)
 from cnnum.scenes.dropouts import BANDWIDTH, Dropouts, Liveness
 from cnnum.scenes.events import (
     EVENT_RULES,
@@ -58,17 +63,14 @@ from cnnum.scenes.events import (
     event_rule,
     rules_that_fit,
     titled,
+    with_units,
 )
-from cnnum.scenes.frame_range import ANY, FrameRange, range_for
-from cnnum.scenes.histogram import Histogram
 from cnnum.scenes.like_frames import like_frames
-from cnnum.scenes.order_watch import OrderWatch
-from cnnum.scenes.push_watch import PushWatch
+from cnnum.scenes.push_watch import OrderWatch, PushWatch
 from cnnum.scenes.saturation import CHANNEL, Mask, Saturation, marked
 from cnnum.scenes.scene_file import EVERYTHING, SceneSpec, read_scene, scene_names
 from cnnum.scenes.scene_record import SceneRecord
-from cnnum.scenes.strength_units import with_units
-from cnnum.scenes.summary import Summary
+from cnnum.scenes.summary import Histogram, Summary
 from cnnum.stream import Stream
 from cnnum.values import OfThisProcess
 

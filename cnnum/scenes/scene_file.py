@@ -7,9 +7,8 @@ from importlib import resources
 from pathlib import Path
 from typing import Any, cast
 
-from cnnum.drivers.geometry import Positions
+from cnnum.drivers.geometry import Positions, Reading
 from cnnum.drivers.options import convert, read_options
-from cnnum.drivers.reordered import Reading
 from cnnum.errors import ArrayError, SceneError, missing_file, name_error, unreadable
 from cnnum.frame import Limits, limits_of
 from cnnum.programs import Program

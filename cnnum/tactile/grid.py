@@ -11,7 +11,7 @@ import numpy as np
 
 from cnnum.arrays import as_shape
 from cnnum.errors import ArrayError
-from cnnum.safety.memory import refuse_on_host
+from cnnum.safety.values import refuse_on_host
 from cnnum.tactile.checks import Array, positive
 
 

@@ -1,8 +1,20 @@
-"""Readings of taxels under a cover from indenters of known outline, by closed forms.
+"""Readings of taxels under a cover from spheres, punches and other bodies of known outline.
+
+Readings of taxels under a cover from indenters of known outline, by closed forms.
 
 The mean pressure of every indenter is 1. Signals are positive under a push: −σ_zz for stress, and
 −(2E/3) ε_zz for strain. So the cover is (1 + kz) e^(−kz) for the one and kz e^(−kz) for the other
 (ν = 0.5). Lengths are in any unit, the same for all.
+
+Spheres pressed on a half-space and pulled, as an array under the cover reads them.
+
+Tractions are Hertz's and Cattaneo–Mindlin's, averaged over cells of a part of the pitch. Readings
+are Love's and Cerruti's solutions for these cells.
+
+Rigid flat punches of any outline on a half-space, and readings of the taxels under the cover.
+
+No part of it is the program's: the pressure comes from Boussinesq's equation, solved on cells of a
+part of the pitch. The readings come from Love's solution for these cells.
 """
 
 from collections.abc import Sequence
@@ -11,18 +23,27 @@ from functools import cache
 from typing import TYPE_CHECKING, Literal, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy import fft
+from scipy.sparse.linalg import LinearOperator, cg
 
+from cnnum.arrays import Floats
+from cnnum.errors import PhysicsError
 from cnnum.tactile.checks import Array, positive
+from cnnum.tactile.contact import sphere_traction
 from cnnum.tactile.grid import make_grid
 from cnnum.tactile.halfspace import (
+    SurfaceToDepth,
     band_pass,
     low_pass,
+    rectangle_displacement,
     rectangle_strain,
     rectangle_stress,
 )
 
 if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
+
 
 Reads = Literal["strain", "stress"]
 Pressure = Literal["uniform", "punch", "hertz"]
@@ -234,3 +255,232 @@ def _spectrum(pressure: Pressure, k: Array) -> Array:
             return np.asarray(np.sin(k) / (2.0 * k))
         case "hertz":
             return np.asarray(1.5 * (np.sin(k) - k * np.cos(k)) / k**3)
+
+
+TOUCHES_FINER = 5
+"""Cells of the surface to a pitch: an odd number, so that taxels lie below middles."""
+
+WIDEST = 0.45
+"""Largest radius of a drawn contact, as a share of the array's side."""
+
+
+@dataclass(frozen=True, slots=True)
+class Touch:
+    """A sphere that carries a load of 1 and is pulled; lengths in pitches.
+
+    Attributes
+    ----------
+    radius : float
+        Radius of the contact.
+    centre : (x, y) float
+        From the array's middle.
+    pull : float
+        Tangential over normal load.
+    angle : float, rad
+        Angle of the pull, from x to y.
+    friction : float
+    """
+
+    radius: float
+    centre: tuple[float, float]
+    pull: float = 0.0
+    angle: float = 0.0
+    friction: float = 0.7
+
+    @property
+    def pulls(self) -> tuple[float, float]:
+        """Tangential load along x and y."""
+        return self.pull * np.cos(self.angle), self.pull * np.sin(self.angle)
+
+
+@cache
+def _touches_cover(cells: int, depth: float, reads: Reads, finer: int) -> SurfaceToDepth:
+    # at E = 1.5 strain is in units of 2E/3: as large as the stress that it comes from
+    modulus = 1.5 if reads == "strain" else None
+    side = cells * finer
+    return SurfaceToDepth((side, side), 1.0 / finer, depth, youngs_modulus=modulus)
+
+
+def readings(
+    touch: Touch, cells: int, depth: float, reads: Reads, finer: int = TOUCHES_FINER
+) -> Array:
+    """Return the readings of a square array, (cells, cells, 3), tension positive.
+
+    Parameters
+    ----------
+    touch : Touch
+    cells : int
+        Of a side.
+    depth : float
+        Pitches.
+    reads : "strain" or "stress"
+    finer : int
+        Cells of the surface to a pitch, an odd number. Under 0.3 pitches a contact of a pitch in
+        radius is off by 3 % with 5 of them (strain; stress 2 %), by 0.3 % with 15.
+    """
+    side = cells * finer
+    traction, _ = sphere_traction(
+        (side, side),
+        1.0 / finer,
+        load=1.0,
+        # a³ = 3PR/4E* at P = E* = 1
+        sphere_radius=4.0 * touch.radius**3 / 3.0,
+        modulus=1.0,
+        friction=touch.friction,
+        centre=touch.centre,
+        tangential=touch.pulls,
+    )
+    seen = _touches_cover(cells, depth, reads, finer)(traction)
+    return seen[finer // 2 :: finer, finer // 2 :: finer]
+
+
+def drawn(
+    rng: np.random.Generator, radii: tuple[float, float], cells: int, count: int
+) -> list[Touch]:
+    """Draw touches that lie on the array as a whole, pulled by 0.1 to 0.65 of their load."""
+    found: list[Touch] = []
+    for _ in range(count):
+        radius = float(rng.uniform(radii[0], min(radii[1], WIDEST * cells)))
+        room = 0.9 * (cells / 2 - radius)
+        x, y = (float(place) for place in rng.uniform(-room, room, 2))
+        pull, angle = float(rng.uniform(0.1, 0.65)), float(rng.uniform(0.0, 2 * np.pi))
+        found.append(Touch(radius, (x, y), pull, angle))
+    return found
+
+
+FLAT_PUNCHES_FINER = 15
+"""Cells of the surface to a pitch: an odd number, so that taxels lie below middles."""
+
+SOLVED = 1e-4
+"""Residue of the equation, relative: the readings are right to a tenth of that."""
+
+
+class Outline(Protocol):
+    """The outline of a body."""
+
+    def distance(self, x: Floats, y: Floats) -> Floats:
+        """Return the distance from it, negative inside."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Polygon:
+    """An outline with straight sides, for its distance alone.
+
+    Attributes
+    ----------
+    corners : ((x, y), ...) float
+        In order, pitches.
+    """
+
+    corners: tuple[tuple[float, float], ...]
+
+    def distance(self, x: Floats, y: Floats) -> Floats:
+        """Return the distance from the outline, negative inside."""
+        inside, nearest = np.zeros(np.shape(x), dtype=bool), np.full(np.shape(x), np.inf)
+        for (x0, y0), (x1, y1) in zip(self.corners, np.roll(self.corners, 1, axis=0), strict=True):
+            along = ((x - x0) * (x1 - x0) + (y - y0) * (y1 - y0)) / (
+                (x1 - x0) ** 2 + (y1 - y0) ** 2
+            )
+            share = np.clip(along, 0.0, 1.0)
+            away = np.hypot(x - x0 - share * (x1 - x0), y - y0 - share * (y1 - y0))
+            nearest = np.minimum(nearest, away)
+            crossed = (y0 > y) != (y1 > y)
+            beyond = (x1 - x0) * (y - y0) / np.where(crossed, y1 - y0, 1.0) + x0
+            inside ^= crossed & (x < beyond)
+        return np.where(inside, -nearest, nearest)
+
+
+def triangle(side: float, angle: float, centre: tuple[float, float]) -> Polygon:
+    """Return an equilateral triangle; `angle` is that of its first corner."""
+    turns = angle + 2.0 * np.pi * np.arange(3) / 3.0
+    radius = side / np.sqrt(3.0)
+    x, y = centre[0] + radius * np.cos(turns), centre[1] + radius * np.sin(turns)
+    return Polygon(tuple(zip(x.tolist(), y.tolist(), strict=True)))
+
+
+@dataclass(frozen=True, slots=True)
+class Joined:
+    """Outlines that do not overlap, on one rigid body."""
+
+    parts: tuple[Outline, ...]
+
+    def distance(self, x: Floats, y: Floats) -> Floats:
+        """Return the distance from the nearest outline, negative inside."""
+        return np.asarray(np.min([part.distance(x, y) for part in self.parts], axis=0))
+
+
+def punch_pressure(outline: Outline, cells: int, finer: int = FLAT_PUNCHES_FINER) -> Floats:
+    """Return the pressure that sinks all of an outline evenly, of mean 1 within it.
+
+    Parameters
+    ----------
+    outline : Outline
+        Lengths in pitches, from the middle of the array.
+    cells : int
+        Of a side of the array.
+    finer : int
+        Cells of the surface to a pitch, an odd number.
+
+    Returns
+    -------
+    (cells · finer, cells · finer) float
+
+    Raises
+    ------
+    PhysicsError
+        If no cell lies within the outline.
+    """
+    side = cells * finer
+    axis = (np.arange(side) + 0.5) / finer - cells / 2
+    # cells whose middle lies on the outline are outside on all sides, in spite of roundings
+    within = np.nonzero((outline.distance(*np.meshgrid(axis, axis)) < -1e-9).ravel())[0]
+    if not within.size:
+        raise PhysicsError("Expected an outline on the array, got none of its cells within it.")
+    waves = _sinking(side, finer)
+
+    def sinks(pressure: Floats) -> Floats:
+        whole = np.zeros(side * side)
+        whole[within] = np.ravel(pressure)
+        spread = fft.irfft2(fft.rfft2(whole.reshape(side, side), s=(2 * side,) * 2) * waves)
+        return np.asarray(spread[:side, :side].ravel()[within])
+
+    operator = LinearOperator((within.size,) * 2, matvec=sinks, dtype=np.float64)
+    found, failed = cg(operator, np.ones(within.size), rtol=SOLVED)
+    assert not failed
+    pressure = np.zeros(side * side)
+    pressure[within] = found / found.mean()
+    return pressure.reshape(side, side)
+
+
+def read_below(
+    pressures: Sequence[Floats],
+    cells: int,
+    depth: float,
+    reads: Reads,
+    finer: int = FLAT_PUNCHES_FINER,
+) -> Floats:
+    """Return the readings of a square array's taxels, (pressures, cells, cells), push positive."""
+    loads = np.zeros((len(pressures), cells * finer, cells * finer, 3))
+    loads[..., 2] = pressures
+    seen = _flat_punches_cover(cells, depth, reads, finer)(loads)[..., 2]
+    return -seen[:, finer // 2 :: finer, finer // 2 :: finer]
+
+
+@cache
+def _flat_punches_cover(cells: int, depth: float, reads: Reads, finer: int) -> SurfaceToDepth:
+    # at E = 1.5 strain is in units of 2E/3: as large as the stress that it comes from
+    modulus = 1.5 if reads == "strain" else None
+    return SurfaceToDepth(
+        (cells * finer, cells * finer), 1.0 / finer, depth, youngs_modulus=modulus
+    )
+
+
+@cache
+def _sinking(side: int, finer: int) -> NDArray[np.complex128]:
+    """Return the waves of how far a load on one cell sinks the others, on twice the side."""
+    away = np.minimum(np.arange(2 * side), 2 * side - np.arange(2 * side)) / finer
+    x, y = np.meshgrid(away, away)
+    size = (1.0 / finer, 1.0 / finer)
+    sunk = rectangle_displacement(x, y, 0.0, [0.0, 0.0, 1.0], size=size, youngs_modulus=1.0)
+    return np.asarray(fft.rfft2(sunk[..., 2]), dtype=np.complex128)

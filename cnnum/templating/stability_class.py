@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from cnnum.arrays import Floats, Shape
 from cnnum.templating.boundary import halo_sources
 from cnnum.templating.functions import OUTPUT_FUNCTIONS, OutputFunction
-from cnnum.templating.reads import autonomous
+from cnnum.templating.network import autonomous
 from cnnum.templating.template import Template
 
 INTERVALS = 4096

@@ -3,8 +3,7 @@
 import numpy as np
 
 from cnnum import Engine, get_template
-from cnnum.design.designing import designed
-from cnnum.design.spec import Spec
+from cnnum.design.designing import Spec, designed
 from cnnum.templating.batch import TemplateBatch
 
 CHIPS, MISMATCH, TRIMS = 200, 0.10, np.linspace(-2.4, 2.4, 13)

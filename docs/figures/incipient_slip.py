@@ -18,7 +18,7 @@ from cnnum.drivers.simulated.grips import PITCH, Array, Arrays, Draw, Make, Tria
 from cnnum.engine import Engine
 from cnnum.frame import FORCE_AXES
 from cnnum.lab.scoring.families import faces
-from cnnum.lab.scoring.families.dragged import dragged
+from cnnum.lab.scoring.families.catalogue import dragged
 from cnnum.programs.library import get_program
 
 OUTPUTS = ("mindlin_holds", "incipient_slip")

@@ -36,7 +36,7 @@ from cnnum.lab.scoring.recordings import folds, pooled, read
 from cnnum.programs import program
 from cnnum.programs.fields import Field
 from cnnum.programs.machine import FrameFields
-from cnnum.templates.tactile.shared.recent_loads import RecentLoads
+from cnnum.templates.tactile.shared.loads import RecentLoads
 from cnnum.templates.tactile.slip import ALONG, LIES, STICKS, read_outs
 from cnnum.templates.tactile.twist import read_outs as turns_of
 

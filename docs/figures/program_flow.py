@@ -19,7 +19,7 @@ from cnnum.programs import Program
 from cnnum.programs.fields import Field
 from cnnum.programs.machine import NOMINAL, FrameFields
 from cnnum.templates.tactile import slip as slip_file
-from cnnum.templates.tactile.shared.recent_loads import RecentLoads
+from cnnum.templates.tactile.shared.loads import RecentLoads
 from cnnum.templates.tactile.twist import twist
 
 FOLDER = Path(__file__).parents[1] / "programs"

@@ -20,17 +20,21 @@ from cnnum.lab.bench.programs.edge_errors import Skin, found_places, run_edges
 from cnnum.programs.library import get_program
 from cnnum.sharing import colours
 from cnnum.tactile.bump_loads import bump_readings
-from cnnum.tactile.flat_punches import (
+from cnnum.tactile.indenters import (
+    Disc,
     Joined,
     Outline,
+    Rectangle,
+    Ring,
+    Touch,
+    frame_under,
     punch_pressure,
     read_below,
+    readings,
     triangle,
 )
-from cnnum.tactile.indenters import Disc, Rectangle, Ring, frame_under
 from cnnum.tactile.texture import texture as whole_recording
 from cnnum.tactile.texture_materials import FOUR, Stroke, rub
-from cnnum.tactile.touches import Touch, readings
 from docs.figures.scene_pictures import (
     active_contour_picture,
     moving_patterns_picture,

@@ -14,7 +14,7 @@ from cnnum.design.search import Search, compared, search
 from cnnum.engine import Engine
 from cnnum.report.environment import Environment
 from cnnum.templating.checks import run_check
-from cnnum.templating.checks.intervals import wilson
+from cnnum.templating.checks.robustness import wilson
 from cnnum.templating.library import get_template
 
 PAGE = Path(__file__).parents[1] / "design-search.md"

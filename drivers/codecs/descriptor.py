@@ -1,25 +1,69 @@
-"""The descriptor: a small TOML file that says how an array writes its scans."""
+"""The descriptor: a small TOML file that says how an array writes its scans, in binary or text."""
 
+import binascii
 import math
+import zlib
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar, Literal
+from typing import ClassVar, Literal, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cnnum.arrays import Floats, Shape
-from cnnum.drivers.codecs.checksums import CHECKS
-from cnnum.drivers.geometry import Positions, checked_positions
-from cnnum.drivers.options import (
-    read_options_file,
-    require,
-    require_limits,
-)
-from cnnum.drivers.reordered import Reading
+from cnnum.drivers.codecs.scan import Scan, numbers_or_none, within
+from cnnum.drivers.codecs.stream import MORE, Found, Skip, overtaken, to_marker
+from cnnum.drivers.geometry import Positions, Reading, checked_positions
+from cnnum.drivers.options import read_options_file, require, require_limits
 from cnnum.errors import CodecError
 from cnnum.frame import Limits, limits_of
 from cnnum.recordings.recording import channel_names
+
+Check = tuple[int, Callable[[bytes], int]]
+"""Bytes of a check, and its value over the bytes before it."""
+
+
+def crc16_modbus(data: bytes) -> int:
+    """Return the CRC-16/MODBUS: 0x8005 reflected, start 0xFFFF; 0x4B37 of ``123456789``."""
+    rest = 0xFFFF
+    for byte in data:
+        rest ^= byte
+        for _ in range(8):
+            rest = rest >> 1 ^ 0xA001 if rest & 1 else rest >> 1
+    return rest
+
+
+def crc8(data: bytes) -> int:
+    """Return the CRC-8/SMBUS: polynomial 0x07, start 0; 0xF4 of ``123456789``."""
+    rest = 0
+    for byte in data:
+        rest ^= byte
+        for _ in range(8):
+            rest = (rest << 1 ^ 0x07 if rest & 0x80 else rest << 1) & 0xFF
+    return rest
+
+
+def xor8(data: bytes) -> int:
+    """Return the exclusive-or of all bytes."""
+    rest = 0
+    for byte in data:
+        rest ^= byte
+    return rest
+
+
+CHECKS: Mapping[str, Check] = {
+    "sum8": (1, lambda data: sum(data) & 0xFF),
+    "sum16": (2, lambda data: sum(data) & 0xFFFF),
+    "lrc8": (1, lambda data: -sum(data) & 0xFF),
+    "xor8": (1, xor8),
+    "crc8": (1, crc8),
+    "crc16-modbus": (2, crc16_modbus),
+    "crc16-ccitt": (2, lambda data: binascii.crc_hqx(data, 0xFFFF)),
+    "crc32": (4, zlib.crc32),
+}
+"""By name; `lrc8` makes the sum of all bytes 0."""
+
 
 CELLS = ("u8", "i8", "u16", "i16", "u32", "i32", "f32", "text")
 COUNTERS = ("none", "u8", "u16", "u32")
@@ -40,7 +84,7 @@ class Descriptor:
         Numbers of a taxel in their order; "x", "y", "z" are the shears and the normal load, and a
         minus turns the sign: "-x".
     order, flip : str, tuple of str
-        Of the numbers, where they follow each other otherwise (`cnnum.drivers.reordered.Reading`).
+        Of the numbers, where they follow each other otherwise (`cnnum.drivers.geometry.Reading`).
     planes : bool
         Whether all taxels of a channel come together, and not all channels of a taxel.
     header, tail : str
@@ -209,3 +253,250 @@ def read_descriptor(path: Path, shape: Shape | None = None) -> Descriptor:
     same = shape[0] * shape[1] == known.shape[0] * known.shape[1]
     changes = {"shape": list(shape), **({} if same else {"positions": []})}
     return read_options_file(Descriptor, "The descriptor", path, changes)
+
+
+MICROS = {"us": 1, "ms": 1000}
+
+
+class FixedSize:
+    """The format of a descriptor whose cells are binary.
+
+    A packet with a check is believed by its check. One without is believed if the next packet's
+    header stands where it must, or if its own tail and that of the packet before or after do;
+    otherwise only where its numbers go on from those before. Where a check of one byte, or none,
+    leaves a choice among beginnings that overlap, more packets decide.
+
+    Attributes
+    ----------
+    size : int
+        Bytes of a packet.
+    """
+
+    def __init__(self, descriptor: Descriptor) -> None:
+        d = self._descriptor = descriptor
+        self._header, self._tail = bytes.fromhex(d.header), bytes.fromhex(d.tail)
+        self._counter = len(self._header)
+        self._time = self._counter + bytes_of(d.counter)
+        self._cells = self._time + bytes_of(d.time)
+        self._dtype, self._count, self._channels = d.dtype, int(np.prod(d.whole)), d.names
+        self._check = self._cells + self._count * self._dtype.itemsize + d.unused
+        width = CHECKS[d.check][0] if d.check != "none" else 0
+        self._end = self._check + width
+        self.size = self._end + len(self._tail)
+
+    def look(self, data: bytearray, *, locked: bool, ended: bool) -> Found | Skip | None:
+        """Return the scan, gap or wait at the front of `data`."""
+        if self._header:
+            before = to_marker(data, self._header, ended=ended)
+            if before is not None:
+                return before
+        if len(data) < self.size:
+            return Skip(1) if ended else MORE
+        if not (self._header or self._tail) and len(data) > self.size:
+            return Skip(len(data), bad=True)  # an answer has its size, or it is none
+        packet = bytes(data[: self.size])
+        if packet[self._end :] != self._tail:
+            return self._to_tail(data, locked=locked)
+        if not self._checked(packet):
+            return Skip(1, bad=True)
+        values = self._values(packet)
+        if values is None:
+            return Skip(1, bad=True)
+        seen = self._believed(data, locked=locked, ended=ended)
+        if not isinstance(seen, Found):
+            return seen
+        return Found(self.size, self._scan(packet, values), seen.alone)
+
+    def _to_tail(self, data: bytearray, *, locked: bool) -> Skip:
+        """Return the bytes before the next place of which the tail stands where it must."""
+        if self._header:
+            return Skip(1, bad=locked)
+        at = data.find(self._tail, self._end)
+        return Skip(at - self._end if at > 0 else len(data) - self.size + 1)
+
+    def _checked(self, packet: bytes) -> bool:
+        d = self._descriptor
+        if d.check == "none":
+            return True
+        covered = packet[0 if d.check_header else len(self._header) : self._check]
+        expected = CHECKS[d.check][1](covered)
+        return int.from_bytes(packet[self._check : self._end], d.byte_order) == expected
+
+    def _believed(self, data: bytearray, *, locked: bool, ended: bool) -> Found | Skip | None:
+        """Return whether the next bytes agree that this was a packet."""
+        if self._descriptor.request:
+            return Found(self.size)
+        if self._descriptor.check == "none":
+            followed = self._followed(data, locked=locked, ended=ended)
+            if not isinstance(followed, Found) or followed.alone:
+                return followed
+        if self._end - self._check > 1 or not self._header:
+            return Found(self.size)
+        return overtaken(data, self.size, self._header, self._whole, ended=ended)
+
+    def _whole(self, packet: bytes) -> bool:
+        return packet[self._end :] == self._tail and self._checked(packet)
+
+    def _followed(self, data: bytearray, *, locked: bool, ended: bool) -> Found | None:
+        """Return whether the next packet, or its tail, stands where it must."""
+        if (self._tail and locked) or (ended and len(data) == self.size):
+            return Found(self.size)
+        at, marker = self.size, self._header
+        if self._tail:
+            at, marker = 2 * self.size - len(self._tail), self._tail
+        there = bytes(data[at : at + len(marker)])
+        if there == marker:
+            return Found(self.size)
+        if len(there) == len(marker) or not marker.startswith(there) or ended:
+            return Found(self.size, alone=True)
+        return MORE
+
+    def _values(self, packet: bytes) -> Floats | None:
+        """Return the raw numbers, or None where they are out of range."""
+        d = self._descriptor
+        cells = np.frombuffer(packet, self._dtype, self._count, self._cells)
+        with np.errstate(invalid="ignore"):  # damage makes signalling NaNs, too
+            raw = cells.astype(np.float64)
+        rows, cols, axes = d.whole
+        if d.planes:
+            raw = raw.reshape(axes, rows, cols).transpose(1, 2, 0)
+        raw = raw.reshape(rows, cols, axes)
+        # a check believes the packet: a number outside is then a taxel's fault
+        inside = d.check != "none" or within(raw, d.limits)
+        return raw if inside and numbers_or_none(raw) else None
+
+    def _scan(self, packet: bytes, values: Floats) -> Scan:
+        d, order = self._descriptor, self._descriptor.byte_order
+        has_counter, has_time = d.counter != "none", d.time != "none"
+        time = int.from_bytes(packet[self._time : self._cells], order) * MICROS[d.time_unit]
+        at_end = d.at_end(values)
+        return Scan(
+            values=values * d.scale if d.scale != 1.0 else values,
+            saturated=at_end is not None,
+            at_end=at_end,
+            channels=self._channels,
+            unit=d.unit,
+            sequence=int.from_bytes(packet[self._counter : self._time], order)
+            if has_counter
+            else None,
+            sequence_wrap=1 << 8 * bytes_of(d.counter),
+            time_us=time if has_time else None,
+            time_wrap=MICROS[d.time_unit] << 8 * bytes_of(d.time),
+            period_us=round(1e6 / d.rate) if d.rate else 0,
+        )
+
+    def encode(self, scan: Scan) -> bytes:
+        """Return the packet of a scan; whole cells are rounded, and clipped at their range.
+
+        It raises as `Descriptor.raw`.
+        """
+        d = self._descriptor
+        values = d.raw(scan.values)
+        values = values.transpose(2, 0, 1) if d.planes else values
+        if d.dtype.kind != "f":
+            known = np.iinfo(cast("np.dtype[np.int64]", d.dtype))
+            values = np.clip(np.rint(values), known.min, known.max)
+        data = self._header + _number(scan.sequence, d.counter, d.byte_order)
+        data += _number((scan.time_us or 0) // MICROS[d.time_unit], d.time, d.byte_order)
+        data += values.astype(d.dtype).tobytes() + bytes(d.unused)
+        if d.check != "none":
+            width, check = CHECKS[d.check]
+            covered = data if d.check_header else data[len(self._header) :]
+            data += check(covered).to_bytes(width, d.byte_order)
+        return data + self._tail
+
+
+def _number(value: int | None, kind: str, order: "str") -> bytes:
+    width = bytes_of(kind)
+    return ((value or 0) % (1 << 8 * width)).to_bytes(width, "big" if order == "big" else "little")
+
+
+DIGITS = 32
+"""Signs of the longest number."""
+
+ALLOWED = b"0123456789+-.eE ,;\t\r\nNnAa"
+BLANKS = bytes.maketrans(b",;", b"  ")
+
+
+class TextRows:
+    """The format of a descriptor whose cells are text."""
+
+    def __init__(self, descriptor: Descriptor) -> None:
+        self._descriptor = descriptor
+        rows, cols, axes = descriptor.whole
+        self._rows, self._numbers = rows, cols * axes
+        self._channels = descriptor.names
+        self._longest = rows * (self._numbers * DIGITS + 2) + 2
+
+    def look(self, data: bytearray, *, locked: bool, ended: bool) -> Found | Skip | None:
+        """Return the scan, gap or wait at the front of `data`."""
+        end = self._end_of_scan(data)
+        if end < 0:
+            return Skip(1) if ended or len(data) > self._longest else MORE
+        lines = bytes(data[:end]).splitlines(keepends=True)
+        full = [line for line in lines if line.strip()]
+        if not full:
+            return Found(end)  # an empty line more
+        before = b"".join(lines[: max(0, _index(lines, full, self._rows))])
+        values = self._values(full[-self._rows :])
+        if values is None:
+            first = len(lines[0])
+            return Skip(first if len(full) > self._rows else end, bad=True)
+        if before.strip():
+            return Skip(len(before))
+        d = self._descriptor
+        at_end = d.at_end(values)
+        return Found(
+            end,
+            Scan(
+                values * d.scale if d.scale != 1.0 else values,
+                self._channels,
+                d.unit,
+                period_us=round(1e6 / d.rate) if d.rate else 0,
+                saturated=at_end is not None,
+                at_end=at_end,
+            ),
+        )
+
+    def _end_of_scan(self, data: bytearray) -> int:
+        if self._rows == 1:
+            return data.find(b"\n") + 1 or -1
+        ends = [at + len(mark) for mark in (b"\n\n", b"\n\r\n") if (at := data.find(mark)) >= 0]
+        return min(ends, default=-1)
+
+    def _values(self, lines: list[bytes]) -> Floats | None:
+        if len(lines) != self._rows:
+            return None
+        rows = [_floats(line) for line in lines]
+        if any(len(row) != self._numbers for row in rows):
+            return None
+        values = np.array(rows).reshape(self._descriptor.whole)
+        inside = numbers_or_none(values) and within(values, self._descriptor.limits)
+        return values if inside else None
+
+    def encode(self, scan: Scan) -> bytes:
+        """Return the lines of a scan; it raises as `Descriptor.raw`."""
+        raw = self._descriptor.raw(scan.values)
+        lines = [" ".join(f"{v:.9g}" for v in row.ravel().tolist()) for row in raw]
+        return ("\n".join(lines) + ("\n" if self._rows == 1 else "\n\n")).encode()
+
+
+def _index(lines: list[bytes], full: list[bytes], rows: int) -> int:
+    """Return the line that the last `rows` full ones begin at."""
+    if len(full) <= rows:
+        return 0
+    begin, seen = len(lines), 0
+    while seen < rows:
+        begin -= 1
+        seen += bool(lines[begin].strip())
+    return begin
+
+
+def _floats(line: bytes) -> list[float]:
+    """Return the numbers of a line; none where one is not a number."""
+    if line.translate(None, ALLOWED):
+        return []
+    try:
+        return list(map(float, line.translate(BLANKS).split()))
+    except ValueError:
+        return []

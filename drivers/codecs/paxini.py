@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cnnum.arrays import Floats, Shape
-from cnnum.drivers.codecs.checksums import CHECKS
+from cnnum.drivers.codecs.descriptor import CHECKS
 from cnnum.drivers.codecs.scan import Scan
 from cnnum.drivers.codecs.stream import MORE, Decoder, Found, Skip, overtaken, to_marker
 from cnnum.drivers.codecs.wire import Asked, Form, Wire, shape_or

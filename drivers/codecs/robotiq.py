@@ -11,9 +11,8 @@ import struct
 
 import numpy as np
 
-from cnnum.drivers.codecs.neighbours import Neighbours
 from cnnum.drivers.codecs.scan import Scan
-from cnnum.drivers.codecs.stream import MORE, Decoder, Found, Skip, to_marker
+from cnnum.drivers.codecs.stream import MORE, Decoder, Found, Neighbours, Skip, to_marker
 from cnnum.drivers.codecs.wire import Asked, Form, Wire
 from cnnum.errors import CodecError, SceneError
 

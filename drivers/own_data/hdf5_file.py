@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cnnum.errors import RecordingError, missing_extra, unreadable
-from cnnum.safety.memory import host_bytes
 from cnnum.safety.reading import MEGABYTE, open_regular
+from cnnum.safety.values import host_bytes
 
 PARQUET = ".parquet"
 

@@ -15,12 +15,18 @@ from typing import Any, cast
 import numpy as np
 
 from cnnum.arrays import Floats
-from cnnum.drivers.clock_times import by_format, nanoseconds
 from cnnum.drivers.codecs.wire import Asked, protocol_names, wire
-from cnnum.drivers.npz_archive import array_shapes
+from cnnum.drivers.npz_file import array_shapes
 from cnnum.drivers.own_data.hdf5_file import PARQUET, list_hdf5, read_hdf5
 from cnnum.drivers.own_data.sources import HDF5
-from cnnum.drivers.text_table import MISSING, SEPARATORS, TextForm, fields_of
+from cnnum.drivers.text_table import (
+    MISSING,
+    SEPARATORS,
+    TextForm,
+    by_format,
+    fields_of,
+    nanoseconds,
+)
 from cnnum.errors import CnnumError, CodecError, RecordingError, unreadable
 from cnnum.recordings.messages import BAGS, LINES, is_bag, messages, numeric_fields
 from cnnum.recordings.times import rate_of
@@ -325,7 +331,7 @@ def _of_arrays(path: Path, shapes: Mapping[str, tuple[tuple[int, ...], str]]) ->
 def _one_array(path: Path, name: str) -> Floats:
     if path.suffix.lower() in (*HDF5, PARQUET):
         return np.asarray(read_hdf5(path, [name])[1][name], np.float64).reshape(-1)
-    from cnnum.drivers.npz_archive import read_arrays
+    from cnnum.drivers.npz_file import read_arrays
 
     return np.asarray(read_arrays(path, {name})[name], np.float64).reshape(-1)
 

@@ -12,13 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cnnum.arrays import Floats
-from cnnum.drivers.clock_times import nanoseconds
 from cnnum.drivers.codecs.scan import Scan
 from cnnum.drivers.codecs.wire import Asked, wire
-from cnnum.drivers.npz_archive import read_arrays
+from cnnum.drivers.npz_file import read_arrays
 from cnnum.drivers.own_data.hdf5_file import PARQUET, read_hdf5
 from cnnum.drivers.own_data.layout import AXES, ORDERS, SECONDS, DataLayout
-from cnnum.drivers.text_table import LONGEST_LINE, Head, Wanted, read_columns
+from cnnum.drivers.text_table import LONGEST_LINE, Head, Wanted, nanoseconds, read_columns
 from cnnum.errors import CodecError, RecordingError, RecordingWarning, unreadable
 from cnnum.recordings.messages import (
     BAGS,

@@ -28,14 +28,13 @@ import numpy as np
 
 from cnnum.arrays import Floats
 from cnnum.drivers.simulated.cover import CELLS, Layout
-from cnnum.drivers.simulated.motion import Command
+from cnnum.drivers.simulated.script import Command
 from cnnum.drivers.simulated.settings import Settings
-from cnnum.drivers.simulated.springs import Pair, State
-from cnnum.drivers.simulated.tractions import Window
+from cnnum.drivers.simulated.springs import Pair, State, Window
 from cnnum.tactile.grid import Grid
 
 if TYPE_CHECKING:
-    from cnnum.tactile.flat_punches import Outline
+    from cnnum.tactile.indenters import Outline
 
 TURNS = 1.5
 """Stiffness of a turn over that of springs alike, of a round face."""
@@ -72,7 +71,7 @@ class FlatFace:
     """
 
     def __init__(self, options: Settings) -> None:
-        from cnnum.tactile.flat_punches import punch_pressure
+        from cnnum.tactile.indenters import punch_pressure
 
         self.pair = Pair(options.radius, options.youngs_modulus, options.friction)
         outline, reach = outline_of(options)
@@ -304,8 +303,7 @@ def _rigid(held: Floats, arm: Floats, stiffness: Floats) -> Floats:
 
 def outline_of(options: Settings) -> tuple["Outline", float]:
     """Return the outline of a flat face in pitches, and how far it reaches from its middle."""
-    from cnnum.tactile.flat_punches import Joined
-    from cnnum.tactile.indenters import Disc, Rectangle, Ring
+    from cnnum.tactile.indenters import Disc, Joined, Rectangle, Ring
 
     wide, long = options.width / options.pitch, options.length / options.pitch
     match options.body:

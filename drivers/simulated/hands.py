@@ -19,8 +19,7 @@ from cnnum.drivers.simulated.grips import (
     touch,
     trial_of,
 )
-from cnnum.drivers.simulated.motion import Command, total_scans
-from cnnum.drivers.simulated.script import Phase
+from cnnum.drivers.simulated.script import Command, Phase, total_scans
 
 SECONDS = 6.0
 """Length of a scene."""

@@ -4,8 +4,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from cnnum.drivers.options import require
-from cnnum.drivers.simulated.motion import largest_load
-from cnnum.drivers.simulated.script import DEFAULT, Phase
+from cnnum.drivers.simulated.script import DEFAULT, Phase, largest_load
 
 THINNEST = 0.05
 """Thickness of a layer over the pitch, at least: a quarter of a cell of the surface."""

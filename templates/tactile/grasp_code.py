@@ -9,9 +9,8 @@ from collections.abc import Mapping
 from itertools import product
 
 from cnnum.programs import program
-from cnnum.programs.blocks import Block, blocks
 from cnnum.programs.fields import Field, length, maximum, mean, sqrt, total, where
-from cnnum.programs.machine import FrameFields
+from cnnum.programs.machine import Block, FrameFields, blocks
 from cnnum.templates.tactile.shared.loads import LIFT, PUSH, Loads, loads_of
 
 AGREE = 0.75

@@ -9,9 +9,8 @@ from cnnum.programs.fields import Field, total
 from cnnum.programs.machine import FrameFields
 from cnnum.programs.parameters import refuse_outside
 from cnnum.programs.transients import Applied, apply, transient
-from cnnum.templates.tactile.cover_model.elastic_lattice import ElasticLattice, Form
+from cnnum.templates.tactile.cover_model.elastic_lattice import ElasticLattice, Form, matched
 from cnnum.templates.tactile.cover_model.fields import depth_in_cells
-from cnnum.templates.tactile.cover_model.lattice_fading import matched
 from cnnum.templating.template import Template
 
 PATIENCE = 1e7

@@ -1,13 +1,211 @@
-"""Stress and strain under an elastic cover by relaxing a stack of depth layers."""
+"""Stress and strain under an elastic cover by relaxing a stack of depth layers.
 
+The elastic half-space as a stack of cellular layers, one a depth, that relaxes to harmonic.
+
+Layer j stands for the plane at depth z_j. It holds F = exp(−kz)/k u, the harmonic function of slope
+−u on the surface. Between two planes a wave follows cosh and sinh. So the planes of equal slabs d
+obey, without any error of depth,
+
+    2 cosh(kd) F_j = F_{j−1} + F_{j+1},       cosh(kd) F_0 − F_1 = (sinh(kd)/k) u,
+
+and where slabs begin to be twice as thick, with c = cosh(kd) and C = cosh(2kd),
+
+    (1 + 2C) F_j = 2c F_{j−1} + F_{j+1}.
+
+With k² = −Laplacian, the series of cosh to k² is a 3×3 template, to k⁴ a 5×5 one: the error falls
+as d² or d⁴. Each row is divided by the largest weight of its own layer. That makes it the
+equilibrium of a CNN layer.
+"""
+
+import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 
+import numpy as np
+from scipy.signal import convolve2d
+
+from cnnum.arrays import Floats
+from cnnum.errors import ProgramError
+from cnnum.graph.nodes import RunSpec
 from cnnum.programs import program
 from cnnum.programs.fields import Field
 from cnnum.programs.machine import FrameFields
 from cnnum.programs.parameters import refuse_outside
-from cnnum.templates.tactile.cover_model.depth_layers import relaxed, stack_of
+from cnnum.programs.transients import apply, transient
 from cnnum.templates.tactile.cover_model.fields import Surface, depth_in_cells
+from cnnum.templating.library import get_template
+from cnnum.templating.template import Template
+
+COARSER = 4
+"""Slabs of one thickness below the taxels; then slabs are twice as thick. With three of them the
+error of doubling shows before 1e-5, with five there are layers that nothing is gained by."""
+
+ORDERS = (2, 4)
+
+HIGHEST = 8.0
+"""Largest k² of the five-point Laplacian."""
+
+PATIENCE = 1e6
+"""Time constants after which a relaxation gives up: far above the slowest of 64×64 cells."""
+
+
+@dataclass(frozen=True, slots=True)
+class Stack:
+    """Slabs of a half-space.
+
+    Attributes
+    ----------
+    slabs : tuple of float
+        Thicknesses from the surface down, cells; below the last one nothing moves.
+    taxels : int
+        The number of slabs above the plane of the taxels, all of one thickness, as is
+        the one below.
+    order : 2 or 4
+        Order of the error in the slabs' thickness.
+    """
+
+    slabs: tuple[float, ...]
+    taxels: int
+    order: int
+
+    @property
+    def depth(self) -> float:
+        """Depth of the taxels, cells."""
+        return self.slabs[0] * self.taxels
+
+    def template(self) -> Template:
+        """Return the CNN of one layer a plane whose input is u."""
+        layers, size = len(self.slabs), self.order + 1
+        A, B = np.zeros((layers, layers, size, size)), np.zeros((layers, 1, size, size))
+        for row, (own, above, below) in enumerate(self._rows()):
+            scale = _value(own, HIGHEST)
+            A[row, row] = _kernel([1.0], size) - _kernel(own, size) / scale
+            if row == 0:
+                B[0, 0] = _kernel(above, size) / scale
+            else:
+                A[row, row - 1] = _kernel(above, size) / scale
+            if row + 1 < layers:
+                A[row, row + 1] = _kernel(below, size) / scale
+        return Template(
+            f"{layers} depth layers of order {self.order}",
+            A,
+            B,
+            boundary="zero-flux",
+            duration="settle",
+            output="linear",
+        )
+
+    def _rows(self) -> list[tuple[list[float], list[float], list[float]]]:
+        """Return the series in k² of each plane: its own, that of the one above, and below."""
+        first = self.slabs[0]
+        rows = [(self._cosh(first), [first * part for part in self._sinh(first)], [1.0])]
+        for above, below in zip(self.slabs, self.slabs[1:], strict=False):
+            if below == above:
+                rows.append(([2.0 * part for part in self._cosh(above)], [1.0], [1.0]))
+            else:
+                own = [2.0 * part for part in self._cosh(below)]
+                own[0] += 1.0
+                rows.append((own, [2.0 * part for part in self._cosh(above)], [1.0]))
+        return rows
+
+    def _cosh(self, slab: float) -> list[float]:
+        return [1.0, slab**2 / 2, slab**4 / 24][: self.order // 2 + 1]
+
+    def _sinh(self, slab: float) -> list[float]:
+        """Return the series of sinh(kd)/(kd)."""
+        return [1.0, slab**2 / 6][: self.order // 2]
+
+
+def stack_of(
+    depth: float, shape: tuple[int, int], layers: int, order: int, tolerance: float
+) -> Stack:
+    """Return a stack for taxels `depth` cells deep under an array of that shape.
+
+    It ends where the array's longest wave, reflected there and back at the taxels, is below
+    `tolerance`.
+
+    Raises
+    ------
+    ProgramError
+        If the number of layers, the order or the tolerance is out of range.
+    """
+    if not (layers >= 1 and int(layers) == layers and order in ORDERS and 1e-9 < tolerance < 0.1):
+        raise ProgramError(
+            "Expected a whole number of layers, the order 2 or 4 and a tolerance between 1e-9 and "
+            f"0.1; got {layers}, {order} and {tolerance}."
+        )
+    slowest = 2 * math.sin(math.pi / (2 * max(2, *shape)))
+    end = depth - math.log(tolerance) / (2 * slowest)
+    slab = depth / layers
+    slabs, reached = [slab] * (layers + 1), depth + slab
+    while reached < end:
+        if (len(slabs) - layers) % COARSER == 0:
+            slab *= 2
+        slabs.append(slab)
+        reached += slab
+    return Stack(tuple(slabs), layers, order)
+
+
+@dataclass(frozen=True, slots=True)
+class LayerExtension:
+    """The harmonic extension of one map, read off three planes of a relaxed stack."""
+
+    stack: Stack
+    above: Field
+    own: Field
+    below: Field
+    mean: Field
+
+    def harmonic(self) -> Field:
+        """Return exp(−kz) u, the slope of F at the taxels."""
+        slab = self.stack.slabs[0]
+        slope = (self.above - self.below) * (0.5 / slab)
+        if self.stack.order > 2:
+            # sinh(kd)/kd = 1 + (kd)²/6 is the factor of a central difference on a slope
+            slope = slope + slab * slab / 6 * _laplacian(slope)
+        return slope + self.mean
+
+    def potential(self) -> Field:
+        """Return exp(−kz)/k u."""
+        return self.own
+
+    def low_pass(self) -> Field:
+        """Return (1 + kz) exp(−kz) u."""
+        return self.harmonic() + self.band_pass()
+
+    def band_pass(self) -> Field:
+        """Return kz exp(−kz) u = z k² F."""
+        return -self.stack.depth * _laplacian(self.own)
+
+
+def relaxed(value: Field, stack: Stack, method: str, rtol: float) -> LayerExtension:
+    """Let the stack come to rest under a map; its mean, which does not fade, is kept apart."""
+    mean = value.mean()
+    spec = RunSpec(method=method, rtol=rtol, atol=rtol, settle_limit=PATIENCE)
+    states = transient(stack.template(), input=value - mean, spec=spec).states
+    at = stack.taxels
+    return LayerExtension(stack, states[at - 1], states[at], states[at + 1], mean)
+
+
+def _laplacian(value: Field) -> Field:
+    return apply(get_template("laplacian"), input=value)
+
+
+def _value(series: list[float], square: float) -> float:
+    return float(np.polynomial.polynomial.polyval(square, series))
+
+
+def _kernel(series: list[float], size: int) -> Floats:
+    """Return the template of a series in k² = −Laplacian."""
+    minus = np.array([[0.0, -1.0, 0.0], [-1.0, 4.0, -1.0], [0.0, -1.0, 0.0]])
+    total, power = np.zeros((size, size)), np.ones((1, 1))
+    for part in series:
+        margin = (size - len(power)) // 2
+        total += part * np.pad(power, margin)
+        power = convolve2d(power, minus)
+        if len(power) > size:
+            break
+    return total
 
 
 @program

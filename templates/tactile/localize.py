@@ -1,6 +1,7 @@
-"""Which bumps of a bumpy cover are touched, the load on each, and how many contacts they make."""
+"""Loads on single bumps, from the readings under them."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import get_args
 
 import numpy as np
@@ -8,14 +9,86 @@ import numpy as np
 from cnnum.errors import name_error
 from cnnum.programs import program
 from cnnum.programs.fields import Field, maximum, sqrt, where
+from cnnum.programs.loops import loop
 from cnnum.programs.machine import FrameFields
 from cnnum.programs.parameters import refuse_outside
-from cnnum.programs.transients import apply, transient
+from cnnum.programs.transients import apply, shift, transient
 from cnnum.tactile.bump_loads import Taxels, bump_inverse
 from cnnum.templates.tactile.shared.loads import LIFT, PUSH, loads_of
-from cnnum.templates.tactile.shared.patches import patches_of
 from cnnum.templating.library import get_template
 from cnnum.templating.template import Template
+
+NEIGHBOURS = tuple((r, c) for r in (-1, 0, 1) for c in (-1, 0, 1) if r or c)
+
+
+@dataclass(frozen=True, slots=True)
+class Patches:
+    """Eight-connected patches.
+
+    Attributes
+    ----------
+    count : Field
+        How many.
+    label : Field
+        Map: 0 outside, else the number of the patch, one more than its last cell in reading order.
+    row, column : Field
+        Maps: in each cell of a patch its weighted centroid, cells; 0 outside.
+    """
+
+    count: Field
+    label: Field
+    row: Field
+    column: Field
+
+
+def patches_of(frame: FrameFields, inside: Field, weight: Field) -> Patches:
+    """Return the patches of a logic map, and their centroids by a weight above 0 inside."""
+    rows, cols = frame.shape
+    number = frame.row * cols + frame.column + 1.0
+    label = _labels(inside, number, rows * cols)
+    centre_row, centre_column = _centroids(frame, label, weight)
+    return Patches(
+        count=(inside & label.equals(number)).count(),
+        label=label,
+        row=centre_row,
+        column=centre_column,
+    )
+
+
+def _labels(inside: Field, number: Field, cells: int) -> Field:
+    """Let the largest number of each patch spread over it, a cell a turn.
+
+    Numbers are whole; the results of transients are near enough to separate them.
+    """
+
+    def spread(label: Field) -> Field:
+        most = label
+        for row, col in NEIGHBOURS:
+            other = shift(label, row, col)
+            most = where(other > most + 0.5, other, most)
+        return where(inside, most, 0.0)
+
+    return loop(spread, where(inside, number, 0.0), limit=cells).value
+
+
+def _centroids(frame: FrameFields, label: Field, weight: Field) -> tuple[Field, Field]:
+    """Return each patch's centroid in its cells, patch by patch."""
+    rows, cols = frame.shape
+
+    def next_one(left: Field, row: Field, column: Field) -> tuple[Field, Field, Field]:
+        mine = (left > left.max() - 0.5) & (left > 0.0)
+        own = where(mine, weight, 0.0)
+        own_row, own_column = frame.centroid(own)
+        return where(mine, 0.0, left), where(mine, own_row, row), where(mine, own_column, column)
+
+    def none_left(left: Field, *_: Field) -> Field:
+        return ~(left > 0.0).any()
+
+    limit = ((rows + 1) // 2) * ((cols + 1) // 2) + 1
+    nothing = 0.0 * label
+    done = loop(next_one, label, nothing, nothing, limit=limit, until=none_left)
+    return done.values[1], done.values[2]
+
 
 PITCH, DEPTH, SPACING = 7.5, 1.0, 1.5
 """Bump radii: Ø 0.4 mm bumps 1.5 mm apart, on 0.2 mm of rubber (dissertation 6.4.4). The pressure

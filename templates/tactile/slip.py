@@ -17,13 +17,12 @@ from math import exp
 
 from cnnum.graph.nodes import RunSpec
 from cnnum.programs import program
-from cnnum.programs.blocks import root_sum
 from cnnum.programs.fields import Field, length, maximum, mean, minimum, most, sqrt, where
-from cnnum.programs.machine import FrameFields
+from cnnum.programs.machine import FrameFields, root_sum
 from cnnum.programs.parameters import refuse_outside
 from cnnum.programs.reports import level_of, report
 from cnnum.programs.transients import apply, transient
-from cnnum.templates.tactile.shared.recent_loads import Pad, RecentLoads
+from cnnum.templates.tactile.shared.loads import Pad, RecentLoads
 from cnnum.templating.library import get_template
 
 SPREAD = 4.0  # cells², diffusion time of the local mean of the shear

@@ -12,7 +12,7 @@ from cnnum.programs.fields import Field, most, square, where
 from cnnum.programs.machine import FrameFields
 from cnnum.programs.reports import level_of, report
 from cnnum.programs.transients import apply
-from cnnum.templates.tactile.shared.recent_loads import Pad, RecentLoads
+from cnnum.templates.tactile.shared.loads import Pad, RecentLoads
 from cnnum.templating.library import get_template
 
 DIVERGING = 0.2  # curl at least, over the divergence, beyond the ratio of shear to normal load

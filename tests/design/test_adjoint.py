@@ -8,7 +8,7 @@ import pytest
 from own_process import in_own_process, jax_gradients
 
 from cnnum import Engine, Template, get_template
-from cnnum.design.adjoint import adjoint
+from cnnum.design.learning import adjoint
 from cnnum.errors import TemplateError
 
 SHAPE = (5, 6)

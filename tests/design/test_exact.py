@@ -10,17 +10,15 @@ import pytest
 from single_cells import EVERY, Cell
 
 from cnnum import Engine, get_template
-from cnnum.design.designing import answers, as_rule, designed, sequence
-from cnnum.design.exact import Shape, as_template, design
+from cnnum.design.designing import Spec, answers, as_rule, designed, load_spec, sequence
 from cnnum.design.found_again import again, found_again
-from cnnum.design.linear_program import Conflict, Weights, separate
+from cnnum.design.linear_program import Conflict, Shape, Weights, as_template, design, separate
 from cnnum.design.local_rules import rule_table, table_of
-from cnnum.design.spec import Spec, load_spec
 from cnnum.design.worst_case import worst_case
 from cnnum.errors import TemplateError
 from cnnum.templating.batch import TemplateBatch
 from cnnum.templating.checks import run_check
-from cnnum.templating.checks.intervals import wilson
+from cnnum.templating.checks.robustness import wilson
 from cnnum.templating.files import load_entry, save_entry
 
 DOCS = Path(__file__).parents[2] / "docs"

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from cnnum import Engine, get_template
-from cnnum.design.designing import designed, lesson_of
-from cnnum.design.spec import is_spec, load_spec
+from cnnum.design.designing import designed, is_spec, lesson_of, load_spec
 from cnnum.errors import TemplateError
 from cnnum.templating.checks import run_check
 from cnnum.templating.files import load_entry, save_entry

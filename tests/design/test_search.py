@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from cnnum import Template, get_template
-from cnnum.design.designing import designed
+from cnnum.design.designing import designed, load_spec
 from cnnum.design.search import Search, compared, groups_of, search, with_weights
-from cnnum.design.spec import load_spec
 from cnnum.errors import TemplateError
 from cnnum.templating.checks import run_check
 

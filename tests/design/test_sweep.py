@@ -17,9 +17,8 @@ from scipy.special import erfc
 
 from cnnum import Chip, Engine, get_template
 from cnnum.design import sweep
-from cnnum.design.changed_weights import biases_of, weights_of
 from cnnum.design.experiment import Experiment, load_experiment
-from cnnum.design.run_task import _case, run_task
+from cnnum.design.run_task import _case, biases_of, changed_weights, run_task
 from cnnum.design.sweeping import ChunkStore, failures
 from cnnum.errors import (
     DeviceError,
@@ -301,7 +300,7 @@ def test_a_factor_scales_a_weight_that_is_set_in_any_order():
     one, other = {"A": (0.5,), "A[1, 1]": (2.0,)}, {"A[1, 1]": (2.0,), "A": (0.5,)}
     template, rng = get_template("HOLE"), np.random.default_rng(0)
     for axes in (one, other):
-        parts = weights_of(template, small(axes=axes).place(0), rng)
+        parts = changed_weights(template, small(axes=axes).place(0), rng)
         assert parts["A"][0, 0, 1, 1] == 1.0
 
 

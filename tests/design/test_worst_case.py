@@ -12,7 +12,7 @@ from cnnum.design.worst_case import state_after, worst_case
 from cnnum.templating.checks.records import Case
 from cnnum.templating.checks.registry import form_of
 from cnnum.templating.checks.robustness import Judge
-from cnnum.templating.checks.rules.linear import narrow_neighbourhoods
+from cnnum.templating.checks.rules import narrow_neighbourhoods
 from cnnum.templating.library import template_names
 from cnnum.templating.numbers import with_numbers
 from cnnum.templating.template import Check, Template

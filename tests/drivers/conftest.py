@@ -8,7 +8,7 @@ from threading import Event, Thread
 
 import pytest
 
-from cnnum.drivers import serial_reader
+from cnnum.drivers import serial_array
 from cnnum.drivers.serial_port import SerialPort
 from cnnum.drivers.serve import serve, write_all
 from cnnum.frame import Frame
@@ -76,7 +76,7 @@ def opened(monkeypatch: pytest.MonkeyPatch) -> Event:
             super().__init__(path, baud)
             event.set()
 
-    monkeypatch.setattr(serial_reader, "SerialPort", Watched)
+    monkeypatch.setattr(serial_array, "SerialPort", Watched)
     return event
 
 

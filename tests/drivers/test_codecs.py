@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cnnum.drivers.codecs.checksums import CHECKS
+from cnnum.drivers.codecs.descriptor import CHECKS
 from cnnum.drivers.codecs.paxini import push, request
 from cnnum.drivers.codecs.scan import Scan
 from cnnum.drivers.codecs.wire import Asked, described_wire, protocol_names, wire

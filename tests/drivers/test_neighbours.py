@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cnnum.drivers.codecs.neighbours import ENOUGH, LAST, PART, Neighbours
 from cnnum.drivers.codecs.scan import U16, Scan
+from cnnum.drivers.codecs.stream import ENOUGH, LAST, PART, Neighbours
 from cnnum.drivers.registry import open_driver
-from cnnum.drivers.timing.sequence import FrameClock
+from cnnum.drivers.timing import FrameClock
 
 from .wires import drawn, spoken
 

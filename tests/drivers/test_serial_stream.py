@@ -7,10 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cnnum.drivers.codecs.open_protocol import scan_of
-from cnnum.drivers.serial_packet import HEADER, MARKER, Geometry, Packet, encode
-from cnnum.drivers.serial_stream import StreamDecoder
-from cnnum.drivers.timing.sequence import FrameClock
+from cnnum.drivers.codecs.wire import scan_of
+from cnnum.drivers.serial_packet import HEADER, MARKER, Geometry, Packet, StreamDecoder, encode
+from cnnum.drivers.timing import FrameClock
 
 SHAPE = Geometry(2, 3, 3, cell=3, layout=2)
 SIZE = SHAPE.packet

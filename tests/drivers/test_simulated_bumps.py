@@ -4,12 +4,11 @@ import numpy as np
 import pytest
 
 from cnnum.drivers.simulated.array import SimulatedOptions
-from cnnum.drivers.simulated.bumps import bumpy_influence
-from cnnum.drivers.simulated.cover import Layout, flat_influence
+from cnnum.drivers.simulated.cover import Layout, bumpy_influence, flat_influence
 from cnnum.errors import PhysicsError
 from cnnum.tactile import halfspace
 from cnnum.tactile.cover import BumpCover
-from cnnum.tactile.cover.tables import load_tables
+from cnnum.tactile.cover.bump import load_tables
 
 LAYOUT = Layout((3, 4), 1.5e-3)
 COVER = (1e-3, 0.87e6, 0.6e-3)
@@ -58,8 +57,7 @@ def test_plane_and_round_finite_elements_agree_on_the_sign() -> None:
     pytest.importorskip("skfem")
     from cnnum.tactile.cover.fem.generate import DEEP
     from cnnum.tactile.cover.fem.geometry import Shape
-    from cnnum.tactile.cover.fem.plane import make_plane_bump
-    from cnnum.tactile.cover.fem.revolution import make_bodies
+    from cnnum.tactile.cover.fem.plate import make_bodies, make_plane_bump
 
     plane = make_plane_bump(4, indentations=(0.125, 0.25))
     dragged = plane.strain(plane.solutions()[1], np.array([[0.0, 1.0]]))

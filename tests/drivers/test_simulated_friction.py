@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from cnnum.drivers.simulated.motion import Command
-from cnnum.drivers.simulated.springs import Pair, Springs, State, _k_less_e
-from cnnum.drivers.simulated.tractions import abel
+from cnnum.drivers.simulated.script import Command
+from cnnum.drivers.simulated.springs import Pair, Springs, State, _k_less_e, abel
 from cnnum.tactile.contact import (
     hertz,
     partial_slip,

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import cnnum
-from cnnum.drivers.clock_times import by_format, nanoseconds
+from cnnum.drivers.text_table import by_format, nanoseconds
 from cnnum.errors import CnnumError, RecordingWarning
 
 LAYOUT = 'shape = [1, 2]\nchannels = ["z"]\nvalues = ["a", "b"]\n'

@@ -16,18 +16,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cnnum.drivers.array_at_port import guess
 from cnnum.drivers.codecs.wire import Asked, protocol_names, wire
 from cnnum.drivers.serial_array import SerialOptions
-from cnnum.drivers.serial_port import PortInfo
+from cnnum.drivers.serial_port import PortInfo, guess
 from cnnum.drivers.serve import scan_of
-from cnnum.drivers.virtual.array import VirtualArray
-from cnnum.drivers.virtual.faults import LineFaults, Spoiler
-from cnnum.drivers.virtual.line import VirtualLine
+from cnnum.drivers.virtual import LineFaults, Spoiler, VirtualArray, VirtualLine
 from cnnum.errors import PortError, SceneError
 from cnnum.frame import FORCE_AXES, Frame
-from cnnum.scenes.histogram import Histogram
 from cnnum.scenes.pipeline import load_scene
+from cnnum.scenes.summary import Histogram
 
 LINE_SECONDS = float(os.environ.get("CNNUM_LINE_SECONDS", "3"))
 LONG = 60.0  # s from which on a line shows its latency and whether memory grows
@@ -119,7 +116,7 @@ def test_flipped_bits_cost_their_own_packets_only(faults, tmp_path: Path) -> Non
 def test_rate_and_bias_are_asked_for_again_after_a_replug(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("cnnum.drivers.serial_reader.SETTLED", 0.02)
+    monkeypatch.setattr("cnnum.drivers.serial_array.SETTLED", 0.02)
     with offered(tmp_path / "tty", "pts2") as array:
         asked = {"protocol": "pts2", "rate": 500.0, "bias": True, "reconnects": 200}
         with options(tmp_path / "tty", longest_backoff=0.05, **asked).open() as driver:

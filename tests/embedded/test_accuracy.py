@@ -10,7 +10,7 @@ from cnnum.errors import NotSupportedError
 from cnnum.frame import FORCE_AXES
 from cnnum.graph.schedule import schedule
 from cnnum.templates.tactile.halfspace_equilibrium import halfspace_equilibrium
-from cnnum.templating.checks.tactile.lattice_cover import block_displacement, on_plane
+from cnnum.templating.checks.tactile.halfspace import block_displacement, on_plane
 from tests.embedded.conftest import SHORT, made, streams
 
 

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cnnum.embedded.arithmetic.primitives import PRIMITIVES
+from cnnum.embedded.arithmetic import PRIMITIVES
 from cnnum.embedded.emulator import Emulator, cleared
-from cnnum.embedded.ranges import ranges, widest
+from cnnum.embedded.measuring import ranges, widest
 from tests.embedded.conftest import cases, made, streams
 
 
@@ -89,7 +89,7 @@ def test_the_export_prints_the_intervals():
 
 
 def test_a_sum_before_its_shift_is_counted():
-    from cnnum.embedded.arithmetic.whole import call, shifted
+    from cnnum.embedded.arithmetic import call, shifted
     from cnnum.kernels import Integer, Name
 
     product = call("multiply", Name("n", (0, 2**30)), Integer(2**30 + 1))

@@ -8,9 +8,19 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cnnum.embedded.arithmetic.fixed import Fixed, Quantity, constant, significant
-from cnnum.embedded.arithmetic.primitives import PRIMITIVES, cube_root, quotient, root
-from cnnum.embedded.arithmetic.whole import call, limited, shifted
+from cnnum.embedded.arithmetic import (
+    PRIMITIVES,
+    Fixed,
+    Quantity,
+    call,
+    constant,
+    cube_root,
+    limited,
+    quotient,
+    root,
+    shifted,
+    significant,
+)
 from cnnum.embedded.emulator import Emulator
 from cnnum.embedded.formats import Format, fitting, is_integer, precision_named
 from cnnum.embedded.program import IntegerProgram

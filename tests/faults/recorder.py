@@ -27,10 +27,10 @@ from pathlib import Path
 
 from cnnum.cli import main
 from cnnum.cli.commands import record, recover
-from cnnum.drivers import mcap_file, npz_file
+from cnnum.drivers import npz_file, recording_file
 from cnnum.drivers.simulated import array
 
-IMPORTED = (record, recover, mcap_file, npz_file, array)
+IMPORTED = (record, recover, recording_file, npz_file, array)
 
 
 def limited(job):

@@ -10,8 +10,8 @@ from same_frames import same
 
 from cnnum.frame import Frame, Quality, Truth
 from cnnum.recordings.chunks import ChunkMaker, beginning
+from cnnum.recordings.export import write_index
 from cnnum.recordings.layout import Layout
-from cnnum.recordings.mcap_index import write_index
 from cnnum.recordings.reader import look
 
 

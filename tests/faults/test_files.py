@@ -16,8 +16,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cnnum.drivers.npz_archive import SPARED
-from cnnum.drivers.npz_file import KIND, read_npz
+from cnnum.drivers.npz_file import KIND, SPARED, read_npz
 from cnnum.drivers.recording_file import load_recording
 from cnnum.drivers.text_table import read_table
 from cnnum.drivers.uskin_csv import UskinCsvOptions

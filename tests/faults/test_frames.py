@@ -14,9 +14,9 @@ from cnnum.errors import ArrayError
 from cnnum.frame import FORCE_AXES, Frame
 from cnnum.plan import Plan
 from cnnum.programs.library import get_program, program_names
+from cnnum.scenes.bad_frames import range_for, unit_range
 from cnnum.scenes.conversion import AsRead
 from cnnum.scenes.events import EVENT_RULES, EventDetector, EventRule
-from cnnum.scenes.frame_range import range_for, unit_range
 from cnnum.scenes.pipeline import FramePath, FrameResult, Scene, load_scene
 
 SIZES = (1e5, 1e10, 1e15, 1e19, 1e22, 1e30, 1e38)

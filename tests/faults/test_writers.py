@@ -30,8 +30,8 @@ from cnnum.lab.bench.records import append_row, data_text
 from cnnum.lab.reproduce import page as reproduce_page
 from cnnum.lab.scoring import page as scoring_page
 from cnnum.lab.stability import page as stability_page
-from cnnum.report import gallery, html, plots, sections, sweep_page, transient_page
-from cnnum.report.trace_page import write_trace_page
+from cnnum.report import gallery, html, plots, run_pages, sections, sweep_page
+from cnnum.report.run_pages import write_trace_page
 from cnnum.safety import files
 from cnnum.scenes.pipeline import FrameResult
 from cnnum.scenes.scene_record import SceneRecord
@@ -55,8 +55,8 @@ def recording():
 @cache
 def transient():
     engine = cnnum.Engine("numba")
-    return transient_page.transient_of(
-        engine, cnnum.get_template("EDGE"), transient_page.default_picture(), 3
+    return run_pages.transient_of(
+        engine, cnnum.get_template("EDGE"), run_pages.default_picture(), 3
     )
 
 
@@ -77,7 +77,7 @@ def fields(target, *, force):
 
 def transient_to(target, *, force):
     times, result = transient()
-    transient_page.write_transient(target, cnnum.get_template("EDGE"), times, result, force=force)
+    run_pages.write_transient(target, cnnum.get_template("EDGE"), times, result, force=force)
 
 
 def sweep_to(target, *, force):

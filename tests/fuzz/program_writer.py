@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 import cnnum
-from cnnum.programs.blocks import blocks
+from cnnum.programs.machine import blocks
 from cnnum.programs.reports import report
 
 SHAPE, CHANNELS = (3, 4), ("a", "b")

@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 import cnnum
 from cnnum.drivers import open_driver
 from cnnum.drivers.own_data.proposal import propose
-from cnnum.drivers.serial_packet import Geometry, Packet, decode, encode
-from cnnum.drivers.serial_stream import StreamDecoder
+from cnnum.drivers.serial_packet import Geometry, Packet, StreamDecoder, decode, encode
 from cnnum.errors import RecordingWarning
 from cnnum.frame import Frame
 from cnnum.recordings.chunks import ChunkMaker, beginning

@@ -137,12 +137,12 @@ assert round(recording.rate) == 100
 """,
     "fem": """
 from cnnum.tactile.cover.fem.geometry import Shape
-from cnnum.tactile.cover.fem.revolution import make_bodies
+from cnnum.tactile.cover.fem.plate import make_bodies
 bodies = make_bodies(Shape(20.0, 20.0, growth=1.5), 4, poisson=0.4, patch=0.4)
 assert np.isfinite(bodies.profiles(1.0, np.array([0.0, 1.0]))).all()
 """,
     "texture": """
-from cnnum.tactile.texture_classes import classify
+from cnnum.tactile.texture_materials import classify
 rng = np.random.default_rng(0)
 truth = np.repeat([0, 1], 30)
 logs = rng.normal(size=(60, 2)) + 9.0 * truth[:, None]

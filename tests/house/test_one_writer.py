@@ -24,21 +24,20 @@ ALLOWED = {
     # to drafts of the writer, and to memory
     "cnnum/design/sweeping.py": {"savez", "to_netcdf", "to_zarr"},
     "cnnum/engines/cache.py": {"rmtree"},  # what stands in the place of an entry
-    "cnnum/engines/devices/device_trouble.py": {"NamedTemporaryFile"},  # a kernel, in /tmp
-    "cnnum/engines/devices/pocl_folder.py": {
+    "cnnum/engines/devices/child.py": {"NamedTemporaryFile"},  # a kernel, in /tmp
+    "cnnum/engines/devices/pocl.py": {
         "os.open",
         "rmtree",
     },  # PoCL, its lock
     "cnnum/engines/devices/program_cache.py": {"ZipFile", "rmtree"},  # in memory; PoCL's own folder
-    "cnnum/recordings/chunk_file.py": {"fdopen"},  # of a file that the writer has created
-    "cnnum/recordings/hdf5_writer.py": {"File"},  # into a draft of the writer
+    "cnnum/recordings/journal.py": {"fdopen"},  # of a file that the writer has created
     "cnnum/recordings/lerobot.py": {"write_table"},  # into a draft of the writer
-    "cnnum/recordings/npz_writer.py": {"ZipFile", "open"},  # members of a draft of the writer
+    "cnnum/recordings/export.py": {"File", "ZipFile", "open"},  # drafts of the writer
     "cnnum/report/plots.py": {"savefig"},  # to memory
     "cnnum/safety/reading.py": {"os.open", "fdopen"},  # to read
     "cnnum/scenes/scene_record.py": {"savez_compressed", "netcdf"},  # to a draft; to memory
     "cnnum/tactile/cover/fem/generate.py": {"savez_compressed"},  # to a draft of the writer
-    "drivers/virtual/line.py": {"symlink_to"},  # the name of a simulated port
+    "drivers/virtual.py": {"symlink_to"},  # the name of a simulated port
 }
 """The other places that may, and what for."""
 
@@ -90,12 +89,12 @@ def test_the_search_sees_what_writes():
 OWN_DATA = {
     "cnnum/design/sweeping.py",  # np.load of a file that open_regular gave
     "cnnum/embedded/c/files.py",  # a Makefile, once it is known to be a regular file
-    "cnnum/engines/devices/pocl_wheel.py",  # /proc/self/maps
-    "cnnum/engines/devices/self_test.py",  # a kernel of the package
+    "cnnum/engines/devices/pocl.py",  # /proc/self/maps
+    "cnnum/engines/devices/selection.py",  # a kernel of the package
     "cnnum/engines/numba/compiling.py",  # the package's own sources
     "cnnum/engines/numba/printed.py",  # the source of its own printer
     "cnnum/engines/opencl/text.py",  # kernels of the package
-    "cnnum/engines/processor.py",  # /proc/cpuinfo
+    "cnnum/engines/notices.py",  # /proc/cpuinfo
     "cnnum/lab/bench/compile_time.py",  # a file that the benchmark has just written
     "cnnum/lab/embedded/cortex_m.py",  # what the compiler has just written
     "cnnum/lab/scoring/families/faces.py",  # a table of the package
@@ -103,10 +102,10 @@ OWN_DATA = {
     "cnnum/report/gallery.py",
     "cnnum/report/html.py",
     "cnnum/report/sections.py",
-    "cnnum/report/trace_page.py",
+    "cnnum/report/run_pages.py",
     "cnnum/safety/files.py",  # a draft of its own, and the head of a file once it is regular
     "cnnum/scenes/scene_file.py",  # a scene of the package
-    "cnnum/tactile/cover/tables.py",  # tables of the package
+    "cnnum/tactile/cover/bump.py",  # tables of the package
     "cnnum/engines/devices/peak.py",
     "drivers/own_data/hdf5_child.py",  # /proc/self/statm
     "drivers/own_data/sources.py",  # np.load of a file that open_regular gave

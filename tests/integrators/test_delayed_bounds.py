@@ -8,7 +8,7 @@ import pytest
 import cnnum
 from cnnum.errors import MethodError
 from cnnum.integrators.stability import METHODS, stability_bound
-from cnnum.templating.checks.analytic.delays import by_steps
+from cnnum.templating.checks.analytic.courses import by_steps
 from cnnum.templating.couplings import DelayedCoupling
 from cnnum.templating.template import Template
 

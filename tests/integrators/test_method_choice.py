@@ -21,9 +21,8 @@ from cnnum.integrators.tableau import (
     chebyshev_method,
     stages_for,
 )
-from cnnum.runs.arguments import maps_by_role
 from cnnum.runs.ladder import LADDER, run
-from cnnum.runs.request import Request
+from cnnum.runs.request import Request, maps_by_role
 from cnnum.runs.result import ROLES
 from cnnum.templating.library import get_template
 from cnnum.templating.template import Template

@@ -25,11 +25,10 @@ from cnnum.kernels import (
     grid,
     sweep,
 )
-from cnnum.kernels.c99 import C99Printer
 from cnnum.kernels.kernel_split import substituted
-from cnnum.kernels.live import live
 from cnnum.kernels.number_types import FLOAT32
-from cnnum.kernels.opencl import OpenCLPrinter
+from cnnum.kernels.printer import C99Printer, OpenCLPrinter
+from cnnum.kernels.statements import live
 
 NARROW, WIDE = (-(2**31), 2**31 - 1), (-(2**40), 2**40)
 A, B, W = Name("a", NARROW), Name("b", NARROW), Name("w", WIDE)

@@ -20,19 +20,19 @@ from cnnum.kernels.expressions import (
     Number,
     after,
     call,
+    formula,
     shifted,
 )
-from cnnum.kernels.formulas import formula
 from cnnum.kernels.number_types import FLOAT32, FLOAT64, in_vectors
-from cnnum.kernels.opencl import OpenCLPrinter
+from cnnum.kernels.printer import OpenCLPrinter
 from cnnum.kernels.statements import (
     Accumulate,
     Assign,
     Store,
     Verbatim,
     fixed,
+    uses,
 )
-from cnnum.kernels.uses import uses
 
 PRINTER = OpenCLPrinter(FLOAT64)
 A, B, X, TOTAL = Name("a"), Name("b"), Name("x"), Name("total")

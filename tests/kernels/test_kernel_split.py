@@ -6,7 +6,7 @@ from cnnum import kernels as ir
 from cnnum.kernels.kernel_split import split_kernels
 from cnnum.kernels.launch_plan import Launch, Rounds
 from cnnum.kernels.number_types import FLOAT64
-from cnnum.kernels.opencl import OpenCLPrinter
+from cnnum.kernels.printer import OpenCLPrinter
 
 A, B, N, X, TOTAL = ir.names("a b n x total")
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cnnum.drivers.registry import open_driver
-from cnnum.drivers.timing.paced import Paced
+from cnnum.drivers.timing import Paced
 from cnnum.recordings.recording import Recording
 
 h5py = pytest.importorskip("h5py")

@@ -12,7 +12,7 @@ from cnnum.cli.commands.probe import ProbeFigures
 from cnnum.drivers import open_driver
 from cnnum.frame import FORCE_AXES, Frame
 from cnnum.recordings.checking import checked
-from cnnum.scenes.order_watch import OrderWatch
+from cnnum.scenes.push_watch import OrderWatch
 
 WRONG = {
     "z, x, y": (lambda v: v[..., [2, 0, 1]], {"channels": ["z", "x", "y"]}),

@@ -15,8 +15,7 @@ from cnnum.errors import CodecError, RecordingError, RecordingWarning
 from cnnum.recordings.chunks import MESSAGE_HEAD, SCHEMA, ChunkMaker, beginning, channel_of
 from cnnum.recordings.layout import Layout
 from cnnum.recordings.mcap_records import LARGEST
-from cnnum.recordings.reader import look
-from cnnum.recordings.scan import WINDOW
+from cnnum.recordings.reader import WINDOW, look
 
 
 def chunk_of(frames) -> bytes:

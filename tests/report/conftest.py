@@ -10,8 +10,8 @@ from cnnum.drivers.driver import Counters
 from cnnum.graph.schedule import LeftOut, Parts
 from cnnum.plan import Explanation
 from cnnum.report import PlanCost, SceneRecord, WorkPrecision
-from cnnum.report.encoding import ReportData
 from cnnum.report.environment import Environment
+from cnnum.report.record import ReportData
 from cnnum.scenes.events import Event
 from cnnum.scenes.summary import Summary
 from cnnum.templating.checks import CheckResult

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from cnnum.report import SceneRecord
-from cnnum.report.encoding import MAP_BYTES, ReportData, as_tree, stride, to_json
+from cnnum.report.record import MAP_BYTES, ReportData, as_tree, stride, to_json
 
 
 @pytest.fixture

@@ -12,7 +12,7 @@ import pytest
 
 from cnnum.errors import ReportError
 from cnnum.report import SceneRecord, write_demo_report
-from cnnum.report.encoding import ReportData, to_json
+from cnnum.report.record import ReportData, to_json
 from cnnum.report.sections import page
 from cnnum.scenes.events import Event
 

@@ -12,12 +12,11 @@ from cnnum.engine import Engine
 from cnnum.errors import ArrayError
 from cnnum.frame import Frame, Quality
 from cnnum.report import PlanCost, SceneRecord, SceneRecorder, compare
+from cnnum.scenes.bad_frames import unit_range
 from cnnum.scenes.conversion import ByCalibration
 from cnnum.scenes.events import EVENT_RULES
-from cnnum.scenes.frame_range import unit_range
-from cnnum.scenes.order_watch import OrderWatch
 from cnnum.scenes.pipeline import FrameResult, Scene
-from cnnum.scenes.push_watch import PushWatch
+from cnnum.scenes.push_watch import OrderWatch, PushWatch
 from cnnum.scenes.scene_file import SceneSpec
 
 OPTIONS = {

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from cnnum.report import SceneRecord, compare
-from cnnum.report.verdicts import true_events
+from cnnum.report.record import true_events
 from cnnum.scenes.events import Event
 
 

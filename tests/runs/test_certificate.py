@@ -10,8 +10,8 @@ from scipy.ndimage import binary_fill_holes
 import cnnum
 from cnnum import Template
 from cnnum.runs.cells import Cells, Frame
+from cnnum.runs.certificate import Between, keeps_order
 from cnnum.runs.enclosure import Enclosure
-from cnnum.runs.order import Between, keeps_order
 from cnnum.templating.couplings import NonlinearCoupling
 from cnnum.templating.functions import OutputFunction, Table
 

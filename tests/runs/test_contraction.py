@@ -7,7 +7,7 @@ from scipy.integrate import solve_ivp
 import cnnum
 from cnnum.lab.bench.followed_steps import network
 from cnnum.runs.cells import Cells, Frame
-from cnnum.runs.contraction import region
+from cnnum.runs.equilibrium import region
 
 OUTPUTS = ("standard", "tanh", "full-range")
 

@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import cnnum
-from cnnum.runs import delays
+from cnnum.runs import growth
 from cnnum.templating.couplings import DelayedCoupling
 from cnnum.templating.template import Template
 
@@ -76,7 +76,7 @@ def test_the_state_is_within_the_tolerance_and_the_stated_error(label, tolerance
     assert np.all(found.error >= worst)
     # four times the true error, where its order shows; corners of f may hide a part
     assert np.median(found.error / worst) < 30.0
-    assert found.reason.endswith(delays.REASON)
+    assert found.reason.endswith(growth.REASON)
 
 
 def test_steps_are_shorter_where_the_tolerance_is(known):

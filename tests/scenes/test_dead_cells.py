@@ -7,7 +7,7 @@ import pytest
 
 from cnnum.errors import SceneError
 from cnnum.frame import Frame
-from cnnum.scenes.dead_cells import DeadCells
+from cnnum.scenes.conversion import DeadCells
 from cnnum.scenes.pipeline import load_scene
 
 SCRIPT = [

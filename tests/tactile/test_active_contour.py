@@ -5,8 +5,14 @@ import pytest
 
 import cnnum
 from cnnum.errors import PhysicsError, ProgramError
-from cnnum.tactile.fronts import front_time
-from cnnum.templates.tactile.active_contour import AT_REST, BIAS, CELL_TIME, CENTRE, RING
+from cnnum.templates.tactile.active_contour import (
+    AT_REST,
+    BIAS,
+    CELL_TIME,
+    CENTRE,
+    RING,
+    front_time,
+)
 
 
 def played(load, *, engine="numba", needs=("contour_inside", "contour_rests"), **parameters):

@@ -11,9 +11,8 @@ from cnnum.errors import CalibrationError
 from cnnum.frame import FORCE_AXES, Frame
 from cnnum.programs.library import get_program
 from cnnum.scenes.conversion import ByArrayCalibration
-from cnnum.scenes.events import EventRule
+from cnnum.scenes.events import EventRule, with_units
 from cnnum.scenes.push_watch import PushWatch
-from cnnum.scenes.strength_units import with_units
 from cnnum.tactile.array_calibration import ArrayCalibration
 
 RNG = np.random.default_rng(3)

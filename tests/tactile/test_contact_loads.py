@@ -7,12 +7,11 @@ from scipy.signal import correlate2d
 from cnnum.drivers.simulated.script import Phase
 from cnnum.errors import UnknownNameError
 from cnnum.lab.bench.programs.contact_errors import aliased, errors, run_contact
-from cnnum.tactile.deconvolution import LEFT, left_kernel, unblur_kernel
+from cnnum.tactile.bump_loads import DECONVOLUTION_LEFT, left_kernel, unblur_kernel
 from cnnum.tactile.halfspace import SurfaceToDepth, strain_transfer
-from cnnum.tactile.indenters import Disc, Rectangle, frame_under
-from cnnum.tactile.shear_seen import NEAR, pulled_far, pulled_normal, shear_seen
-from cnnum.tactile.touches import Touch, drawn, readings
+from cnnum.tactile.indenters import Disc, Rectangle, Touch, drawn, frame_under, readings
 from cnnum.templates.tactile.contact import contact
+from cnnum.templates.tactile.shared.pressure import NEAR, pulled_far, pulled_normal, shear_seen
 
 MODULUS, PITCH, THICKNESS = 0.87e6, 1.5e-3, 1e-3
 """Of the simulated array: its script presses up to 1.6 N."""
@@ -190,7 +189,7 @@ def test_shear_seen_is_what_the_array_adds_up_to():
 @pytest.mark.parametrize("reads", ["strain", "stress"])
 def test_left_kernel_is_what_the_filter_leaves(reads):
     """A load on one cell less the filter's result of it, on an array that holds both."""
-    side = 2 * (LEFT + 4) + 1
+    side = 2 * (DECONVOLUTION_LEFT + 4) + 1
     load = np.zeros((side, side, 3))
     load[side // 2, side // 2, 2] = 1.0
     back = correlate2d(

@@ -7,9 +7,8 @@ from scipy.fft import dctn, idctn
 from cnnum.engine import Engine
 from cnnum.errors import ProgramError
 from cnnum.tactile.halfspace import SurfaceToDepth
-from cnnum.templates.tactile.cover_model.diffusion_waves import error_of, read_out_times
 from cnnum.templates.tactile.halfspace_strain import halfspace_strain
-from cnnum.templates.tactile.halfspace_stress import halfspace_stress
+from cnnum.templates.tactile.halfspace_stress import error_of, halfspace_stress, read_out_times
 
 
 def filtered(field, response):

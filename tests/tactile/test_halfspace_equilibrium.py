@@ -8,9 +8,9 @@ import pytest
 from cnnum.engine import Engine
 from cnnum.errors import ProgramError
 from cnnum.tactile import halfspace
-from cnnum.templates.tactile.cover_model.lattice_fading import fading_error
+from cnnum.templates.tactile.cover_model.elastic_lattice import fading_error
 from cnnum.templates.tactile.halfspace_equilibrium import halfspace_equilibrium
-from cnnum.templating.checks.tactile.lattice_cover import block_displacement, on_plane
+from cnnum.templating.checks.tactile.halfspace import block_displacement, on_plane
 
 LIMITS = {0: (0.27, 0.05), 2: (0.12, 0.02)}
 """Of the largest displacement, at one and at two cells a unit of length, under a pull and a push:

@@ -6,8 +6,7 @@ from scipy.fft import dctn, idctn
 
 from cnnum.engine import Engine
 from cnnum.errors import ProgramError
-from cnnum.templates.tactile.cover_model.depth_layers import stack_of
-from cnnum.templates.tactile.halfspace_layers import halfspace_layers
+from cnnum.templates.tactile.halfspace_layers import halfspace_layers, stack_of
 from cnnum.templates.tactile.halfspace_stress import halfspace_stress
 
 Z = 2 / 3

@@ -5,8 +5,7 @@ import pytest
 
 from cnnum.drivers.simulated.script import Phase
 from cnnum.errors import ProgramError
-from cnnum.tactile.indenters import Disc, frame_under
-from cnnum.tactile.touches import Touch, readings
+from cnnum.tactile.indenters import Disc, Touch, frame_under, readings
 from cnnum.templates.tactile.contact_mechanics.mindlin_slip import mindlin_slip
 
 DEPTH, FRICTION, RATE = 2.0 / 3.0, 0.6, 50.0

@@ -16,7 +16,7 @@ import cnnum
 from cnnum.errors import ArrayError, ProgramError, SceneError
 from cnnum.frame import contradicted, unit_fault
 from cnnum.scenes.events import EVENT_RULES, EventDetector, rules_that_fit
-from cnnum.tactile.touches import Touch, readings
+from cnnum.tactile.indenters import Touch, readings
 
 ROOT = Path(__file__).parents[2]
 CHANNELS = (*cnnum.frame.FORCE_AXES, "picture")
@@ -32,8 +32,8 @@ COUNTED = {
     "templates/tactile/edge_enhancement.py:SEEN": "taxels",
     "cnnum/scenes/pipeline.py:TIMED": "frames of a median step",
     "cnnum/scenes/dropouts.py:JUMP": "a ratio",
-    "cnnum/scenes/order_watch.py:TOUCH": "a ratio",
-    "cnnum/scenes/range_streams.py:APART": "an amount of work",
+    "cnnum/scenes/push_watch.py:TOUCH": "a ratio",
+    "cnnum/scenes/exporting.py:APART": "an amount of work",
     "cnnum/scenes/like_frames.py:MOST": "an amount of work",
     "cnnum/scenes/exporting.py:MOST": "an amount of work",
     "cnnum/scenes/exporting.py:SHORT": "the length of a test vector",

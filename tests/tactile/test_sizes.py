@@ -15,8 +15,7 @@ from cnnum.arrays import Floats
 from cnnum.programs.library import get_program, program_names
 from cnnum.tactile.bump_loads import bump_readings
 from cnnum.tactile.halfspace import SurfaceToDepth
-from cnnum.tactile.indenters import Disc, frame_under
-from cnnum.tactile.touches import Touch, readings
+from cnnum.tactile.indenters import Disc, Touch, frame_under, readings
 
 SIZES = (4, 8, 16)
 REST = 20

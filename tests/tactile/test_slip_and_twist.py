@@ -12,11 +12,19 @@ from scipy.ndimage import binary_propagation
 from cnnum.drivers.uskin_csv import UskinCsvOptions
 from cnnum.errors import ProgramError
 from cnnum.programs import program
-from cnnum.templates.tactile.shared.recent_loads import RecentLoads
+from cnnum.templates.tactile.shared.loads import RecentLoads
 from cnnum.templates.tactile.slip import WAVE, slip
 from cnnum.templates.tactile.twist import twist
-from cnnum.templating.checks.tactile.slip_and_twist import GO, PULL, SETTINGS, patch, streams
-from cnnum.templating.checks.tactile.slip_and_twist_reference import Constants, diffused, played
+from cnnum.templating.checks.tactile.slip_and_twist import (
+    GO,
+    PULL,
+    SETTINGS,
+    Constants,
+    diffused,
+    patch,
+    played,
+    streams,
+)
 from cnnum.templating.library import get_template
 
 RECORDINGS = Path(os.environ.get("CNNUM_RECORDINGS", "")) / "uskin_grasp"

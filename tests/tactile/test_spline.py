@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from cnnum.tactile.cover.spline import spline
-from cnnum.tactile.cover.tables import STRETCH
+from cnnum.tactile.cover.bump import STRETCH, spline
 
 RNG = np.random.default_rng(3)
 ROUNDING = 1e-12  # of values near 1; the systems of both have condition numbers below 100

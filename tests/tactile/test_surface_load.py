@@ -9,8 +9,7 @@ from cnnum.lab.bench.programs import load_errors
 from cnnum.lab.bench.programs.halfspace_runs import inverse
 from cnnum.tactile.halfspace import SurfaceToDepth
 from cnnum.tactile.inverse import LoadMap
-from cnnum.templates.tactile.cover_model.load_network import LoadNetwork
-from cnnum.templates.tactile.surface_load import surface_load
+from cnnum.templates.tactile.surface_load import LoadNetwork, surface_load
 from docs.figures.halfspace_figures import contacts
 
 PITCH, THICKNESS, E, NOISE, LIKELY = 1.5e-3, 1.0e-3, 0.87e6, 1e-4, 3e3

@@ -74,7 +74,7 @@ def below_bumps(patch, friction, poisson=0.49):
     """
     pytest.importorskip("skfem")
     from cnnum.tactile.cover.fem.geometry import Shape
-    from cnnum.tactile.cover.fem.revolution import make_bodies
+    from cnnum.tactile.cover.fem.plate import make_bodies
 
     bodies = make_bodies(Shape(60.0, 60.0, growth=1.2), 8, poisson=poisson, patch=patch)
     rows, cols = np.meshgrid(np.arange(4), np.arange(4), indexing="ij")

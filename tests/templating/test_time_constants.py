@@ -7,7 +7,7 @@ import pytest
 import cnnum
 from cnnum.errors import TemplateError
 from cnnum.templating.checks.records import Case
-from cnnum.templating.checks.run import run_check
+from cnnum.templating.checks.running import run_check
 
 ENGINES = ("opencl", "numba", "reference")
 

@@ -13,13 +13,13 @@ from cnnum.cli.options import (
     assignments,
     completed,
     json_option,
+    open_source,
     seconds_option,
     setting_option,
     trust_option,
 )
 from cnnum.cli.output import Output, busy, facts
 from cnnum.cli.signals import stoppable
-from cnnum.cli.source import open_source
 
 if TYPE_CHECKING:
     from cnnum.frame import Frame
@@ -89,9 +89,7 @@ def command(
     sent and those that were spoiled.
     """
     from cnnum.drivers.codecs.wire import Asked, described_wire, wire
-    from cnnum.drivers.virtual.array import VirtualArray
-    from cnnum.drivers.virtual.faults import LineFaults
-    from cnnum.drivers.virtual.line import VirtualLine
+    from cnnum.drivers.virtual import LineFaults, VirtualArray, VirtualLine
 
     output = Output(as_json)
     asked = Asked(shape=shape)

@@ -76,7 +76,7 @@ def command(
 
 
 def _feed(source: str, scene: str | None, changes: dict[str, Any], trust: bool) -> "Feed":
-    from cnnum.cli.source import open_source
+    from cnnum.cli.options import open_source
     from cnnum.drivers.recording_file import array_of
     from cnnum.drivers.registry import is_driver
     from cnnum.live.feeds import ArrayFeed, RecordingFeed, SceneFeed

@@ -12,7 +12,7 @@ from cnnum.cli.output import Output, facts, progress
 if TYPE_CHECKING:
     from cnnum.engines.devices.listing import Device
     from cnnum.engines.devices.peak import Figures
-    from cnnum.engines.devices.verdicts import Verdict
+    from cnnum.engines.devices.selection import Verdict
 
 
 TEMPLATES = ("EDGE", "DIFFUS", "HOLE", "LAPLACE", "SHADOW", "leaky_cell", "THRESHOLD")
@@ -48,7 +48,7 @@ def self_test(device: "Device") -> list[Tested]:
 def _tested(device: "Device", precision: str) -> Tested:
     from cnnum.engine import Engine
     from cnnum.errors import CnnumError
-    from cnnum.templating.checks.run import run_check
+    from cnnum.templating.checks.running import run_check
     from cnnum.templating.library import get_template
 
     engine = Engine("opencl", device=device.label, precision=precision)
@@ -154,9 +154,8 @@ def _passes(tried: "_Tried", output: Output) -> bool:
 
 def _arrays(ports: tuple[str, ...], *, as_json: bool) -> None:
     """Show serial ports with a guess, and the protocols that are known."""
-    from cnnum.drivers.array_at_port import guesses
     from cnnum.drivers.codecs.wire import protocol_names
-    from cnnum.drivers.serial_port import serial_ports
+    from cnnum.drivers.serial_port import guesses, serial_ports
 
     output = Output(as_json)
     for found in guesses(ports, serial_ports()):

@@ -11,7 +11,7 @@ from cnnum.cli.output import Output, facts, quantity, table
 
 if TYPE_CHECKING:
     from cnnum.plan import Explanation, Plan
-    from cnnum.runs.op_groups import OpGroup
+    from cnnum.runs.planning import OpGroup
 
 
 @click.command("plan")
@@ -54,7 +54,7 @@ def command(
 
 def _show_ops(output: Output, plan: "Plan", lines: bool) -> None:
     """Print the operations by function, and by line if asked to; as records always by line."""
-    from cnnum.runs.op_groups import by_function, op_groups
+    from cnnum.runs.planning import by_function, op_groups
 
     groups = op_groups(plan.built, dict(plan.solvers))
     for group in groups:

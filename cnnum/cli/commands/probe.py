@@ -16,16 +16,17 @@ from cnnum.cli.options import (
     completed,
     force_option,
     json_option,
+    limited,
+    open_source,
     setting_option,
     target_option,
     trust_option,
 )
 from cnnum.cli.output import Output, facts, number, progress, quantity
 from cnnum.cli.signals import stoppable
-from cnnum.cli.source import limited, open_source
 from cnnum.frame import Frame, Quality
 from cnnum.safety.names import visible
-from cnnum.scenes.histogram import Histogram
+from cnnum.scenes.summary import Histogram
 
 if TYPE_CHECKING:
     from cnnum.drivers.driver import Driver

@@ -13,13 +13,14 @@ from cnnum.cli.options import (
     completed,
     frames_option,
     json_option,
+    limited,
+    open_source,
     seconds_option,
     setting_option,
     trust_option,
 )
 from cnnum.cli.output import Output, progress, quantity
 from cnnum.cli.signals import stoppable, undisturbed
-from cnnum.cli.source import limited, open_source
 from cnnum.errors import CnnumError, RecordingError
 from cnnum.frame import Frame
 from cnnum.recordings.attachments import CALIBRATION, SCENE, Held
@@ -213,7 +214,7 @@ def command(
     --seconds or --frames, on Ctrl-C, or when the array goes away.
     """
     from cnnum.cli.commands.record import Recorder
-    from cnnum.cli.source import scene_text
+    from cnnum.cli.options import scene_text
     from cnnum.recordings.export import suffix_of
 
     suffix_of(file)  # before the array is opened

@@ -86,7 +86,7 @@ def command(
             scene = _usual_scene(file, array, changes)
         loaded = load_scene(scene, changes={"array": array} | changes, trust=trust)
         if speed or begin is not None or end is not None:
-            from cnnum.drivers.timing.paced import Paced
+            from cnnum.drivers.timing import Paced
 
             loaded.driver = Paced(loaded.driver, speed, begin, end, keeps_before=True)
     saver = following.FieldSaver(save, loaded, force=force)

@@ -96,7 +96,7 @@ def _refuse_trace(page: Path | None, frame: int | None) -> None:
 
 
 def _write_trace(path: Path, scene: "Scene", number: int, force: bool) -> None:
-    from cnnum.report.trace_page import write_trace_page
+    from cnnum.report.run_pages import write_trace_page
 
     steps = scene.trace(number)
     write_trace_page(path, f"{scene.spec.name}, frame {number}", steps, force=force)

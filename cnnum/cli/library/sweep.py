@@ -58,7 +58,7 @@ def command(
 
     from cnnum.design.experiment import load_experiment
     from cnnum.design.sweeping import failures, sweep
-    from cnnum.templating.checks.intervals import wilson
+    from cnnum.templating.checks.robustness import wilson
 
     wanted = load_experiment(experiment)
     if engine is not None:

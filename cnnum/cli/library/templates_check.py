@@ -21,7 +21,7 @@ from cnnum.safety.names import visible
 if TYPE_CHECKING:
     from cnnum.engine import Engine
     from cnnum.templating.checks import CheckResult
-    from cnnum.templating.checks.program_records import ProgramForm
+    from cnnum.templating.checks.program_run import ProgramForm
     from cnnum.templating.files import Entry
 
 CHECKS_FAILED = 1

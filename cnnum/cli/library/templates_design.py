@@ -50,7 +50,7 @@ def design(name: str, engine: str, weights: bool, output: Path, force: bool, as_
     the largest stable Euler step, settling time against array size, margin, cost, and how often
     cells flip under mismatch and with coarse weights.
     """
-    from cnnum.design.spec import is_spec
+    from cnnum.design.designing import is_spec
     from cnnum.engine import Engine
     from cnnum.templating.files import load_template
     from cnnum.templating.library import get_template
@@ -64,8 +64,7 @@ def design(name: str, engine: str, weights: bool, output: Path, force: bool, as_
 
 def _design(name: str, engine: "Engine", folder: Path, output: Output, force: bool) -> None:
     """Design the templates of a specification, write them, and show their proofs."""
-    from cnnum.design.designing import designed
-    from cnnum.design.spec import load_spec
+    from cnnum.design.designing import designed, load_spec
     from cnnum.errors import TemplateFileError
     from cnnum.safety.files import make_folder, named_after, refuse_target, sentences
     from cnnum.templating.files import save_entry
@@ -111,8 +110,8 @@ def report(
     """Print the figures of a template on an engine."""
     from cnnum.design.worst_case import worst_case
     from cnnum.integrators.stability import stability_bound
-    from cnnum.templating.checks.measuring import measure, settle_times
     from cnnum.templating.checks.robustness import flips, tolerances
+    from cnnum.templating.checks.running import measure, settle_times
     from cnnum.templating.stability_class import stability_class
 
     kind = stability_class(template)

@@ -28,7 +28,7 @@ def measure(names: tuple[str, ...], engine: str, missing: bool, as_json: bool) -
     on squares of 8, 12 and 16 cells.
     """
     from cnnum.engine import Engine
-    from cnnum.templating.checks.measuring import measure as take
+    from cnnum.templating.checks.running import measure as take
     from cnnum.templating.files import load_entry, write_measured
 
     used, output = Engine(engine), Output(as_json)
@@ -66,7 +66,7 @@ def audit(names: tuple[str, ...], engine: str, as_json: bool) -> None:
     Templates with a gray answer are left out.
     """
     from cnnum.engine import Engine
-    from cnnum.templating.checks.audit import audit as wrong_cells
+    from cnnum.templating.checks.running import audit as wrong_cells
     from cnnum.templating.files import load_entry
 
     used, output, files = Engine(engine), Output(as_json), chosen(names)

@@ -73,7 +73,7 @@ def show(
 
 def _refuse_unknown_kind(path: Path) -> None:
     from cnnum.errors import name_error
-    from cnnum.report.transient_page import WRITERS
+    from cnnum.report.run_pages import WRITERS
 
     if path.suffix.lower() not in WRITERS:
         raise name_error("kind of picture", path.suffix or path.name, WRITERS)
@@ -82,7 +82,7 @@ def _refuse_unknown_kind(path: Path) -> None:
 def _picture(path: Path | None) -> Any:
     """Return the picture of a file, or one that shows most templates at work."""
     from cnnum.pictures import load_picture
-    from cnnum.report.transient_page import default_picture
+    from cnnum.report.run_pages import default_picture
 
     return default_picture() if path is None else load_picture(path)
 
@@ -91,7 +91,7 @@ def _write_transient(
     template: "Template", path: Path, shown: Any, times: int, engine: str | None, force: bool
 ) -> None:
     from cnnum.engine import Engine
-    from cnnum.report.transient_page import transient_of, write_transient
+    from cnnum.report.run_pages import transient_of, write_transient
 
     at, result = transient_of(Engine(engine), template, shown, times)
     write_transient(path, template, at, result, force=force)
@@ -112,7 +112,7 @@ def _words(entry: "Entry") -> dict[str, object]:
 
 
 def _known(entry: "Entry") -> list[tuple[str, str]]:
-    from cnnum.templating.checks.measuring import unsettled
+    from cnnum.templating.checks.running import unsettled
 
     about, measured = entry.about, entry.measured
     times = measured.settle if measured else ()

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from cnnum.embedded.c.layout import bytes_of
 from cnnum.embedded.c.program import (
+    bytes_of,
     c_text,
     element_type,
     literal,
@@ -18,8 +18,8 @@ from cnnum.embedded.c.program import (
 )
 from cnnum.embedded.c.vector import Frames, Vector, tolerance, vector_of
 from cnnum.embedded.emulator import Numbers
+from cnnum.embedded.measuring import range_lines
 from cnnum.embedded.program import Array, IntegerProgram, plain
-from cnnum.embedded.ranges import range_lines
 from cnnum.safety.files import write_files
 from cnnum.version import __version__
 

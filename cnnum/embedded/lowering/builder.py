@@ -1,21 +1,26 @@
-"""The store that lowering writes into: arrays, statements of a frame, known quantities."""
+"""The store that lowering writes into: arrays with rims, statements, known quantities."""
 
 from collections.abc import Generator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from cnnum import kernels as ir
-from cnnum.arrays import Shape
-from cnnum.embedded.arithmetic.elements import Arithmetic
-from cnnum.embedded.arithmetic.fixed import Fixed, Quantity, nearest
-from cnnum.embedded.arithmetic.whole import call, item, limited
-from cnnum.embedded.formats import Format
+from cnnum.arrays import Floats, Shape
+from cnnum.embedded.arithmetic import Arithmetic, Fixed, Quantity, call, item, limited, nearest
+from cnnum.embedded.formats import Format, Formats
 from cnnum.embedded.program import Array, Kind
-from cnnum.embedded.sizes import Formats
+from cnnum.graph.nodes import Transient
+from cnnum.graph.schedule import Schedule
+from cnnum.integrators.choice import choose
+from cnnum.integrators.exact_ends import SHIFTS, Circulant, Decay, Propagator, Spectral, circulant
+from cnnum.integrators.schemes import FixedSteps
+from cnnum.integrators.solver import Solver
+from cnnum.templating.boundary import Boundary, halo_sources
+from cnnum.templating.network import Network
 
 CELL = ir.Name("i", (0, 1 << 16))
 PLACE = ir.Name("p", (0, 1 << 16))
@@ -176,3 +181,175 @@ class Builder:
         if body:
             over = ir.grid(*self.shape, halo, body) if cols else ir.sweep(CELL, self.cells, body)
             self.body.append(over)
+
+
+def reach(kernels: Floats) -> int:
+    """Return how far the outermost weight is from the middle."""
+    places = np.argwhere(kernels)[:, 2:] - kernels.shape[-1] // 2
+    return int(np.abs(places).max(initial=0))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Padded:
+    """A map with its rim.
+
+    Attributes
+    ----------
+    to : Builder
+    array : Array
+        (rows + 2 halo) × (cols + 2 halo) numbers; without a rim, the map itself.
+    halo : int
+    boundary : Boundary
+    """
+
+    to: Builder
+    array: Array
+    halo: int
+    boundary: Boundary
+
+    @classmethod
+    def made(cls, to: Builder, like: Array, name: str, boundary: Boundary, halo: int) -> "Padded":
+        """Return a new padded array, and write the rim where that is constant."""
+        rows, cols = to.shape
+        length = (rows + 2 * halo) * (cols + 2 * halo)
+        form, logic = _holding(to, like, boundary.constant if halo else None)
+        array = to.array(name, "work", length, form, like.about, logic=logic)
+        padded = cls(to, array, halo, boundary)
+        if boundary.constant is not None:
+            padded._constant_rim(float(boundary.constant))
+        return padded
+
+    @classmethod
+    def copied(
+        cls, to: Builder, name: str, given: Array | Quantity, boundary: Boundary, halo: int
+    ) -> "Padded":
+        """Return a padded copy of a map; the map itself where there is no rim."""
+        if isinstance(given, Quantity):
+            form = to.formats.stored(name)
+            given_array = Array(name, "work", to.cells, form)
+            padded = cls.made(to, given_array, name, boundary, halo)
+            padded.fill(given)
+            return padded
+        if not halo:
+            return cls(to, given, 0, boundary)
+        padded = cls.made(to, given, name, boundary, halo)
+        padded.fill(to.item(given))
+        return padded
+
+    def fill(self, value: Quantity) -> None:
+        """Write the cells, and a rim that copies them."""
+        stored = self.to.stored(value, self.array)
+        store = self.to.store_to(self.array, stored, PLACE)
+        self.to.loop([store], cols=True, halo=self.halo)
+        self.copy_rim()
+
+    def copy_rim(self) -> None:
+        """Write a rim that copies cells."""
+        if self.boundary.constant is not None or not self.halo:
+            return
+        to_name, from_name = self._rim_tables()
+        at, seen = (item(one.name, CELL, one.bounds) for one in (to_name, from_name))
+        copy = self.to.store_to(self.array, item(self.array.name, seen, self.array.bounds), at)
+        self.to.body.append(ir.sweep(CELL, to_name.length, [copy]))
+
+    def at(self, row: int, col: int) -> Quantity:
+        """Return the neighbour that many rows below and columns to the right."""
+        width = self.to.shape[1] + 2 * self.halo
+        place = CELL if not self.halo else PLACE
+        distance = row * width + col
+        at: ir.Expression = call("add", place, ir.Integer(distance)) if distance else place
+        return self.to.item(self.array, at)
+
+    def _constant_rim(self, value: float) -> None:
+        if not self.halo:
+            return
+        places, _ = self._rim_tables()
+        at = item(places.name, CELL, places.bounds)
+        store = self.to.store_to(self.array, self.to.whole(value, self.array), at)
+        self.to.body.append(ir.sweep(CELL, places.length, [store]))
+
+    def _rim_tables(self) -> tuple[Array, Array]:
+        """Return where the rim is, and which place of the padded map each of it copies."""
+        rows, cols = self.to.shape
+        halo, width = self.halo, cols + 2 * self.halo
+        kind = self.boundary.pad_mode
+        names = f"rim_{halo}", f"rim_{kind}_{halo}"
+        sources = halo_sources(self.boundary, self.to.shape, halo)
+        inside = np.zeros(sources.shape, dtype=bool)
+        inside[halo : halo + rows, halo : halo + cols] = True
+        places = np.flatnonzero(~inside.ravel())
+        seen = sources.ravel()[places]
+        seen = (seen // cols + halo) * width + seen % cols + halo
+        if names[0] not in self.to.arrays:
+            self.to.places(names[0], places, "places of the rim")
+        if kind == "constant":
+            return self.to.arrays[names[0]], self.to.arrays[names[0]]
+        if names[1] not in self.to.arrays:
+            self.to.places(names[1], seen, "the cells that the rim copies")
+        return self.to.arrays[names[0]], self.to.arrays[names[1]]
+
+
+def _holding(to: Builder, like: Array, edge: float | None) -> tuple[Format | None, bool]:
+    """Return the format of an array that also holds the rim's value, and whether it is logic."""
+    form = like.format
+    if edge is None or edge in (0.0, 1.0) or (form is None and not like.logic):
+        return form, like.logic
+    if like.logic:
+        size = max(1.0, abs(edge))
+    else:
+        assert form is not None
+        size = max(-form.least * form.step, abs(edge))
+        if abs(edge) <= form.largest * form.step:
+            return form, False
+    if not to.integer:
+        return None, False
+    wider = to.formats.precision.stored(size)
+    fits = abs(edge) <= wider.largest * wider.step
+    # a fixed fraction leaves no room for it: as many bits as a memory has
+    return wider if fits else to.formats.precision.kept(size), False
+
+
+EXPORTED = (Decay, Propagator, Spectral, Circulant, FixedSteps)
+METHODS = ("auto", "euler")
+
+
+def solvers_for(schedule: Schedule, method: str = "auto") -> dict[int, Solver]:
+    """Return how each transient runs, by the index of its node.
+
+    Uncoupled cells, and equilibria that are one product, are exact by any method.
+    """
+    found = dict[int, Solver]()
+    for node in schedule.transients:
+        operation = node.operation
+        assert isinstance(operation, Transient)
+        spec = replace(operation.spec, method=method)
+        found[node.index] = whole_solver(replace(operation, spec=spec), schedule.shape)
+    return found
+
+
+def whole_solver(transient: Transient, shape: Shape) -> Solver:
+    """Return how a transient runs in whole numbers, by the method of its specification."""
+    method = transient.spec.method
+    exact = _exact(transient, shape)
+    steps = method not in ("auto", "propagator") or not isinstance(exact.scheme, EXPORTED)
+    uncoupled = isinstance(exact.scheme, Decay)
+    settled = exact.settle and isinstance(exact.scheme, Propagator | Spectral | Circulant)
+    if uncoupled or settled or not steps:
+        return exact
+    asked = "euler" if method == "auto" else method
+    return choose(replace(transient, spec=replace(transient.spec, method=asked)), shape)
+
+
+def _exact(transient: Transient, shape: Shape) -> Solver:
+    """Return the method that "auto" takes; on a torus the equilibrium as a product of shifts."""
+    found = choose(replace(transient, spec=replace(transient.spec, method="auto")), shape)
+    if (
+        not found.settle
+        or transient.has_mask
+        or isinstance(found.scheme, Decay | Spectral | Circulant)
+    ):
+        return found
+    around = circulant(Network(transient.template, shape))
+    if around is None:
+        return found
+    return replace(found, method="propagator", reason=SHIFTS, scheme=around)

@@ -4,15 +4,20 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
 from cnnum import kernels as ir
-from cnnum.embedded.arithmetic.elements import applied
-from cnnum.embedded.arithmetic.fixed import Fixed, Quantity, constant
-from cnnum.embedded.arithmetic.primitives import LOGIC
-from cnnum.embedded.arithmetic.reals import Reals
-from cnnum.embedded.arithmetic.whole import call, opposite
+from cnnum.embedded.arithmetic import (
+    LOGIC,
+    Fixed,
+    Quantity,
+    Reals,
+    applied,
+    call,
+    constant,
+    opposite,
+)
+from cnnum.embedded.formats import Formats, Sizes
 from cnnum.embedded.lowering.builder import FINE, Builder
 from cnnum.embedded.lowering.transients import lower_transient
 from cnnum.embedded.program import Array, IntegerProgram, array_names
-from cnnum.embedded.sizes import Formats, Sizes
 from cnnum.errors import NotSupportedError
 from cnnum.graph.elementwise import MULTIPLY
 from cnnum.graph.nodes import (

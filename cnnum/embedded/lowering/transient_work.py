@@ -6,9 +6,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from cnnum.arrays import Floats
-from cnnum.embedded.arithmetic.fixed import Quantity, constant
-from cnnum.embedded.lowering.builder import FINE, Builder
-from cnnum.embedded.lowering.neighbours import Padded, reach
+from cnnum.embedded.arithmetic import Quantity, constant
+from cnnum.embedded.lowering.builder import FINE, Builder, Padded, reach
 from cnnum.embedded.program import Array
 from cnnum.errors import NotSupportedError
 from cnnum.graph.nodes import Node, Pick

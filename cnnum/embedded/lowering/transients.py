@@ -12,11 +12,8 @@ import numpy as np
 
 from cnnum import kernels as ir
 from cnnum.arrays import Floats
-from cnnum.embedded.arithmetic.fixed import Quantity, constant
-from cnnum.embedded.arithmetic.primitives import LOGIC
-from cnnum.embedded.arithmetic.whole import call, opposite
-from cnnum.embedded.lowering.builder import CELL, COLUMN, FINE, ROW, Builder
-from cnnum.embedded.lowering.neighbours import Padded, reach
+from cnnum.embedded.arithmetic import LOGIC, Quantity, call, constant, opposite
+from cnnum.embedded.lowering.builder import CELL, COLUMN, FINE, ROW, Builder, Padded, reach
 from cnnum.embedded.lowering.transient_work import Given, TransientWork
 from cnnum.embedded.program import Array
 from cnnum.errors import NotSupportedError

@@ -19,9 +19,9 @@ from textwrap import indent
 import numpy as np
 import pyopencl as cl
 
-from cnnum.engines.devices.building import build_program
 from cnnum.engines.devices.child import run_child
 from cnnum.engines.devices.listing import Device, list_devices
+from cnnum.engines.devices.program_cache import build_program
 from cnnum.engines.devices.selection import verdict_on
 from cnnum.errors import DeviceError
 

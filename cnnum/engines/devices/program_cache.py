@@ -14,19 +14,21 @@ import os
 import shutil
 import threading
 import time
+import warnings
 import zipfile
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
+from threading import Lock
 from typing import cast
 
 import pyopencl as cl
 from pyopencl.characterize import has_src_build_cache
 
 from cnnum.engines.cache import Shelf
-from cnnum.engines.devices.pocl_folder import work_folder
-from cnnum.engines.processor import processor
+from cnnum.engines.devices.pocl import work_folder
+from cnnum.engines.notices import processor
 from cnnum.version import __version__
 
 SHELF = Shelf("kernels")
@@ -205,3 +207,25 @@ def _packed(files: dict[str, Path]) -> bytes:
         for name, file in sorted(files.items()):
             entry.write(file, name)
     return content.getvalue()
+
+
+switch_off_pyopencl_caches()
+
+_TURN = Lock()
+"""Filters of warnings belong to the process: threads that set them take turns."""
+
+
+def build_program(context: cl.Context, source: str, options: Sequence[str] = ()) -> cl.Program:
+    """Return a built program.
+
+    Some compilers write a line to their log at every build (Intel's: that it has started), and
+    PyOpenCL warns of any log that is not empty; a faulty kernel is an error.
+
+    Raises
+    ------
+    pyopencl.RuntimeError
+        If the compiler refuses the source.
+    """
+    with _TURN, warnings.catch_warnings():
+        warnings.simplefilter("ignore", cl.CompilerWarning)
+        return build_kept(context, source, options)

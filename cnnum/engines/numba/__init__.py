@@ -10,7 +10,7 @@ import numpy as np
 
 from cnnum.engines.backend import EngineRecord
 from cnnum.engines.numba.compiling import cores
-from cnnum.engines.numba.executable import NumbaExecutable, why_walked
+from cnnum.engines.numba.evaluation import NumbaExecutable, why_walked
 from cnnum.engines.numba.printed import PrintedExecutable
 from cnnum.engines.numba.records import Real
 from cnnum.graph.schedule import Schedule

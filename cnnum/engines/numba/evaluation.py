@@ -1,4 +1,6 @@
-"""Operations of a program on a whole batch: local arithmetic in NumPy, transients compiled.
+"""A schedule, walked operation by operation over a whole batch.
+
+Operations of a program on a whole batch: local arithmetic in NumPy, transients compiled.
 
 Maps are (batch, rows, cols), stacks (batch, maps · rows, cols) and numbers (batch, 1, 1). The batch
 is 1 where all frames share the value.
@@ -11,12 +13,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cnnum.arrays import Floats
-from cnnum.engines.host import local, picked, picks
+from cnnum.engines.host import HostExecutable, HostMemory, local, picked, picks
+from cnnum.engines.notices import refuse_unfinished
+from cnnum.engines.numba.compiling import ROOM, kept
 from cnnum.engines.numba.records import Real, Reals
-from cnnum.engines.numba.reductions import products, sums
 from cnnum.engines.numba.transients import TransientRunner
+from cnnum.engines.opencl.lowering.storage import PRIVATE_CELLS
 from cnnum.graph.nodes import (
     CAPTURED,
+    Apply,
     Loop,
     Node,
     Parameter,
@@ -25,7 +30,37 @@ from cnnum.graph.nodes import (
     Reduce,
     Transient,
 )
-from cnnum.integrators.solver import Exact
+from cnnum.graph.schedule import Schedule
+from cnnum.integrators.solver import Exact, Solvers
+
+
+@kept
+def sums(values: Reals, room: int = ROOM) -> Floats:
+    """Return the sum of every row of (batch, cells), cell by cell in float64."""
+    totals = np.zeros(len(values))
+    for row in range(len(values)):
+        for value in values[row]:
+            totals[row] += value
+    return totals
+
+
+@kept
+def products(columns: Floats, values: Reals, totals: Floats, room: int = ROOM) -> None:
+    """Add matrix · values to every row of totals, column by column in float64.
+
+    Parameters
+    ----------
+    columns : (cells, cells) float64
+        The matrix, one column a row.
+    values : (batch or 1, cells) float
+    totals : (batch, cells) float64
+        Changed in place.
+    """
+    for row in range(len(totals)):
+        given = values[min(row, len(values) - 1)]
+        for cell in range(len(given)):
+            totals[row] += columns[cell] * np.float64(given[cell])
+
 
 ORDERED: Mapping[str, Callable[[Reals], Floats]] = {"sum": sums}
 """Read-outs whose rounding depends on the order of the cells: NumPy may order a batch otherwise
@@ -180,3 +215,100 @@ def _product(operation: Product, arguments: Sequence[Reals]) -> Floats:
     for matrix, values in zip(operation.matrices, arguments, strict=True):
         products(np.ascontiguousarray(matrix.T), values.reshape(len(values), -1), totals)
     return totals.reshape(batch, *shape)
+
+
+def why_walked(schedule: Schedule) -> str:
+    """Return why a schedule is walked operation by operation; empty where it is printed."""
+    if schedule.cells > PRIVATE_CELLS:
+        return f"an array of more than {PRIVATE_CELLS} cells is shared by all cores"
+    done = (Apply, Reduce, Product, Loop, Transient)
+    if sum(isinstance(node.operation, done) for node in schedule.nodes) <= 1:
+        return "a template alone needs no compiler of its own"
+    return ""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class NumbaExecutable(HostExecutable):
+    """Runs local arithmetic in NumPy and transients in compiled functions.
+
+    Attributes
+    ----------
+    runners : mapping of int to TransientRunner
+        By the index of their node.
+    dead : mapping of int to indices
+        By node, the values that nothing reads after it.
+    """
+
+    runners: Mapping[int, TransientRunner]
+    dead: Mapping[int, Sequence[int]]
+
+    @classmethod
+    def of(cls, schedule: Schedule, solvers: Solvers, dtype: Real) -> "NumbaExecutable":
+        """Return the executable of a schedule."""
+        runners = {
+            node.index: TransientRunner.of(
+                node.operation, schedule.shape, solvers[node.index], dtype
+            )
+            for node in schedule.transients
+            if isinstance(node.operation, Transient)
+        }
+        return cls(schedule, dtype, runners, _dead_after(schedule))
+
+    @property
+    def strategies(self) -> Mapping[int, str]:
+        """How transients run, in words, by their nodes."""
+        how = f"a walk over the operations ({why_walked(self.schedule)})"
+        return dict.fromkeys(self.runners, how)
+
+    def evaluate(self, values: dict[int, Reals], batch: int) -> None:
+        """Fill in the values of all nodes, and forget those that nothing reads any more."""
+        evaluation = Evaluation(batch, self.dtype, self.runners)
+        # overflow is infinite on every engine; the plan refuses it where it comes out
+        with np.errstate(all="ignore"):
+            evaluation.run(self.schedule.nodes, values, self.dead)
+        refuse_unfinished(evaluation.unfinished)
+
+    def look(
+        self,
+        frames: Reals,
+        moments: Sequence[float],
+        ends: Sequence[Exact] = (),
+        cuts: int = 1,
+    ) -> dict[str, Reals]:
+        """Return the findings at times of a run, whose only transient this is.
+
+        Parameters
+        ----------
+        frames : (batch, rows, cols, channels) float
+        moments : sequence of float
+            Rising, none after the end.
+        ends : sequence of Exact
+            The schemes of runs to these times, where an end is known without steps.
+        cuts : int
+            Parts in which a piece of a step of fixed length is taken up to a look.
+
+        Returns
+        -------
+        dict
+            "seen" (times, batch, layers, rows, cols), and "marks" (times, batch, 3): steps,
+            settled, error.
+        """
+        memory = self.new_memory(len(frames))
+        assert isinstance(memory, HostMemory)
+        values = self._given(frames, memory, first=True)
+        evaluation = Evaluation(len(frames), self.dtype, self.runners, moments, ends, cuts)
+        with np.errstate(all="ignore"):
+            evaluation.run(self.schedule.nodes, values, self.dead)
+        refuse_unfinished(evaluation.unfinished)
+        return evaluation.seen
+
+
+def _dead_after(schedule: Schedule) -> dict[int, list[int]]:
+    last = {a.index: node.index for node in schedule.nodes for a in node.arguments}
+    kept = {node.index for node in schedule.outputs.values()}
+    kept |= {memory.store.index for memory in schedule.memories.values()}
+    dead: dict[int, list[int]] = {}
+    for value, user in last.items():
+        if value not in kept:
+            dead.setdefault(user, []).append(value)
+    return dead

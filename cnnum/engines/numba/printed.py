@@ -24,11 +24,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cnnum.arrays import Floats
-from cnnum.engines.failures import refuse_unfinished
 from cnnum.engines.host import OnHost
-from cnnum.engines.numba.compiling import cores
-from cnnum.engines.numba.executable import NumbaExecutable
-from cnnum.engines.numba.function_cache import SHELF
+from cnnum.engines.notices import refuse_unfinished
+from cnnum.engines.numba.compiling import SHELF, cores
+from cnnum.engines.numba.evaluation import NumbaExecutable
 from cnnum.engines.numba.records import Real, Reals
 from cnnum.engines.opencl.lowering.kernel_source import Statements, statements
 from cnnum.engines.opencl.lowering.storage import Tables

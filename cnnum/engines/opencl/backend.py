@@ -4,7 +4,7 @@ import numpy as np
 import pyopencl as cl
 
 from cnnum.engines.backend import EngineRecord
-from cnnum.engines.devices.inline import partner_of
+from cnnum.engines.devices.listing import partner_of
 from cnnum.engines.devices.selection import choose_device
 from cnnum.engines.forks import refuse_after_fork
 from cnnum.engines.opencl.executable import OpenCLExecutable

@@ -12,19 +12,24 @@ import pyopencl as cl
 from numpy.typing import NDArray
 
 from cnnum.arrays import Floats
-from cnnum.engines.devices.building import build_program
-from cnnum.engines.devices.device_trouble import build_failure, run_failure
+from cnnum.engines.devices.child import build_failure, run_failure
+from cnnum.engines.devices.program_cache import build_program
 from cnnum.engines.devices.shared_arrays import SharedArray, shared_array
-from cnnum.engines.failures import refuse_unfinished
 from cnnum.engines.forks import LOST, refuse_after_fork
+from cnnum.engines.notices import refuse_unfinished
+from cnnum.engines.opencl.launching import (
+    Exchange,
+    LaunchRunner,
+    PlanKernels,
+    Runner,
+    WholeRunner,
+    exchanges,
+)
 from cnnum.engines.opencl.lowering.kernel_source import KernelSource, lower
 from cnnum.engines.opencl.lowering.storage import Places, Tables
-from cnnum.engines.opencl.runtime.host_exchange import Exchange, exchanges
-from cnnum.engines.opencl.runtime.launch_runner import LaunchRunner, Runner, WholeRunner
-from cnnum.engines.opencl.runtime.plan_kernels import PlanKernels
 from cnnum.graph.schedule import Schedule
 from cnnum.integrators.solver import Solvers
-from cnnum.safety.memory import refuse_beyond
+from cnnum.safety.values import refuse_beyond
 
 ONE_ITEM = (1,)
 

@@ -8,8 +8,8 @@ import numpy as np
 
 from cnnum.arrays import Floats
 from cnnum.engines.backend import Analogue, EngineRecord
-from cnnum.engines.failures import refuse_unfinished
 from cnnum.engines.host import HostExecutable, Values, local, picked, picks
+from cnnum.engines.notices import refuse_unfinished
 from cnnum.engines.reference.equation import Feedback, Given, StateEquation
 from cnnum.engines.reference.solve import change, instead, solve
 from cnnum.graph.nodes import CAPTURED, Loop, Node, Parameter, Pick, Transient

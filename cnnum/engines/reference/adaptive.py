@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cnnum.arrays import Floats
-from cnnum.engines.failures import refuse_unfinished
+from cnnum.engines.notices import refuse_unfinished
 from cnnum.engines.reference.equation import StateEquation
 from cnnum.engines.reference.march import limited, weighted
 from cnnum.integrators.estimate import (
@@ -28,7 +28,7 @@ from cnnum.integrators.estimate import (
 from cnnum.integrators.schemes import MAX_STEPS, NEARLY, AdaptiveSteps, ChebyshevSteps
 from cnnum.integrators.solver import Solver
 from cnnum.integrators.tableau import MAX_STAGES, chebyshev_method, stages_for
-from cnnum.templating.reads import gains_jump
+from cnnum.templating.network import gains_jump
 
 
 @dataclass(frozen=True, slots=True, eq=False)

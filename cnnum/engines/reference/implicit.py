@@ -16,7 +16,7 @@ from scipy.sparse import csc_array, eye_array
 from scipy.sparse.linalg import splu
 
 from cnnum.arrays import Floats
-from cnnum.engines.failures import refuse_unfinished
+from cnnum.engines.notices import refuse_unfinished
 from cnnum.engines.reference.equation import StateEquation
 from cnnum.integrators.rosenbrock import MOST_STEPS, ImplicitSteps
 from cnnum.integrators.solver import Solver

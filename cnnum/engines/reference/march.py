@@ -8,7 +8,7 @@ from cnnum.arrays import Floats
 from cnnum.engines.reference.equation import StateEquation
 from cnnum.integrators.choice import FixedSteps, Solver
 from cnnum.integrators.tableau import Row
-from cnnum.templating.reads import lag
+from cnnum.templating.network import lag
 
 
 def march(equation: StateEquation, solver: Solver, scheme: FixedSteps) -> tuple[Floats, float, int]:

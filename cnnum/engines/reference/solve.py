@@ -25,8 +25,7 @@ from cnnum.integrators.exact_ends import Decay
 from cnnum.integrators.rosenbrock import ImplicitSteps
 from cnnum.integrators.schemes import FixedSteps
 from cnnum.integrators.solver import Exact, Solver, Stepping
-from cnnum.templating.network import Network
-from cnnum.templating.reads import jumps, turning_points
+from cnnum.templating.network import Network, jumps, turning_points
 from cnnum.templating.template import Template
 
 PRECISION = 1e-10

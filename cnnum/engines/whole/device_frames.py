@@ -6,12 +6,11 @@ import numpy as np
 import pyopencl as cl
 
 from cnnum.embedded.c.kernel import KERNEL, kernel_text
-from cnnum.embedded.c.layout import packed, record_type, unpacked
-from cnnum.embedded.c.program import c_text
+from cnnum.embedded.c.program import c_text, packed, record_type, unpacked
 from cnnum.embedded.emulator import Numbers
 from cnnum.embedded.program import IntegerProgram
-from cnnum.engines.devices.building import build_program
-from cnnum.engines.devices.device_trouble import build_failure, run_failure
+from cnnum.engines.devices.child import build_failure, run_failure
+from cnnum.engines.devices.program_cache import build_program
 from cnnum.engines.devices.selection import choose_device
 from cnnum.engines.forks import refuse_after_fork
 

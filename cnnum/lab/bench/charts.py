@@ -7,7 +7,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
-from cnnum.lab.bench.true_error_chart import Axes, Picture, Row, mark_few, true_error
+from cnnum.lab.bench.true_error import Axes, Picture, Row, mark_few, true_error
 from cnnum.report.plots import drawn
 from cnnum.report.work_precision import LEAST
 

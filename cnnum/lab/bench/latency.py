@@ -10,17 +10,17 @@ import numpy as np
 import pyopencl as cl
 
 from cnnum.engine import Engine
-from cnnum.engines.devices.building import build_program
-from cnnum.engines.devices.inline import partner_of
+from cnnum.engines.devices.listing import partner_of
+from cnnum.engines.devices.program_cache import build_program
 from cnnum.engines.devices.selection import choose_device
 from cnnum.frame import FORCE_AXES, Frame
 from cnnum.lab.bench.errors import SLOW_REFERENCE, program_error
 from cnnum.lab.bench.samples import scene_frames
 from cnnum.plan import Explanation, Plan
 from cnnum.programs.library import get_program, program_names
+from cnnum.scenes.bad_frames import unit_range
 from cnnum.scenes.conversion import AsRead
 from cnnum.scenes.events import EVENT_RULES, EventDetector, EventRule, rules_that_fit
-from cnnum.scenes.frame_range import unit_range
 from cnnum.scenes.pipeline import FramePath
 from cnnum.templating.checks.program_run import RATE
 

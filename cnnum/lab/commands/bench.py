@@ -89,7 +89,7 @@ class Wanted:
             If a program, a precision, a method or a core has another name.
         """
         from cnnum.embedded.formats import precision_named
-        from cnnum.embedded.lowering.solvers import METHODS
+        from cnnum.embedded.lowering.builder import METHODS
         from cnnum.errors import name_error
         from cnnum.lab.embedded.cortex_m import CORES
         from cnnum.lab.embedded.costs import PRECISIONS, SCENES, USUAL, Bounds, cases

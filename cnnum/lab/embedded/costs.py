@@ -15,8 +15,8 @@ from cnnum.errors import CnnumError, NotSupportedError
 from cnnum.lab.embedded.cortex_m import Board
 from cnnum.lab.embedded.gnu_arm import gnu_counted, missing_gnu_tools
 from cnnum.lab.scoring.judge import judge, per_ten_minutes, sense_right, share
-from cnnum.scenes.range_streams import APART, bound, made, side_by_side, trials, vector_frames
-from cnnum.scenes.range_streams import made as made_program
+from cnnum.scenes.exporting import APART, bound_program, made, side_by_side, trials, vector_frames
+from cnnum.scenes.exporting import made as made_program
 
 OTHERS = 1000
 """First seed of the scenes that are scored: none of them was measured for ranges."""
@@ -89,7 +89,7 @@ def excerpt(shape: Shape, *, remembers: bool) -> Floats:
 @cache
 def _reference(name: str, shape: Shape, needs: tuple[str, ...]) -> Mapping[str, Floats]:
     """Return the outputs of the reference engine on the excerpt."""
-    plan = Engine("reference").compile(bound(name), shape, needs)
+    plan = Engine("reference").compile(bound_program(name), shape, needs)
     frames = excerpt(shape, remembers=bool(plan.schedule.memories))
     stream = plan.stream((frames.shape[1],))
     answers = [stream.push(frame) for frame in frames]

@@ -7,21 +7,17 @@ covers, `plane_figures` the data of the dissertation's own bump model. The bump'
 with the package; `cnnum.tactile.cover.fem` works them out anew.
 """
 
-from cnnum.tactile.cover.bump import BumpCover
+from cnnum.tactile.cover.bump import BumpCover, BumpTables, PlaneFigures, load_tables, plane_figures
 from cnnum.tactile.cover.comparison import MODELS, ComparisonRow, Merit, Model, compare, merit
-from cnnum.tactile.cover.flat import FlatCover
-from cnnum.tactile.cover.hair import HairCover
-from cnnum.tactile.cover.layer import LayerCover
-from cnnum.tactile.cover.layer_waves import (
+from cnnum.tactile.cover.hair import HairCover, RidgeCover
+from cnnum.tactile.cover.layer import (
+    LayerCover,
     LayerWaves,
     layer_displacement_transfer,
     layer_stress_transfer,
     layer_waves,
 )
-from cnnum.tactile.cover.plane import PlaneFigures, plane_figures
-from cnnum.tactile.cover.protocol import Cover
-from cnnum.tactile.cover.ridge import RidgeCover
-from cnnum.tactile.cover.tables import BumpTables, load_tables
+from cnnum.tactile.cover.protocol import Cover, FlatCover
 from cnnum.tactile.cover.viscoelastic import Creep, StandardLinearSolid, at_rest, creep_step
 
 __all__ = [

@@ -1,17 +1,141 @@
 """The cover with hemispherical bumps, by the coefficients that finite elements gave."""
 
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from importlib import resources
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cnnum.errors import PhysicsError
+from cnnum.arrays import Floats
+from cnnum.errors import ArrayError, PhysicsError
 from cnnum.tactile import checks, halfspace
-from cnnum.tactile.checks import Array
-from cnnum.tactile.cover.axial import Profiles, to_components
-from cnnum.tactile.cover.protocol import arguments
-from cnnum.tactile.cover.spline import Spline, spline
-from cnnum.tactile.cover.tables import STRETCH, BumpTables, load_tables
+from cnnum.tactile.checks import Array, finite
+from cnnum.tactile.cover.protocol import Profiles, arguments, to_components
+
+DEPTHS = (0.5, 0.75, 1.0, 1.25, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0)
+"""Depths of the taxels under the surface, in bump radii."""
+
+STRETCH = np.concatenate([np.arange(0, 2, 0.05), np.arange(2, 8.01, 0.25)])
+"""Distances from the axis over 1 + depth, all in bump radii."""
+STRETCH.setflags(write=False)
+
+PATCH = math.sin(5 * math.pi / 32)
+"""Radius of the bonded patch on top, in bump radii: 0.47, that of a rigid plate pressed 0.25 in.
+
+A mesh has a node at its rim if its fineness is a multiple of eight.
+"""
+
+PROFILES = 7
+"""σ_zz, σ_rz, Eε_zz pressed; σ_zz, σ_rz, σ_θz, Eε_zz dragged."""
+
+
+@dataclass(frozen=True, slots=True)
+class BumpTables:
+    """Stress for unit force and radius, and also strain for unit modulus, at ν = 0.5.
+
+    Attributes
+    ----------
+    depths : (depths,) float, bump radii
+    lever : float, bump radii
+        Height over the surface at which a drag's force makes the moment it does.
+    half_space, rigid_base : (depths, 7, distances) float
+        Profiles along STRETCH * (1 + depth). One is within a thick block at the depth. The other is
+        on the rigid base of a layer that is as thick as the depth.
+    """
+
+    depths: Array
+    lever: float
+    half_space: Array
+    rigid_base: Array
+
+    def __post_init__(self) -> None:
+        wanted = (np.size(finite("depths", self.depths)), PROFILES, STRETCH.size)
+        for name in ("half_space", "rigid_base"):
+            shape = finite(name, getattr(self, name)).shape
+            if shape != wanted:
+                raise ArrayError(f"'{name}': expected shape {wanted}, got {shape}.")
+
+
+def load_tables() -> BumpTables:
+    """Return the tables that ship with the package.
+
+    They come from `cnnum.tactile.cover.fem.generate.regenerate`.
+    """
+    tables = load_arrays()
+    return BumpTables(
+        tables["depths"], float(tables["lever"]), tables["half_space"], tables["rigid_base"]
+    )
+
+
+def load_arrays() -> dict[str, Array]:
+    """Return every array of the shipped file, by name."""
+    file = resources.files("cnnum.tactile.cover") / "bump.npz"
+    with file.open("rb") as stream, np.load(stream, allow_pickle=False) as arrays:
+        return {name: np.asarray(arrays[name], dtype=np.float64) for name in arrays.files}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Spline:
+    """A cubic spline whose end pieces go on over the knots next to the ends ("not a knot").
+
+    Attributes
+    ----------
+    knots : (n,) float
+        Rising.
+    pieces : (4, n − 1, ...) float
+        Of each piece the values, slopes, and coefficients of the square and the cube.
+    """
+
+    knots: Floats
+    pieces: Floats
+
+    def __call__(self, places: Floats) -> Floats:
+        """Return the values at places, (places, ...); beyond the ends the end pieces go on."""
+        at = np.asarray(places, dtype=float)
+        piece = np.clip(np.searchsorted(self.knots, at, side="right") - 1, 0, len(self.knots) - 2)
+        value, slope, square, cube = self.pieces[:, piece]
+        away = (at - self.knots[piece]).reshape(at.shape + (1,) * (value.ndim - at.ndim))
+        return np.asarray(value + away * (slope + away * (square + away * cube)))
+
+
+def spline(knots: Floats, values: Floats) -> Spline:
+    """Return the spline through values, (n, ...), at knots: a line at two, a parabola at three.
+
+    The slopes solve the usual system: the curvature has no step at the inner knots. The third
+    derivative has none at the second knot and the last but one. The source is de Boor, A Practical
+    Guide to Splines (1978), chapter IV.
+    """
+    gaps = np.diff(knots)
+    gap = gaps.reshape(-1, *(1,) * (values.ndim - 1))
+    rise = np.diff(values, axis=0) / gap
+    if len(knots) < 4:
+        curvature = np.diff(rise, axis=0).sum(axis=0) / gaps.sum()
+        slopes = np.concatenate([rise[:1] - gap[:1] * curvature, rise + gap * curvature])
+    else:
+        slopes = _slopes(gaps, gap, rise)
+    bend = slopes[:-1] + slopes[1:] - 2.0 * rise
+    square = (rise - slopes[:-1] - bend) / gap
+    return Spline(knots, np.stack([values[:-1], slopes[:-1], square, bend / gap**2]))
+
+
+def _slopes(gaps: Floats, gap: Floats, rise: Floats) -> Floats:
+    """Return the slopes at four knots or more; `gap` are the gaps in the shape of `rise`."""
+    count = len(gaps) + 1
+    system, wanted = np.zeros((count, count)), np.empty((count, *rise.shape[1:]))
+    inner = np.arange(1, count - 1)
+    system[inner, inner - 1], system[inner, inner + 1] = gaps[1:], gaps[:-1]
+    system[inner, inner] = 2.0 * (gaps[1:] + gaps[:-1])
+    wanted[1:-1] = 3.0 * (gap[1:] * rise[:-1] + gap[:-1] * rise[1:])
+    for end, (near, far) in ((0, (0, 1)), (-1, (-1, -2))):  # the gap at the end, and the next one
+        both = gaps[near] + gaps[far]
+        system[end, near], system[end, far] = gaps[far], both
+        first = (gaps[near] + 2.0 * both) * gaps[far] * rise[near]
+        wanted[end] = (first + gaps[near] ** 2 * rise[far]) / both
+    solved = np.linalg.solve(system, wanted.reshape(count, -1))
+    return np.asarray(solved.reshape(wanted.shape), dtype=np.float64)
+
 
 COUPLE = 0.25
 """Half the distance between the forces of a bump's moment seen from afar, bump radii."""
@@ -160,3 +284,123 @@ class BumpCover:
         rows = [pushed[..., 2], pushed[..., 0], pushed_strain[..., 2]]
         rows += [along[..., 2], along[..., 0], -across[..., 0], strain[..., 2]]
         return np.stack(rows)
+
+
+RADIUS = 0.2e-3
+"""Of the bump, m."""
+
+MODULUS = 0.87e6
+"""Young's modulus of the dissertation's rubber, Pa."""
+
+
+@dataclass(frozen=True, slots=True)
+class PlaneFigures:
+    """Plane stress, Ø 0.4 mm on 4 × 2 mm, ν = 0.499, under a rigid plate that does not slip.
+
+    First axis of pairs: pressed down by 50 µm; dragged sideways by 50 µm with the contact of then.
+    Second axis of pairs: the component along x, then along z.
+
+    Attributes
+    ----------
+    x, z : (81,), (51,) float, m
+        Places across, and depths below the surface.
+    field : (2, 2, 51, 81) float, m
+        Displacement in the block (Fig. 6.9).
+    axis : (2, 2, 51) float, m
+        Displacement below the middle, over z (Fig. 6.10).
+    line : (2, 2, 81) float, m
+        Displacement at 200 µm, over x.
+    stress : (2, 2, 81) float, Pa
+        σ_xz and σ_zz at 200 µm, over x (Fig. 6.12).
+    strain : (2, 2, 81) float
+        ε_xz (tensor) and ε_zz at 200 µm, over x.
+    force : (2,) float, N/m
+        Force of the plate, for each metre along the third axis.
+    indentation : (10,) float, m
+        Steps of the pressed plate up to 100 µm (Fig. 6.11, 6.14).
+    growth : (10, 4) float, m
+        Under the pressed plate at 200 µm: u_x and u_z below the middle, u_z 260 µm to its left
+        and right.
+    """
+
+    x: Array
+    z: Array
+    field: Array
+    axis: Array
+    line: Array
+    stress: Array
+    strain: Array
+    force: Array
+    indentation: Array
+    growth: Array
+
+    @property
+    def normal_to_shear(self) -> float:
+        """FzUz over FxUx below the middle at 200 µm, equal indentations; "about two" (6.11)."""
+        middle = self.x.size // 2
+        return float(self.line[0, 1, middle] / self.line[1, 0, middle])
+
+    @property
+    def cross_talk(self) -> float:
+        """The larger of FzUx/FzUz and FxUz/FxUx below the middle at 200 µm; "zero" (6.11)."""
+        middle = self.line[:, :, self.x.size // 2]
+        return float(max(abs(middle[0, 0] / middle[0, 1]), abs(middle[1, 1] / middle[1, 0])))
+
+    @property
+    def stress_extrema(self) -> tuple[float, float]:
+        """Where the dragged plate's σ_zz at 200 µm is lowest and highest, m (6.12)."""
+        values = self.stress[1, 1]
+        return float(self.x[values.argmin()]), float(self.x[values.argmax()])
+
+    @property
+    def pad_ratio(self) -> float:
+        """T_z over T_x of (6.1) at 50 µm, taxels at the extrema of the dragged u_z; "about 4".
+
+        Fig. 6.14 names deformations, so u_z stands for the taxels' signals; of stress the ratio
+        is `pad_stress_ratio`.
+        """
+        place = int(self.line[1, 1].argmax())
+        return float(self.line[0, 1, place] / self.line[1, 1, place])
+
+    @property
+    def pad_stress_ratio(self) -> float:
+        """The same of σ_zz, at the extrema of the dragged σ_zz."""
+        place = int(self.stress[1, 1].argmin())
+        return float(self.stress[0, 1, place] / self.stress[1, 1, place])
+
+    @property
+    def nonlinearity(self) -> float:
+        """Largest deviation of FzUz(indentation) from the best straight line, over its range."""
+        line = np.polyval(np.polyfit(self.indentation, self.growth[:, 1], 1), self.indentation)
+        return float(np.abs(line - self.growth[:, 1]).max() / np.ptp(self.growth[:, 1]))
+
+    @classmethod
+    def of_tables(cls, tables: Mapping[str, Array]) -> "PlaneFigures":
+        """Return the figures in SI units.
+
+        Parameters
+        ----------
+        tables : mapping of str to array
+            As `cnnum.tactile.cover.fem.generate.plane_tables` gives them: lengths in bump radii,
+            stress in Young's moduli.
+        """
+        return cls(
+            x=RADIUS * tables["plane_x"],
+            z=RADIUS * tables["plane_z"],
+            field=RADIUS * tables["plane_field"],
+            axis=RADIUS * tables["plane_axis"],
+            line=RADIUS * tables["plane_line"],
+            stress=MODULUS * tables["plane_stress"],
+            strain=tables["plane_strain"],
+            force=MODULUS * RADIUS * tables["plane_force"],
+            indentation=RADIUS * tables["plane_indentation"],
+            growth=RADIUS * tables["plane_growth"],
+        )
+
+
+def plane_figures() -> PlaneFigures:
+    """Return the plane model in SI units, from the data that ships with the package.
+
+    It comes from `cnnum.tactile.cover.fem.generate.regenerate`.
+    """
+    return PlaneFigures.of_tables(load_arrays())

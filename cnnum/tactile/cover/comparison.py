@@ -12,7 +12,7 @@ import numpy as np
 from cnnum.errors import PhysicsError
 from cnnum.tactile import checks
 from cnnum.tactile.checks import Array
-from cnnum.tactile.cover.layer_waves import layer_waves
+from cnnum.tactile.cover.layer import layer_waves
 from cnnum.tactile.halfspace import band_pass, low_pass
 
 NEEDLE = 50e-6

@@ -1,12 +1,13 @@
-"""The interface of every cover: a load on its top, and the response at a taxel."""
+"""The interface of every cover, and the flat one: a half-space."""
 
-from typing import Protocol
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from cnnum.errors import ArrayError
-from cnnum.tactile import checks
+from cnnum.tactile import checks, halfspace
 from cnnum.tactile.checks import Array
 
 COMPONENTS = ("xz", "yz", "zz")
@@ -82,3 +83,92 @@ def arguments(
         np.broadcast_to(taxel, (*shape, 2)),
         np.broadcast_to(push, (*shape, 3)),
     )
+
+
+@dataclass(frozen=True, slots=True)
+class FlatCover:
+    """An endlessly thick flat cover, with the taxels inside; see `protocol.Cover`.
+
+    Attributes
+    ----------
+    depth : float, m
+        Depth of the taxels.
+    youngs_modulus : float, Pa
+    poisson : float
+        Above -1 and at most 0.5.
+
+    References
+    ----------
+    Vásárhelyi, dissertation (2007), (4.9)–(4.12).
+    """
+
+    depth: float
+    youngs_modulus: float
+    poisson: float = 0.5
+
+    def __post_init__(self) -> None:
+        checks.positive("depth", self.depth)
+        checks.positive("youngs_modulus", self.youngs_modulus)
+        checks.poisson_ratio(self.poisson)
+
+    def stress(self, load_at: ArrayLike, taxel_at: ArrayLike, force: ArrayLike) -> Array:
+        """Return σ_xz, σ_yz, σ_zz at taxels, (..., 3) Pa."""
+        load, taxel, push = arguments(load_at, taxel_at, force)
+        away = taxel - load
+        field = halfspace.stress(away[..., 0], away[..., 1], self.depth, push, poisson=self.poisson)
+        return field[..., 2]
+
+    def strain(self, load_at: ArrayLike, taxel_at: ArrayLike, force: ArrayLike) -> Array:
+        """Return ε_xz, ε_yz, ε_zz at taxels, (..., 3)."""
+        load, taxel, push = arguments(load_at, taxel_at, force)
+        away = taxel - load
+        field = halfspace.strain(
+            away[..., 0],
+            away[..., 1],
+            self.depth,
+            push,
+            youngs_modulus=self.youngs_modulus,
+            poisson=self.poisson,
+        )
+        return field[..., 2]
+
+
+class Profiles(NamedTuple):
+    """Response to a unit load on the axis at given distances, each (...).
+
+    `pushed_*` under a load into the material; `dragged_*` under one sideways, towards θ = 0:
+    the zz and rz parts go with cos θ, the tz part with sin θ.
+    """
+
+    pushed_zz: Array
+    pushed_rz: Array
+    dragged_zz: Array
+    dragged_rz: Array
+    dragged_tz: Array
+
+
+def to_components(profiles: Profiles, away: Array, force: Array) -> Array:
+    """Return the xz, yz and zz components at taxels.
+
+    Parameters
+    ----------
+    profiles : Profiles
+        At the distances of `away`.
+    away : (..., 2) float, m
+        Taxel minus axis.
+    force : (..., 3) float, N
+
+    Returns
+    -------
+    (..., 3) float
+    """
+    distance = np.hypot(away[..., 0], away[..., 1])
+    direction = away / np.where(distance > 0, distance, 1.0)[..., None]
+    direction = np.where(distance[..., None] > 0, direction, [1.0, 0.0])
+    x, y = direction[..., 0], direction[..., 1]
+    along = force[..., 0] * x + force[..., 1] * y
+    across = force[..., 1] * x - force[..., 0] * y
+    radial = profiles.pushed_rz * force[..., 2] + profiles.dragged_rz * along
+    turning = -profiles.dragged_tz * across
+    down = profiles.pushed_zz * force[..., 2] + profiles.dragged_zz * along
+    return np.stack([radial * x - turning * y, radial * y + turning * x, down], axis=-1)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cnnum.errors import ArrayError, PhysicsError
-from cnnum.safety.memory import refuse_on_host
+from cnnum.safety.values import refuse_on_host
 from cnnum.tactile import checks
 from cnnum.tactile.checks import Array
 

@@ -4,7 +4,7 @@ x and y lie in the surface, z points into the material. Forces and pressures are
 material, stress is positive in tension. On maps, columns run along x and rows along y.
 """
 
-from cnnum.tactile.halfspace.material import strain_from_stress
+from cnnum.tactile.halfspace.influence import strain_from_stress
 from cnnum.tactile.halfspace.point import (
     displacement,
     line_load_stress,

@@ -10,8 +10,7 @@ from cnnum.errors import PhysicsError
 from cnnum.tactile import checks
 from cnnum.tactile.checks import Array, broadcasting
 from cnnum.tactile.halfspace import influence
-from cnnum.tactile.halfspace.influence import Integrals, tensor
-from cnnum.tactile.halfspace.material import energy_density
+from cnnum.tactile.halfspace.influence import Integrals, energy_density, tensor
 
 Direction = tuple[Array, Array, Array]
 

@@ -2,7 +2,7 @@
 
 from cnnum.templating.checks.records import Case, CheckResult, ClosedForm
 from cnnum.templating.checks.registry import closed_form, closed_form_names, form_of
-from cnnum.templating.checks.run import run_check
+from cnnum.templating.checks.running import run_check
 
 __all__ = [
     "Case",

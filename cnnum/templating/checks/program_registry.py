@@ -3,24 +3,10 @@
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from cnnum.templating.checks.program_records import ProgramForm
-from cnnum.templating.checks.tactile import codes as tactile_codes
-from cnnum.templating.checks.tactile import contours as tactile_contours
-from cnnum.templating.checks.tactile import halfspace as tactile_halfspace
-from cnnum.templating.checks.tactile import moving_patterns as tactile_moving_patterns
-from cnnum.templating.checks.tactile import outlines as tactile_outlines
-from cnnum.templating.checks.tactile import receptor_channels as tactile_receptors
-from cnnum.templating.checks.tactile import slip_and_twist as tactile_slip_and_twist
+from cnnum.templating.checks.program_run import ProgramForm
+from cnnum.templating.checks.tactile import halfspace, patterns, slip_and_twist
 
-_KINDS = (
-    tactile_outlines.FORMS,
-    tactile_codes.FORMS,
-    tactile_slip_and_twist.FORMS,
-    tactile_halfspace.FORMS,
-    tactile_receptors.FORMS,
-    tactile_moving_patterns.FORMS,
-    tactile_contours.FORMS,
-)
+_KINDS = (patterns.FORMS, slip_and_twist.FORMS, halfspace.FORMS)
 _FORMS: Mapping[str, tuple[ProgramForm, ...]] = MappingProxyType(
     {
         program: tuple(f for kind in _KINDS for f in kind if f.program == program)

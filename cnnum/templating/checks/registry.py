@@ -7,41 +7,15 @@ import numpy as np
 
 from cnnum.arrays import Floats, Shape
 from cnnum.errors import OneColourError, TemplateError, name_error
-from cnnum.templating.checks.analytic import (
-    anisotropic,
-    cell,
-    centre_surround,
-    courses,
-    delays,
-    filters,
-    gains,
-    interpolation,
-    linear,
-    oscillation,
-    ramps,
-    reference_run,
-    waves,
-)
-from cnnum.templating.checks.digital import (
-    differences,
-    life,
-    lines,
-    motion,
-    neighbourhood,
-    pointwise,
-    propagation,
-    ranks,
-)
+from cnnum.templating.checks import rules
+from cnnum.templating.checks.analytic import courses, linear, waves
+from cnnum.templating.checks.digital import neighbourhood, propagation
 from cnnum.templating.checks.records import Case, ClosedForm
-from cnnum.templating.checks.rules import forms as rules
 from cnnum.templating.template import Template
 
 _KINDS = (
-    *(neighbourhood.FORMS, propagation.FORMS, pointwise.FORMS, linear.FORMS, filters.FORMS),
-    *(cell.FORMS, differences.FORMS, ranks.FORMS, anisotropic.FORMS, interpolation.FORMS),
-    *(motion.FORMS, delays.FORMS, gains.FORMS),
-    *(rules.FORMS, lines.FORMS, courses.FORMS, reference_run.FORMS),
-    *(life.FORMS, waves.FORMS, oscillation.FORMS, ramps.FORMS, centre_surround.FORMS),
+    *(neighbourhood.FORMS, propagation.FORMS, rules.FORMS),
+    *(linear.FORMS, courses.FORMS, waves.FORMS),
 )
 _FORMS: Mapping[str, ClosedForm] = MappingProxyType(
     {form.name: form for kind in _KINDS for form in kind}

@@ -9,13 +9,30 @@ import numpy as np
 from cnnum.arrays import Floats
 from cnnum.errors import ArrayError, CnnumError, MethodError
 from cnnum.templating.batch import TemplateBatch
-from cnnum.templating.checks.intervals import wilson
-from cnnum.templating.checks.measuring import SHAPE, WRONG
 from cnnum.templating.checks.records import Case, ClosedForm
 from cnnum.templating.checks.registry import form_of, posed
-from cnnum.templating.checks.running import Engine, run_case
+from cnnum.templating.checks.running import SHAPE, WRONG, Engine, run_case
 from cnnum.templating.numbers import numbers_of, weights_of, with_numbers
 from cnnum.templating.template import Template
+
+DEVIATIONS = 1.959963984540054
+"""Standard deviations on both sides of the mean of a normal number that hold 95 % of it."""
+
+
+def wilson(hits: int, draws: int) -> tuple[float, float]:
+    """Return the 95 % interval of a share (Wilson 1927), which holds for 0 hits and for all too.
+
+    Parameters
+    ----------
+    hits, draws : int
+        How often it was so, of how many.
+    """
+    squared = DEVIATIONS**2 / draws
+    share = hits / draws
+    middle = (share + squared / 2.0) / (1.0 + squared)
+    half = math.sqrt(squared * (share * (1.0 - share) + squared / 4.0)) / (1.0 + squared)
+    return max(0.0, middle - half), min(1.0, middle + half)
+
 
 MISMATCHES = (0.01, 0.02, 0.05, 0.10)
 BITS = (8, 7, 6)

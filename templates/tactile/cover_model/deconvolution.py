@@ -8,7 +8,7 @@ import numpy as np
 from cnnum.errors import name_error
 from cnnum.programs.fields import Field
 from cnnum.programs.transients import apply
-from cnnum.tactile.deconvolution import unblur_kernel
+from cnnum.tactile.bump_loads import unblur_kernel
 from cnnum.tactile.indenters import Reads
 from cnnum.templating.template import Template
 

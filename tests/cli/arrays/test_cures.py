@@ -9,8 +9,7 @@ from foreign_files import press
 import cnnum
 from cnnum.drivers.codecs.wire import Asked, described_wire
 from cnnum.drivers.serial_array import SerialOptions
-from cnnum.drivers.virtual.array import VirtualArray
-from cnnum.drivers.virtual.line import VirtualLine
+from cnnum.drivers.virtual import VirtualArray, VirtualLine
 from cnnum.frame import FORCE_AXES, Frame
 
 SHAPE = (6, 5)

@@ -10,8 +10,7 @@ import cnnum
 from cnnum.drivers.codecs.scan import Scan
 from cnnum.drivers.codecs.wire import Asked, described_wire, wire
 from cnnum.drivers.geometry import Grid
-from cnnum.drivers.virtual.array import VirtualArray
-from cnnum.drivers.virtual.line import VirtualLine
+from cnnum.drivers.virtual import VirtualArray, VirtualLine
 from cnnum.errors import SceneError
 from cnnum.frame import FORCE_AXES, Frame
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cnnum import Recording, load_scene
-from cnnum.drivers import outside
+from cnnum.drivers import registry
 from cnnum.drivers.registry import driver_names, open_driver
 from cnnum.errors import CnnumError, SceneError
 
@@ -64,8 +64,8 @@ def test_what_is_no_driver_is_said(name, said, tmp_path):
 
 
 def test_an_entry_point_is_a_name(folder, monkeypatch):
-    point = outside.EntryPoint("my-pad", "my_pad:PadOptions", outside.GROUP)
-    monkeypatch.setattr(outside, "entry_points", lambda group: [point])
+    point = registry.EntryPoint("my-pad", "my_pad:PadOptions", registry.GROUP)
+    monkeypatch.setattr(registry, "entry_points", lambda group: [point])
     monkeypatch.syspath_prepend(folder)  # it is installed
     assert "my-pad" in driver_names()
     with open_driver("my-pad", {"port": "none"}, base=folder) as driver:
@@ -137,7 +137,7 @@ def test_a_name_that_the_user_gives_is_trusted(folder, call):
 
 @pytest.mark.promise("No scene file runs code, in any command that opens one, unless one says so.")
 def test_an_entry_point_is_never_looked_for_beside_a_scene(folder, monkeypatch):
-    point = outside.EntryPoint("my-pad", "my_pad:PadOptions", outside.GROUP)
-    monkeypatch.setattr(outside, "entry_points", lambda group: [point])
+    point = registry.EntryPoint("my-pad", "my_pad:PadOptions", registry.GROUP)
+    monkeypatch.setattr(registry, "entry_points", lambda group: [point])
     with pytest.raises(SceneError, match="reinstall it"):
         open_driver("my-pad", {"port": "none"}, base=folder)

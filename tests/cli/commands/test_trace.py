@@ -7,7 +7,7 @@ import numpy as np
 
 import cnnum
 from cnnum import sqrt
-from cnnum.report.trace_page import folds, write_trace_page
+from cnnum.report.run_pages import folds, write_trace_page
 
 
 class _Cards(HTMLParser):

@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from cnnum.engines.opencl_advice import how_to_get_opencl
+from cnnum.engines.notices import how_to_get_opencl
 
 NOWHERE = {"OCL_ICD_VENDORS": "/nonexistent/vendors"}
 """With it the loader of OpenCL finds no platform."""

@@ -75,7 +75,7 @@ def test_recording_that_is_none(call, tmp_path):
 
 
 def test_a_folder_that_cannot_be_made_is_refused_before_the_export(call, tmp_path, monkeypatch):
-    monkeypatch.setattr("cnnum.scenes.range_streams.made", lambda *_: pytest.fail("it worked on"))
+    monkeypatch.setattr("cnnum.scenes.exporting.made", lambda *_: pytest.fail("it worked on"))
     (tmp_path / "file").write_text("")
     said = sentence(call("export", "slip", "--out", tmp_path / "file" / "folder"))
     assert f"no files can be created in '{tmp_path / 'file'}'" in said

@@ -9,8 +9,7 @@ import pytest
 
 import cnnum
 from cnnum.engines.devices import shared_arrays
-from cnnum.engines.devices.inline import VARIABLE, partner_of
-from cnnum.engines.devices.listing import list_devices
+from cnnum.engines.devices.listing import VARIABLE, list_devices, partner_of
 from cnnum.engines.devices.selection import choose_device
 
 

@@ -11,16 +11,16 @@ from types import SimpleNamespace
 
 import pytest
 
-from cnnum.engines.devices import pocl_wheel, selection, self_test
+from cnnum.engines.devices import pocl, selection
 from cnnum.engines.devices.child import Ended
-from cnnum.engines.devices.verdicts import (
+from cnnum.engines.devices.selection import (
     SHELF,
     Verdict,
     keep_verdict,
     kept_verdict,
     subject_of,
 )
-from cnnum.engines.processor import Processor, read_cpuinfo
+from cnnum.engines.notices import Processor, read_cpuinfo
 from cnnum.errors import NoOpenCLError
 
 PLAYED = Path(__file__).parents[2] / "situations" / "generic_cpu"
@@ -64,7 +64,7 @@ def device():
 @pytest.fixture
 def wheel():
     """The wheel's device, which the repair is made for."""
-    found = [d for d in selection.working_devices() if pocl_wheel.is_wheel(d.handle)]
+    found = [d for d in selection.working_devices() if pocl.is_wheel(d.handle)]
     if not found:
         pytest.skip("the wheel of PoCL is not here")
     return found[0]
@@ -114,7 +114,7 @@ def test_the_wheel_is_repaired(wheel, tmp_path):
     checksum, record = place.read_bytes().split(b"\n", 1)
     assert checksum.decode() == hashlib.sha256(record).hexdigest()
     record = json.loads(record)
-    assert (record["why"], record["target"]) == ("", pocl_wheel.best_target(read_here()))
+    assert (record["why"], record["target"]) == ("", pocl.best_target(read_here()))
     assert place.parent.stat().st_mode & 0o777 == 0o700
 
 
@@ -127,7 +127,7 @@ def test_commands_name_the_repair_and_measure_in_it(wheel, tmp_path):
     done = python(run, tmp_path)
     assert done.returncode == 0, done.stderr
     (found,) = map(json.loads, done.stdout.splitlines())
-    assert found["repaired"] == pocl_wheel.best_target(read_here())
+    assert found["repaired"] == pocl.best_target(read_here())
     assert found["works"] is True
     assert found["chosen"] is True
     assert found["peak_gflops"] > 0.01
@@ -150,41 +150,41 @@ def test_a_device_that_cannot_be_repaired_is_listed_as_broken(wheel, tmp_path):
 
 
 def test_the_repair_is_for_this_build_alone(wheel, monkeypatch):
-    assert pocl_wheel.remedy_for(wheel.handle) is None  # its own name is right here
-    monkeypatch.setattr(pocl_wheel, "BUILD", "OpenCL 3.0 PoCL 3.1")
-    assert not pocl_wheel.is_wheel(wheel.handle)
+    assert pocl.remedy_for(wheel.handle) is None  # its own name is right here
+    monkeypatch.setattr(pocl, "BUILD", "OpenCL 3.0 PoCL 3.1")
+    assert not pocl.is_wheel(wheel.handle)
     monkeypatch.undo()
-    monkeypatch.setattr(pocl_wheel, "LIBRARY", "libpocl-of-another-build.so")
-    assert not pocl_wheel.is_wheel(wheel.handle)
+    monkeypatch.setattr(pocl, "LIBRARY", "libpocl-of-another-build.so")
+    assert not pocl.is_wheel(wheel.handle)
 
 
 def test_targets_have_no_instruction_that_the_processor_lacks():
-    wide = read_cpuinfo(ZEN_5.format(flags=" ".join(pocl_wheel.AVX512)))
+    wide = read_cpuinfo(ZEN_5.format(flags=" ".join(pocl.AVX512)))
     assert (wide.name, wide.family, wide.model) == ("AMD EPYC 9655", "26", "2")
-    assert pocl_wheel.best_target(wide) == "skylake-avx512"
-    for missing in pocl_wheel.AVX512 - pocl_wheel.AVX2:
+    assert pocl.best_target(wide) == "skylake-avx512"
+    for missing in pocl.AVX512 - pocl.AVX2:
         narrow = replace(wide, flags=wide.flags - {missing})
-        assert pocl_wheel.best_target(narrow) == "haswell"
-    assert pocl_wheel.best_target(replace(wide, flags=wide.flags - {"fma"})) is None
+        assert pocl.best_target(narrow) == "haswell"
+    assert pocl.best_target(replace(wide, flags=wide.flags - {"fma"})) is None
     assert read_cpuinfo("").flags == frozenset()
 
 
 def test_a_processor_whose_random_seeds_are_off_keeps_its_vectors():
     """Linux turns Zen 5's faulty RDSEED off; PoCL asks for vectors of 16 by AVX-512 alone."""
-    wide = read_cpuinfo(ZEN_5.format(flags=" ".join(pocl_wheel.AVX512 - {"rdseed"})))
+    wide = read_cpuinfo(ZEN_5.format(flags=" ".join(pocl.AVX512 - {"rdseed"})))
     assert "rdseed" not in wide.flags
-    assert pocl_wheel.target_for("generic", wide) == "skylake-avx512"
+    assert pocl.target_for("generic", wide) == "skylake-avx512"
 
 
 def test_a_name_that_is_right_is_kept():
     """LLVM 14 takes Zen 4 for "znver3", which has no AVX-512; on any other it stands."""
-    wide = read_cpuinfo(ZEN_5.format(flags=" ".join(pocl_wheel.AVX512)))
-    narrow = replace(wide, flags=pocl_wheel.AVX2)
-    assert pocl_wheel.target_for("generic", wide) == "skylake-avx512"
-    assert pocl_wheel.target_for("generic", narrow) == "haswell"
-    assert pocl_wheel.target_for("znver3", wide) == "skylake-avx512"
-    assert pocl_wheel.target_for("znver3", narrow) is None
-    assert pocl_wheel.target_for("cascadelake", wide) is None
+    wide = read_cpuinfo(ZEN_5.format(flags=" ".join(pocl.AVX512)))
+    narrow = replace(wide, flags=pocl.AVX2)
+    assert pocl.target_for("generic", wide) == "skylake-avx512"
+    assert pocl.target_for("generic", narrow) == "haswell"
+    assert pocl.target_for("znver3", wide) == "skylake-avx512"
+    assert pocl.target_for("znver3", narrow) is None
+    assert pocl.target_for("cascadelake", wide) is None
 
 
 def test_a_verdict_is_kept(kept, device):
@@ -252,19 +252,19 @@ class Forgetful(dict):
 
 @pytest.mark.parametrize("lanes", [1, 4, 8, 16])
 def test_the_answer_is_known(device, lanes):
-    assert self_test.run_self_test(device.handle, lanes, double=device.double) == ""
+    assert selection.run_self_test(device.handle, lanes, double=device.double) == ""
 
 
 def test_wrong_numbers_are_seen(device, monkeypatch):
-    right = self_test._expected
-    monkeypatch.setattr(self_test, "_expected", lambda dtype, width: right(dtype, width) + 1)
-    why = self_test.run_self_test(device.handle, 4, double=False)
+    right = selection._expected
+    monkeypatch.setattr(selection, "_expected", lambda dtype, width: right(dtype, width) + 1)
+    why = selection.run_self_test(device.handle, 4, double=False)
     assert why == "a small kernel gives wrong numbers in float32"
 
 
 def test_a_refusal_has_its_reason(device, monkeypatch):
-    monkeypatch.setattr(self_test, "_text", lambda real, width: "__kernel void self_test( {")
-    why = self_test.run_self_test(device.handle, 1, double=False)
+    monkeypatch.setattr(selection, "_text", lambda real, width: "__kernel void self_test( {")
+    why = selection.run_self_test(device.handle, 1, double=False)
     assert why.startswith("it refuses a small kernel (")
     assert "error" in why
 
@@ -274,18 +274,18 @@ def test_a_refusal_has_its_reason(device, monkeypatch):
 )
 def test_only_what_the_device_did_itself_lasts(device, monkeypatch, code, lasting):
     """It answered, or its compiler ended the process; it was not late, nor was Python in error."""
-    monkeypatch.setattr(self_test, "run_child", lambda *given: Ended('"broken"\n', "", code))
-    why, kept = self_test.try_in_child(device, None)
+    monkeypatch.setattr(selection, "run_child", lambda *given: Ended('"broken"\n', "", code))
+    why, kept = selection.try_in_child(device, None)
     assert why
     assert kept is lasting
 
 
 def test_how_a_child_ended_is_said():
-    assert self_test._why(Ended('""\n', "", 0)) == ""
-    assert self_test._why(Ended('"it refuses"\n', "", 0)) == "it refuses"
-    assert "no answer in 120 s" in self_test._why(Ended("", "", None))
-    said = self_test._why(Ended("", "LLVM ERROR: Cannot select: intrinsic\n", -6))
+    assert selection._why(Ended('""\n', "", 0)) == ""
+    assert selection._why(Ended('"it refuses"\n', "", 0)) == "it refuses"
+    assert "no answer in 120 s" in selection._why(Ended("", "", None))
+    said = selection._why(Ended("", "LLVM ERROR: Cannot select: intrinsic\n", -6))
     assert (
         said == "it ended the process that tried it (Aborted: LLVM ERROR: Cannot select: intrinsic)"
     )
-    assert "exit code 3" in self_test._why(Ended("", "", 3))
+    assert "exit code 3" in selection._why(Ended("", "", 3))

@@ -6,7 +6,7 @@ A form takes some twenty seconds to compile, so that one for each kind of bounda
 import numpy as np
 
 from cnnum.engine import Engine
-from cnnum.engines.numba.frames import drive_frames, run_frames
+from cnnum.engines.numba.steps import drive_frames, run_frames
 from cnnum.templating.couplings import DelayedCoupling, Gain, NonlinearCoupling
 from cnnum.templating.functions import Table
 from cnnum.templating.template import Template

@@ -7,7 +7,7 @@ import pytest
 
 import cnnum
 from cnnum.engines.numba import printed
-from cnnum.engines.numba.executable import NumbaExecutable
+from cnnum.engines.numba.evaluation import NumbaExecutable
 from cnnum.templating.couplings import DelayedCoupling, Gain, NonlinearCoupling
 from cnnum.templating.functions import Table
 

@@ -5,7 +5,7 @@ import pytest
 
 import cnnum
 from cnnum.errors import ProgramError
-from cnnum.programs.blocks import blocks, root_sum
+from cnnum.programs.machine import blocks, root_sum
 
 
 @pytest.mark.parametrize(("rows", "columns"), [(1, 1), (1, 2), (2, 3)])

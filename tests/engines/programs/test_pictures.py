@@ -14,7 +14,7 @@ from cnnum.templates.pictures.components import components
 from cnnum.templates.pictures.holes import holes
 from cnnum.templates.pictures.life import life
 from cnnum.templates.pictures.skeleton import skeleton
-from cnnum.templating.checks.digital.life import next_generation
+from cnnum.templating.checks.digital.propagation import next_generation
 
 EIGHT = np.ones((3, 3), dtype=int)
 SHAPE = (7, 9)

@@ -11,8 +11,7 @@ from cnnum.engine import Engine
 from cnnum.engines.registry import backend_names
 from cnnum.errors import NotSupportedError
 from cnnum.templating.checks.analytic.waves import line_after
-from cnnum.templating.checks.digital.life import next_generation
-from cnnum.templating.checks.digital.propagation import packed_runs
+from cnnum.templating.checks.digital.propagation import next_generation, packed_runs
 from cnnum.templating.library import get_template
 from cnnum.templating.template import Template
 

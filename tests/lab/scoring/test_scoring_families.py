@@ -24,13 +24,11 @@ from cnnum.drivers.simulated.grips import (
     mixed,
     stick_slip,
 )
-from cnnum.drivers.simulated.motion import Command
-from cnnum.drivers.simulated.script import Phase
+from cnnum.drivers.simulated.script import Command, Phase
 from cnnum.drivers.simulated.settings import Settings
 from cnnum.frame import truth_columns
 from cnnum.lab.scoring.families import faces
-from cnnum.lab.scoring.families.catalogue import FAMILIES
-from cnnum.lab.scoring.families.dragged import Dragged, spread
+from cnnum.lab.scoring.families.catalogue import FAMILIES, Dragged, spread
 from cnnum.tactile.contact import sliding_torque, torsion_slip
 from cnnum.tactile.grid import make_grid
 

@@ -6,11 +6,10 @@ from scipy import ndimage
 from scipy.integrate import solve_ivp
 
 from cnnum.templating.checks import closed_form
-from cnnum.templating.checks.analytic.delays import by_steps
-from cnnum.templating.checks.analytic.interpolation import bending
-from cnnum.templating.checks.analytic.oscillation import limit_cycle
-from cnnum.templating.checks.analytic.waves import line_after
-from cnnum.templating.checks.digital.life import next_generation
+from cnnum.templating.checks.analytic.courses import by_steps
+from cnnum.templating.checks.analytic.linear import bending
+from cnnum.templating.checks.analytic.waves import limit_cycle, line_after
+from cnnum.templating.checks.digital.propagation import next_generation
 from cnnum.templating.library import get_template
 
 

@@ -11,11 +11,11 @@ from scipy import integrate, linalg, ndimage
 
 from cnnum.errors import TemplateError
 from cnnum.templating.boundary import PERIODIC, ZERO_FLUX, Boundary, halo_sources, parse_boundary
-from cnnum.templating.checks.analytic.cell import state_after, switching_time
-from cnnum.templating.checks.analytic.modes import modes
+from cnnum.templating.checks.analytic.courses import state_after, switching_time
+from cnnum.templating.checks.analytic.linear import modes
 from cnnum.templating.checks.digital.propagation import packed_runs
-from cnnum.templating.checks.parameters import number
 from cnnum.templating.checks.pictures import binary, gray
+from cnnum.templating.checks.records import number
 from cnnum.templating.checks.registry import form_of
 from cnnum.templating.library import get_template
 

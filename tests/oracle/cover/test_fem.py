@@ -8,17 +8,22 @@ from scipy.sparse.linalg import spsolve
 from cnnum.errors import PhysicsError
 from cnnum.tactile import halfspace
 from cnnum.tactile.cover import plane_figures
-from cnnum.tactile.cover.tables import STRETCH, load_arrays, load_tables
+from cnnum.tactile.cover.bump import STRETCH, load_arrays, load_tables
 
 pytest.importorskip("skfem", reason="finite elements are in the extra 'fem'")
 
 from cnnum.tactile.cover.fem.body import make_body
 from cnnum.tactile.cover.fem.generate import regenerate
-from cnnum.tactile.cover.fem.geometry import Shape, full_section, half_section
-from cnnum.tactile.cover.fem.plane import make_plane_bump
-from cnnum.tactile.cover.fem.plate import cap, move, press
-from cnnum.tactile.cover.fem.revolution import make_bodies
-from cnnum.tactile.cover.fem.section import DRAGGED, PLANE, PUSHED, Hooke
+from cnnum.tactile.cover.fem.geometry import (
+    DRAGGED,
+    PLANE,
+    PUSHED,
+    Hooke,
+    Shape,
+    full_section,
+    half_section,
+)
+from cnnum.tactile.cover.fem.plate import cap, make_bodies, make_plane_bump, move, press
 
 SMALL = Shape(3.0, 1.0, growth=1.4)
 CORNER = np.sin(np.pi / 8)

@@ -8,9 +8,19 @@ import pytest
 from scipy.stats import norm
 
 from cnnum.errors import ArrayError, MissingExtraError, PhysicsError
-from cnnum.tactile import texture_classes
-from cnnum.tactile.texture_classes import classify, draw_samples, features
-from cnnum.tactile.texture_materials import FOUR, Bump, Material, Stroke, envelope, profile, rub
+from cnnum.tactile import texture_materials
+from cnnum.tactile.texture_materials import (
+    FOUR,
+    Bump,
+    Material,
+    Stroke,
+    classify,
+    draw_samples,
+    envelope,
+    features,
+    profile,
+    rub,
+)
 
 STEP = 4e-6
 FLAT = Material("glass", "grain", 0.4, 1e-12, 0.3e-3, spread=0.0)
@@ -133,6 +143,6 @@ def test_wrong_input_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     def absent(name: str) -> object:
         raise ImportError(name)
 
-    monkeypatch.setattr(texture_classes, "import_module", absent)
+    monkeypatch.setattr(texture_materials, "import_module", absent)
     with pytest.raises(MissingExtraError, match="'\\.\\[texture\\]'"):
         classify(ones, [0, 1, 0, 1], [0, 1, 2, 3], names=("a", "b"))

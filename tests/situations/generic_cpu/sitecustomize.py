@@ -33,7 +33,7 @@ def _play(cl):
     listed, played = cl.get_platforms, set()
 
     def get_platforms():
-        from cnnum.engines.devices.pocl_wheel import (
+        from cnnum.engines.devices.pocl import (
             TARGETS,
             UNKNOWN,
             is_wheel,

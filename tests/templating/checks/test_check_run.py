@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from cnnum.errors import TemplateError, UnknownNameError
-from cnnum.templating.checks import CheckResult, closed_form, form_of, run, run_check
+from cnnum.templating.checks import CheckResult, closed_form, form_of, run_check, running
 from cnnum.templating.checks.digital.neighbourhood import pattern
 from cnnum.templating.template import Check, Template
 
@@ -83,7 +83,7 @@ def test_a_first_run_that_compiled_is_not_the_time(
     first: float, second: float, expected: float
 ) -> None:
     times = iter([second] * 3)
-    assert run._time_of(first, 3, lambda: next(times)) == expected
+    assert running._time_of(first, 3, lambda: next(times)) == expected
     assert len(list(times)) == {0.002: 0, 0.6: 2, 9.0: 3}[expected]
 
 

@@ -9,9 +9,8 @@ from cnnum import Engine, Template, get_template
 from cnnum.errors import DeviceError, FrameError, MethodError, TemplateError
 from cnnum.templating.batch import TemplateBatch
 from cnnum.templating.checks import run_check
-from cnnum.templating.checks.audit import audit
-from cnnum.templating.checks.measuring import measure, settle_times, shifted
 from cnnum.templating.checks.robustness import Judge, flips, tolerances
+from cnnum.templating.checks.running import audit, measure, settle_times, shifted
 from cnnum.templating.files import load_entry, write_measured
 from cnnum.templating.library import get_entry, template_path
 from cnnum.templating.numbers import numbers_of, with_numbers

@@ -9,9 +9,9 @@ from single_cells import EVERY, is_right
 from cnnum import Engine, get_template
 from cnnum.errors import TemplateError
 from cnnum.templating.checks import form_of, run_check
-from cnnum.templating.checks.measuring import measure
 from cnnum.templating.checks.registry import posed
 from cnnum.templating.checks.robustness import flips
+from cnnum.templating.checks.running import measure
 from cnnum.templating.library import template_names
 from cnnum.templating.template import Check, Template
 

@@ -5,7 +5,7 @@ import pytest
 
 from cnnum.errors import TemplateError
 from cnnum.templating.boundary import parse_boundary
-from cnnum.templating.checks.rules.language import Neighbourhood, Rule
+from cnnum.templating.checks.rules import Neighbourhood, Rule
 
 CELLS = np.array([[[1, 1, 0], [0, 1, 0], [0, 0, 1]]], dtype=bool)
 

@@ -4,15 +4,26 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 from cnnum import kernels as ir
-from cnnum.engines.opencl.large_arrays.lane_layout import RowLayout
-from cnnum.engines.opencl.large_arrays.lane_rows import BLOCK_ROWS, OWN, lane_text, rim_text
-from cnnum.engines.opencl.large_arrays.strip_couplings import STATES
-from cnnum.engines.opencl.large_arrays.strip_rows import DRIVE, NEW_STATES, OUTPUTS, SEEN, Rows
+from cnnum.engines.opencl.large_arrays.lane_layout import (
+    BLOCK_ROWS,
+    OWN,
+    RowLayout,
+    lane_text,
+    rim_text,
+)
+from cnnum.engines.opencl.large_arrays.strip_rows import (
+    DRIVE,
+    NEW_STATES,
+    OUTPUTS,
+    SEEN,
+    STATES,
+    Rows,
+)
 from cnnum.engines.opencl.text import WIDE_BYTES, fill, indented, owned
 from cnnum.engines.opencl.transients.builder import TransientBuilder
-from cnnum.engines.opencl.transients.feedforward import constant_drive
+from cnnum.engines.opencl.transients.couplings import constant_drive
 from cnnum.kernels.launch_plan import Strips
-from cnnum.templating.reads import reads_states
+from cnnum.templating.network import reads_states
 
 _CLIPPED = "(x = -one > x ? -one : x, one < x ? one : x)"
 

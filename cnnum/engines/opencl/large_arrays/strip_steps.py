@@ -3,8 +3,7 @@
 from dataclasses import dataclass, replace
 
 from cnnum import kernels as ir
-from cnnum.engines.opencl.large_arrays.lane_rows import lanes_fit
-from cnnum.engines.opencl.large_arrays.strip_couplings import FROM, PART, Kept, coupled
+from cnnum.engines.opencl.large_arrays.lane_layout import lanes_fit
 from cnnum.engines.opencl.large_arrays.strip_kernel import (
     SHOWN,
     StripText,
@@ -15,22 +14,34 @@ from cnnum.engines.opencl.large_arrays.strip_kernel import (
 from cnnum.engines.opencl.large_arrays.strip_rows import (
     CONTROL,
     FINDINGS,
+    FROM,
     ONES,
     OUTPUTS,
+    PART,
     At,
+    Kept,
+    Moments,
     Rows,
+    coupled,
     strip_rows,
+    uneven,
     vector,
 )
-from cnnum.engines.opencl.large_arrays.strip_times import Moments, uneven
-from cnnum.engines.opencl.transients.builder import TransientBuilder
+from cnnum.engines.opencl.transients.builder import (
+    CHANGE,
+    RUNNING,
+    SETTLED,
+    STEPS,
+    STILL,
+    TIME,
+    TransientBuilder,
+)
 from cnnum.engines.opencl.transients.fixed_steps import fixed_figures
-from cnnum.engines.opencl.transients.names import CHANGE, RUNNING, SETTLED, STEPS, STILL, TIME
 from cnnum.engines.opencl.transients.step_control import Controlled, Figures
 from cnnum.integrators.schemes import AdaptiveSteps, FixedSteps, Stage, Stages, Sum, stages_of
 from cnnum.kernels.launch_plan import Strips
 from cnnum.templating.functions import Table
-from cnnum.templating.reads import delays_outputs, gains_jump, lag
+from cnnum.templating.network import delays_outputs, gains_jump, lag
 
 BEFORE = "strip_before"
 """The array of the states with which a launch began."""

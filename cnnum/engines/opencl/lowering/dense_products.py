@@ -1,9 +1,18 @@
-"""Chains of linear operations that were fused into dense products."""
+"""Dense products and read-outs of a small array, such as sums: several chains side by side.
+
+A small array's read-outs, such as sums: several chains side by side.
+
+A sum that runs through the cells one by one waits four cycles for each of them. Compilers may not
+change its order, so they work out all that shares its loop one cell at a time. Every kernel of a
+plan sums up in the same order. So a frame's results do not depend on its neighbours.
+"""
 
 import numpy as np
 
 from cnnum import kernels as ir
 from cnnum.engines.opencl.lowering.storage import Tables
+from cnnum.engines.opencl.text import filled
+from cnnum.graph.elementwise import ReduceOp
 from cnnum.graph.nodes import Product
 
 COLUMNS = 4
@@ -52,3 +61,69 @@ def product(
 def largest_divisor(number: int, most: int) -> int:
     """Return the largest divisor that is not larger than `most`."""
     return max(n for n in range(1, most + 1) if number % n == 0)
+
+
+CHAIN, NUMBERS, READ_OUTS_K, AT = ir.names("chain numbers k at")
+
+CHAINS = 8
+"""Of 4, 8 and 16 chains single frames take as long, and with 16 large batches take 1 % more."""
+
+
+def chains(cells: int) -> int:
+    """Return how many chains read out an array, or a stack of them."""
+    return min(CHAINS, cells)
+
+
+def chained(tables: Tables, function: ReduceOp, count: int, cells: int) -> str:
+    """Return the name of the kernel's function that reads one number out of many.
+
+    Parameters
+    ----------
+    tables : Tables
+        Gets the function's text.
+    function : ReduceOp
+    count : int
+        Of the numbers, in private memory.
+    cells : int
+        Of the array.
+    """
+    name = f"{function.name}_of_{count}"
+    if name not in tables.types:
+        text = filled(
+            "chained",
+            read_out=function.name,
+            count=count,
+            chains=chains(cells),
+            function=name,
+            body=_body(function, count, chains(cells)),
+        )
+        tables.types[name] = "\n".join(tables.printer.lines([text]))
+    return name
+
+
+def step(function: ReduceOp, total: ir.Expression, value: ir.Expression) -> ir.Expression:
+    """Return a total after one more value."""
+    return total + value if function.how == "+" else ir.call(function.how, total, value)
+
+
+def _body(function: ReduceOp, count: int, width: int) -> list[ir.Statement]:
+    last = count // width * width
+
+    def into(end: int, value: ir.Expression) -> ir.Loop:
+        return ir.Loop(
+            READ_OUTS_K,
+            end,
+            (ir.Assign(CHAIN[READ_OUTS_K], step(function, CHAIN[READ_OUTS_K], value)),),
+        )
+
+    lines: list[ir.Statement] = [
+        ir.Array(CHAIN, width, None),
+        ir.Loop(READ_OUTS_K, width, (ir.Assign(CHAIN[READ_OUTS_K], NUMBERS[READ_OUTS_K]),)),
+        ir.Loop(AT, last, (into(width, NUMBERS[AT + READ_OUTS_K]),), start=width, step=width),
+        into(count - last, NUMBERS[ir.Integer(last) + READ_OUTS_K]),
+    ]
+    while width > 1:
+        half = (width + 1) // 2
+        lines.append(into(width - half, CHAIN[ir.Integer(half) + READ_OUTS_K]))
+        width = half
+    return [*lines, ir.Verbatim(("return ", CHAIN[0], ";"))]

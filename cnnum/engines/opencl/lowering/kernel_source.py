@@ -25,7 +25,7 @@ from cnnum.integrators.solver import Solvers
 from cnnum.kernels.kernel_split import PartKernel, split_kernels
 from cnnum.kernels.launch_plan import LaunchPlan
 from cnnum.kernels.number_types import NumberType
-from cnnum.kernels.opencl import OpenCLPrinter
+from cnnum.kernels.printer import OpenCLPrinter
 
 OUTPUT, IS_FIRST = ir.names("output is_first")
 """The buffer of results, and the host's word for the first frame of a stream."""

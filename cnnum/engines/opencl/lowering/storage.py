@@ -10,7 +10,7 @@ from cnnum import kernels as ir
 from cnnum.arrays import Floats
 from cnnum.graph.nodes import Constant, ConstantMap, Node
 from cnnum.kernels.number_types import number_type
-from cnnum.kernels.opencl import OpenCLPrinter
+from cnnum.kernels.printer import OpenCLPrinter
 from cnnum.templating.boundary import Boundary, halo_sources
 
 PRIVATE_CELLS = 16 * 16

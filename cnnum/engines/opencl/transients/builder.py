@@ -1,20 +1,126 @@
-"""The base that all parts of a transient's lowering share: sizes, arrays, loops and rims."""
+"""The base that all parts of a transient's lowering share: names, sizes, arrays, loops and rims.
 
-from collections.abc import Callable, Mapping, Sequence
+Weighted sums with one product for all neighbours whose weights are equal.
+
+Neighbours of a column are added first: the cells left and right of it want that sum, too, with the
+same weight or another. Compilers then find it once.
+"""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import groupby
 
 import numpy as np
 
 from cnnum import kernels as ir
 from cnnum.engines.opencl.lowering.storage import Arena, Tables
-from cnnum.engines.opencl.transients.names import SUM, X
-from cnnum.engines.opencl.transients.stencil_sums import weighted_terms
 from cnnum.integrators.choice import Solver
-from cnnum.kernels.formulas import formula
+from cnnum.kernels.expressions import formula
 from cnnum.templating.boundary import Boundary
-from cnnum.templating.network import Tap
-from cnnum.templating.reads import delays_inputs
+from cnnum.templating.network import Tap, delays_inputs
 from cnnum.templating.template import Template
+
+X, Y, XP, YD, U = ir.names("x y xp yd u")
+"""States, stacked by layers; padded outputs, states, outputs a delay ago, and inputs."""
+
+W, LATER = ir.names("w later")
+"""The drive of the cells, and its change when a delay is over."""
+
+SUM, NOW, RATE, PART = ir.names("sum now rate part")
+"""Of a cell: a sum and a value at hand, dx/dt, and a part of a sum."""
+
+XS = ir.Name("xs")
+"""The states at a step's stages, in the end at its end."""
+
+H, TIME, STEPS, RUNNING = ir.names("h time steps running")
+"""A step's length, time and steps since the start, and whether a frame takes another step."""
+
+CHANGE, SETTLED, STILL = ir.names("change settled still")
+"""The largest rate, in units of the tolerance; whether, and for how many steps, nothing changes."""
+
+LARGEST = ir.Name("largest")
+"""The largest number that the rounding of a closed form goes by."""
+
+
+def zeros(*variables: ir.Name) -> tuple[tuple[ir.Name, ir.Expression], ...]:
+    """Return variables of a declaration, whose first values are 0."""
+    return tuple((name, ir.ZERO) for name in variables)
+
+
+def rates_of(stage: int) -> ir.Name:
+    """Return the array of a stage's rates."""
+    return ir.Name(f"k{stage}")
+
+
+def shared_products(found: Iterable[Tap], least: int = 2) -> list[tuple[Tap, ...]]:
+    """Return the taps in groups whose weights are equal but for their signs, column by column.
+
+    Parameters
+    ----------
+    found : iterable of Tap
+    least : int
+        Taps of a group; fewer stay alone.
+    """
+    equal: dict[float, list[Tap]] = {}
+    for tap in found:
+        equal.setdefault(abs(tap.weight), []).append(tap)
+    groups: list[tuple[Tap, ...]] = []
+    for group in equal.values():
+        many = len(group) >= least
+        groups += [tuple(sorted(group, key=_column))] if many else [(tap,) for tap in group]
+    return groups
+
+
+def shares_products(found: Iterable[Tap]) -> bool:
+    """Return whether any two weights are equal but for their signs."""
+    return any(len(group) > 1 for group in shared_products(found))
+
+
+def weighted_terms(
+    found: Iterable[Tap],
+    number: Callable[[float], ir.Expression],
+    value: Callable[[Tap], ir.Expression],
+    least: int = 2,
+) -> list[ir.Expression]:
+    """Return the terms of Σ weight · value, one a group of equal weights.
+
+    Parameters
+    ----------
+    found : iterable of Tap
+    number : callable
+        The literal of a weight.
+    value : callable
+        The expression of the value at a tap.
+    least : int
+        Taps of a group; fewer stay alone.
+    """
+    return [_term(group, number, value) for group in shared_products(found, least)]
+
+
+def _column(tap: Tap) -> tuple[int, int, int]:
+    return tap.source, tap.col, tap.row
+
+
+def _term(
+    group: tuple[Tap, ...],
+    number: Callable[[float], ir.Expression],
+    value: Callable[[Tap], ir.Expression],
+) -> ir.Expression:
+    weight, total = group[0].weight, None
+    for _, column in groupby(group, key=lambda tap: (tap.source, tap.col)):
+        first, *others = column
+        # within a column the first is added, so that the sum is the same wherever it is wanted
+        inner = value(first)
+        for tap in others:
+            inner = _added(inner, value(tap), tap.weight == first.weight)
+        total = inner if total is None else _added(total, inner, first.weight == weight)
+    assert total is not None
+    return number(weight) * total
+
+
+def _added(total: ir.Expression, value: ir.Expression, same: bool) -> ir.Expression:
+    return total + value if same else total - value
+
 
 RIM = ir.Name("q")
 """The variable of loops over cells of rims."""

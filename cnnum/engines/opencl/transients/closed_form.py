@@ -9,9 +9,8 @@ import numpy as np
 from cnnum import kernels as ir
 from cnnum.arrays import Floats
 from cnnum.engines.opencl.text import comment
-from cnnum.engines.opencl.transients.builder import TransientBuilder
-from cnnum.engines.opencl.transients.feedforward import constant_drive, drive_of
-from cnnum.engines.opencl.transients.names import LARGEST, NOW, SUM, W, X
+from cnnum.engines.opencl.transients.builder import LARGEST, NOW, SUM, TransientBuilder, W, X
+from cnnum.engines.opencl.transients.couplings import constant_drive, drive_of
 from cnnum.engines.opencl.transients.step_control import Figures
 from cnnum.integrators.estimate import LOST
 from cnnum.integrators.exact_ends import (

@@ -11,9 +11,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from cnnum import kernels as ir
-from cnnum.engines.opencl.transients.builder import TransientBuilder
-from cnnum.engines.opencl.transients.names import RATE, TIME, XS, H, X, rates_of
-from cnnum.engines.opencl.transients.runge_kutta_steps import combination, declare_stages, stages
+from cnnum.engines.opencl.transients.builder import RATE, TIME, XS, H, TransientBuilder, X, rates_of
+from cnnum.engines.opencl.transients.fixed_steps import combination, declare_stages, stages
 from cnnum.engines.opencl.transients.state_equation import Instant, outputs, rates
 from cnnum.engines.opencl.transients.step_control import AMID_STEP, Attempt, advance, judged
 from cnnum.integrators.schemes import AdaptiveSteps

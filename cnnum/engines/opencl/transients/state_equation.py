@@ -4,13 +4,21 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from cnnum import kernels as ir
-from cnnum.engines.opencl.transients.builder import TransientBuilder
-from cnnum.engines.opencl.transients.feedforward import drive_of
-from cnnum.engines.opencl.transients.names import CHANGE, NOW, PART, RATE, SUM, XP, YD, X, Y
-from cnnum.engines.opencl.transients.nonlinear_couplings import gain_name, gains, nonlinear
+from cnnum.engines.opencl.transients.builder import (
+    CHANGE,
+    NOW,
+    PART,
+    RATE,
+    SUM,
+    XP,
+    YD,
+    TransientBuilder,
+    X,
+    Y,
+)
+from cnnum.engines.opencl.transients.couplings import drive_of, gain_name, gains, nonlinear
 from cnnum.graph.schedule import has_feedback
-from cnnum.templating.network import taps
-from cnnum.templating.reads import delays_outputs, moving_inputs, reads_states
+from cnnum.templating.network import delays_outputs, moving_inputs, reads_states, taps
 
 RESTS = CHANGE <= ir.ONE
 """Whether nothing changes any more."""

@@ -8,8 +8,7 @@ import numpy as np
 
 from cnnum import kernels as ir
 from cnnum.engines.opencl.lowering.storage import UNFINISHED
-from cnnum.engines.opencl.transients.builder import TransientBuilder
-from cnnum.engines.opencl.transients.names import (
+from cnnum.engines.opencl.transients.builder import (
     CHANGE,
     RUNNING,
     SETTLED,
@@ -17,6 +16,7 @@ from cnnum.engines.opencl.transients.names import (
     TIME,
     XS,
     H,
+    TransientBuilder,
     X,
     zeros,
 )
@@ -32,7 +32,7 @@ from cnnum.integrators.estimate import (
     slopes_count,
 )
 from cnnum.integrators.schemes import MAX_STEPS, NEARLY, AdaptiveSteps, ChebyshevSteps
-from cnnum.templating.reads import gains_jump
+from cnnum.templating.network import gains_jump
 
 LARGEST_EXPONENT = 80.0
 """e to this is a number of single precision."""

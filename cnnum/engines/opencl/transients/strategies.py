@@ -5,23 +5,19 @@ from dataclasses import dataclass
 from typing import Any
 
 from cnnum import kernels as ir
-from cnnum.engines.opencl.large_arrays.strip_chebyshev import chebyshev_attempts
-from cnnum.engines.opencl.large_arrays.strip_pair import pair_attempts
+from cnnum.engines.opencl.large_arrays.strip_attempts import chebyshev_attempts, pair_attempts
 from cnnum.engines.opencl.large_arrays.strip_steps import (
     state_strips,
     states_suffice,
     strip_steps,
     strips_fit,
 )
-from cnnum.engines.opencl.transients.builder import TransientBuilder
-from cnnum.engines.opencl.transients.chebyshev_steps import chebyshev_sweeps
+from cnnum.engines.opencl.transients.builder import CHANGE, TransientBuilder, X
 from cnnum.engines.opencl.transients.closed_form import exact
-from cnnum.engines.opencl.transients.euler_in_registers import fits_rows, row_steps
-from cnnum.engines.opencl.transients.feedforward import drive
-from cnnum.engines.opencl.transients.fused_euler import fused_euler, fuses
-from cnnum.engines.opencl.transients.names import CHANGE, X
+from cnnum.engines.opencl.transients.couplings import drive
+from cnnum.engines.opencl.transients.euler_steps import fits_rows, fused_euler, fuses, row_steps
+from cnnum.engines.opencl.transients.fixed_steps import chebyshev_sweeps, fixed_steps
 from cnnum.engines.opencl.transients.pair_steps import rolled, rolls, sweeps
-from cnnum.engines.opencl.transients.runge_kutta_steps import fixed_steps
 from cnnum.engines.opencl.transients.state_equation import (
     Instant,
     declare_outputs,

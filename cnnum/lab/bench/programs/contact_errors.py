@@ -2,7 +2,8 @@
 
 `python -m cnnum.lab.bench.programs.contact_errors [strain|stress]` prints it.
 
-Frames are those of `cnnum.tactile.touches` with noise. The program knows nothing of the tractions.
+Frames are those of `cnnum.tactile.indenters` with noise. The program knows nothing of the
+tractions.
 """
 
 import sys
@@ -14,8 +15,7 @@ from cnnum.arrays import Floats
 from cnnum.engine import Engine
 from cnnum.programs.library import get_program
 from cnnum.tactile.halfspace import band_pass, low_pass
-from cnnum.tactile.indenters import Reads
-from cnnum.tactile.touches import WIDEST, Touch, drawn, readings
+from cnnum.tactile.indenters import WIDEST, Reads, Touch, drawn, readings
 from cnnum.templating.checks.program_run import RATE
 
 NOISE = 2.5e-3

@@ -16,9 +16,8 @@ from cnnum.programs.library import get_program
 from cnnum.programs.machine import FrameFields
 from cnnum.programs.transients import apply, transient
 from cnnum.tactile import halfspace
-from cnnum.templates.tactile.cover_model.elastic_lattice import ElasticLattice
-from cnnum.templates.tactile.cover_model.lattice_fading import matched
-from cnnum.templating.checks.tactile.lattice_cover import cover_stress
+from cnnum.templates.tactile.cover_model.elastic_lattice import ElasticLattice, matched
+from cnnum.templating.checks.tactile.halfspace import cover_stress
 
 Row = dict[str, object]
 

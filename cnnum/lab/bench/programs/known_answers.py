@@ -24,8 +24,7 @@ from cnnum.lab.bench.programs.edge_scenes import SHARP
 from cnnum.lab.bench.programs.halfspace_runs import MODULUS, PITCH
 from cnnum.programs import Program
 from cnnum.programs.library import get_program
-from cnnum.tactile.indenters import Disc, frame_under
-from cnnum.tactile.touches import Touch, drawn, readings
+from cnnum.tactile.indenters import Disc, Touch, drawn, frame_under, readings
 from cnnum.templating.checks.program_run import RATE
 
 Outputs = Mapping[str, Floats]

@@ -15,9 +15,8 @@ from cnnum.plan import Plan
 from cnnum.programs import Program
 from cnnum.programs.library import get_program
 from cnnum.report.work_precision import SINGLE, Rung, WorkPrecision
-from cnnum.templating.checks.program_records import ProgramForm
 from cnnum.templating.checks.program_registry import program_forms
-from cnnum.templating.checks.program_run import RATE, judged, streamed
+from cnnum.templating.checks.program_run import RATE, ProgramForm, judged, streamed
 
 SHAPE = (8, 8)
 

@@ -16,12 +16,11 @@ from cnnum.lab.reproduce.figure import Curve, Field, Figure, Panel
 from cnnum.lab.reproduce.record import Chapter, Item
 from cnnum.lab.reproduce.setup import MM, UM, Z
 from cnnum.tactile.bump_loads import shear_over_normal
+from cnnum.tactile.cover.bump import PlaneFigures, plane_figures
 from cnnum.tactile.cover.fem.generate import plane_tables
+from cnnum.tactile.cover.fem.geometry import Hooke
 from cnnum.tactile.cover.fem.library import load_skfem
-from cnnum.tactile.cover.fem.plane import POISSON, PlaneBump, make_plane_bump
-from cnnum.tactile.cover.fem.plate import move
-from cnnum.tactile.cover.fem.section import Hooke
-from cnnum.tactile.cover.plane import PlaneFigures, plane_figures
+from cnnum.tactile.cover.fem.plate import POISSON, PlaneBump, make_plane_bump, move
 
 DOWN, ASIDE = 0, 1
 """First axis of the figures: pressed down, dragged sideways."""

@@ -8,8 +8,8 @@ from cnnum.lab.reproduce.faults import changed, scaled
 from cnnum.lab.reproduce.figure import Curve, Figure, Panel
 from cnnum.lab.reproduce.record import Chapter, Item
 from cnnum.lab.reproduce.setup import BETA, MM, E, Z
-from cnnum.tactile.cover.flat import FlatCover
 from cnnum.tactile.cover.hair import HairCover
+from cnnum.tactile.cover.protocol import FlatCover
 
 FRICTION = 0.5
 """Of a tip that slides on rubber; no value is published."""

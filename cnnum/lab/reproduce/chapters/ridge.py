@@ -12,9 +12,8 @@ from cnnum.lab.reproduce.figure import Curve, Figure, Panel
 from cnnum.lab.reproduce.record import Chapter, Item
 from cnnum.lab.reproduce.setup import BETA, MM, E, Z
 from cnnum.tactile.cover.fem.library import load_skfem
-from cnnum.tactile.cover.flat import FlatCover
-from cnnum.tactile.cover.protocol import Cover
-from cnnum.tactile.cover.ridge import RidgeCover
+from cnnum.tactile.cover.hair import RidgeCover
+from cnnum.tactile.cover.protocol import Cover, FlatCover
 
 FORCE = 10e-3
 """N, of each turn of the screw."""

@@ -11,14 +11,17 @@ from cnnum.lab.reproduce.faults import Fault
 from cnnum.lab.reproduce.figure import Curve, Dots, Figure, Matrix, Panel
 from cnnum.lab.reproduce.record import Chapter, Item
 from cnnum.tactile.texture import texture
-from cnnum.tactile.texture_classes import (
+from cnnum.tactile.texture_materials import (
+    FOUR,
+    FRAME,
     Classification,
     Samples,
+    Stroke,
     classify,
     draw_samples,
     drift,
+    rub,
 )
-from cnnum.tactile.texture_materials import FOUR, FRAME, Stroke, rub
 
 DIRECTIONS = tuple(Stroke(direction=float(turn)) for turn in np.arange(8) * np.pi / 4)
 FORCES = tuple(Stroke(indentation=depth) for depth in (50e-6, 70e-6, 100e-6))

@@ -11,9 +11,8 @@ from cnnum.lab.reproduce.record import Chapter, Item
 from cnnum.tactile.contact import punch_pressure
 from cnnum.tactile.cover import LayerCover
 from cnnum.tactile.cover.fem.body import Body, make_body
-from cnnum.tactile.cover.fem.geometry import QuadMesh
+from cnnum.tactile.cover.fem.geometry import PUSHED, Hooke, QuadMesh
 from cnnum.tactile.cover.fem.plate import move
-from cnnum.tactile.cover.fem.section import PUSHED, Hooke
 
 NEEDLE = 50e-6
 """Radius of the needle, m: a flat tip, since it sinks in deeper than the round one is high."""

@@ -8,7 +8,7 @@ from cnnum.arrays import Floats
 from cnnum.engine import Engine
 from cnnum.lab.stability.cases.solving import integrated
 from cnnum.lab.stability.record import Case, Solved, states
-from cnnum.templating.checks.analytic.delays import by_steps
+from cnnum.templating.checks.analytic.courses import by_steps
 from cnnum.templating.couplings import DelayedCoupling
 from cnnum.templating.library import get_template
 from cnnum.templating.template import Template

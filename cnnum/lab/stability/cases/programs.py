@@ -14,7 +14,7 @@ from cnnum.programs.fields import Field
 from cnnum.programs.library import get_program
 from cnnum.programs.machine import FrameFields
 from cnnum.scenes.pipeline import load_scene
-from cnnum.templating.checks.tactile.lattice_cover import block_displacement, cover_stress, on_plane
+from cnnum.templating.checks.tactile.halfspace import block_displacement, cover_stress, on_plane
 
 SHAPE = (8, 8)
 YEARS = 10.0 * 365.25 * 86400.0

@@ -14,10 +14,9 @@ import numpy as np
 from cnnum.errors import RecordingError
 from cnnum.safety.files import written
 from cnnum.tactile.checks import Array
+from cnnum.tactile.cover.bump import DEPTHS, STRETCH
 from cnnum.tactile.cover.fem.geometry import Shape
-from cnnum.tactile.cover.fem.plane import PlaneBump, make_plane_bump
-from cnnum.tactile.cover.fem.revolution import make_bodies
-from cnnum.tactile.cover.tables import DEPTHS, STRETCH
+from cnnum.tactile.cover.fem.plate import PlaneBump, make_bodies, make_plane_bump
 
 DEEP = 200.0
 """Bump radii to the sides and the bottom of the block that stands for a half-space."""
@@ -55,7 +54,7 @@ def regenerate(
     Returns
     -------
     dict of arrays
-        As `cnnum.tactile.cover.tables.BumpTables` and `cnnum.tactile.cover.plane.PlaneFigures`
+        As `cnnum.tactile.cover.bump.BumpTables` and `cnnum.tactile.cover.bump.PlaneFigures`
         name them.
 
     Raises

@@ -1,4 +1,9 @@
-"""A rigid flat plate on the bump, with friction that never slips."""
+"""Finite elements of covers: in the plane, around an axis, and on a plate.
+
+The plane bump of the dissertation: Ø 0.4 mm on a block of 4 × 2 mm, ν = 0.499.
+
+Lengths are in bump radii (0.2 mm), stress in Young's moduli.
+"""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -8,7 +13,17 @@ from numpy.typing import NDArray
 
 from cnnum.errors import PhysicsError
 from cnnum.tactile.checks import Array
-from cnnum.tactile.cover.fem.body import Body, Numbers
+from cnnum.tactile.cover.bump import PATCH
+from cnnum.tactile.cover.fem.body import Body, Numbers, make_body
+from cnnum.tactile.cover.fem.geometry import (
+    DRAGGED,
+    PLANE,
+    PUSHED,
+    Hooke,
+    Shape,
+    full_section,
+    half_section,
+)
 
 ROUNDS = 60
 """Changes of contact tried for one indentation; a dozen is usual."""
@@ -158,3 +173,172 @@ class _Rim:
         part = self.compliance[np.ix_(active, active)]
         forces[active] = np.linalg.solve(part, target[active])
         return forces
+
+
+BLOCK = Shape(half_width=10.0, depth=10.0)
+"""4 × 2 mm under a bump of Ø 0.4 mm."""
+
+POISSON = 0.499
+WORKING = 0.25
+"""The dissertation's indentation of 50 µm, in bump radii."""
+
+
+@dataclass(frozen=True, slots=True)
+class PlaneBump:
+    """The section with a rigid plate that sticks to its top.
+
+    Attributes
+    ----------
+    body : Body
+    contacts : tuple of Contact
+        Of the pressed plate, at growing indentations.
+    drag : Movement
+        Of the contact at the working indentation, sideways by one radius.
+    """
+
+    body: Body
+    contacts: tuple[Contact, ...]
+    drag: Movement
+
+    @property
+    def working(self) -> Contact:
+        """The contact at the working indentation."""
+        return next(c for c in self.contacts if abs(c.indentation - WORKING) < 1e-9)
+
+    def solutions(self) -> tuple[Array, Array]:
+        """Return the displacements of pressing and of dragging by the working indentation."""
+        return self.working.solution, WORKING * self.drag.solution
+
+    def displacement(self, solution: Array, places: Array) -> Array:
+        """Return (2, n) u_x and u_z at (n, 2) places of the block."""
+        fields = np.stack([self.body.field(0, solution), self.body.field(1, solution)], axis=-1)
+        return np.asarray(self.body.space.at(fields, places).T)
+
+    def stress(self, solution: Array, places: Array) -> Array:
+        """Return (2, n) σ_xz and σ_zz at (n, 2) places of the block."""
+        stresses = self.body.stresses(solution)
+        return self.body.space.smoothed(np.stack([stresses["rz"], stresses["zz"]]), places)
+
+    def strain(self, solution: Array, places: Array) -> Array:
+        """Return (2, n) ε_xz (tensor) and ε_zz at (n, 2) places of the block."""
+        strains = self.body.strains(solution)
+        return self.body.space.smoothed(np.stack([strains["rz"] / 2, strains["zz"]]), places)
+
+
+def make_plane_bump(
+    fineness: int = 12,
+    *,
+    shape: Shape = BLOCK,
+    poisson: float = POISSON,
+    indentations: Sequence[float] = (0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.45, 0.5),
+) -> PlaneBump:
+    """Return the plane bump, pressed step by step and then dragged.
+
+    Parameters
+    ----------
+    fineness : int
+        Cells along an eighth of the circle.
+    shape : Shape
+    poisson : float
+    indentations : sequence of float, bump radii
+        Growing, with the working indentation 0.25 among them.
+
+    Raises
+    ------
+    PhysicsError
+        If the working indentation is not among them.
+    """
+    if not any(abs(depth - WORKING) < 1e-9 for depth in indentations):
+        raise PhysicsError(f"'indentations': expected {WORKING} among them, got {indentations}.")
+    body = make_body(full_section(shape, fineness), Hooke(PLANE, poisson))
+    contacts = tuple(press(body, indentations))
+    touching = next(c.nodes for c in contacts if abs(c.indentation - WORKING) < 1e-9)
+    return PlaneBump(body, contacts, move(body, touching, (1.0, 0.0)))
+
+
+NEAR_AXIS = 1e-7  # bump radii: the axis itself belongs to no cell's inside
+
+
+@dataclass(frozen=True, slots=True)
+class Bodies:
+    """One bump, ready to be pressed and dragged.
+
+    Attributes
+    ----------
+    pushed, dragged : Body
+        Modes 0 and 1.
+    press, drag : Movement
+        Of the patch, by one radius, down and sideways, without turning.
+    """
+
+    pushed: Body
+    dragged: Body
+    press: Movement
+    drag: Movement
+
+    @property
+    def lever(self) -> float:
+        """Height over the surface at which the drag's force would make its moment, bump radii.
+
+        The plate does not turn, so it is less than the height of the patch.
+        """
+        side, down = self._drag_forces()
+        nodes = self.dragged.nodes
+        return -float(side @ nodes[:, 1] - down @ nodes[:, 0]) / self.drag.stiffness
+
+    def _drag_forces(self) -> tuple[Array, Array]:
+        count = len(self.dragged.nodes)
+        forces = np.zeros(self.dragged.system.shape[0])
+        forces[self.drag.unknowns] = self.drag.forces
+        return forces[:count], forces[2 * count : 3 * count]
+
+    def profiles(self, depth: float, distance: Array) -> Array:
+        """Return stress and strain at a depth, for a unit force, Young's modulus and radius.
+
+        Parameters
+        ----------
+        depth : float, bump radii
+        distance : (n,) float, bump radii
+            From the axis.
+
+        Returns
+        -------
+        (7, n) float
+            σ_zz, σ_rz, ε_zz under a press; σ_zz, σ_rz (cos θ), σ_θz (sin θ), ε_zz (cos θ) under
+            a drag towards θ = 0.
+        """
+        places = np.stack([np.maximum(distance, NEAR_AXIS), np.full_like(distance, depth)], axis=1)
+        press = _at(self.pushed, self.press, ("zz", "rz"), places)
+        drag = _at(self.dragged, self.drag, ("zz", "rz", "tz"), places)
+        return np.concatenate([press, drag])
+
+
+def make_bodies(
+    shape: Shape, fineness: int, *, poisson: float = 0.5, patch: float = PATCH
+) -> Bodies:
+    """Return the bump in both modes.
+
+    Parameters
+    ----------
+    shape : Shape
+    fineness : int
+    poisson : float
+    patch : float, bump radii
+        Radius of the bonded patch on top; its rim is the last node within.
+    """
+    mesh = half_section(shape, fineness)
+    pushed = make_body(mesh, Hooke(PUSHED, poisson))
+    dragged = make_body(mesh, Hooke(DRAGGED, poisson))
+    return Bodies(
+        pushed,
+        dragged,
+        move(pushed, cap(pushed, patch), (0.0, 1.0)),
+        move(dragged, cap(dragged, patch), (1.0, 0.0, 0.0)),
+    )
+
+
+def _at(body: Body, movement: Movement, names: tuple[str, ...], places: Array) -> Array:
+    stresses = body.stresses(movement.solution)
+    strain = body.strains(movement.solution)["zz"]
+    fields = np.stack([*(stresses[name] for name in names), strain])
+    return np.asarray(body.space.smoothed(fields, places) / movement.stiffness)

@@ -1,12 +1,256 @@
-"""References of `slip`, `twist` and `tactile`: NumPy, on slides and turns."""
+"""Slip and twist against an independent computation in plain NumPy.
 
-from dataclasses import replace
+Slip and twist by the motion in a contact, frame by frame in NumPy and double precision.
+
+The oracle of the programs `slip` and `twist`: it knows no templates, no graph and no engine.
+"""
+
+from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import binary_propagation
 
 from cnnum.arrays import Floats, Shape
-from cnnum.templating.checks.program_records import Outputs, ProgramCase, ProgramForm
-from cnnum.templating.checks.tactile.slip_and_twist_reference import OUTPUTS, Constants, played
+from cnnum.templating.checks.program_run import Outputs, ProgramCase, ProgramForm
+
+FAST, SPREAD, HOLD = 0.02, 4.0, 0.5
+"""Smoothing, s; diffusion time, cells²; share of a level below which a report ends."""
+
+LOOSE, STIRS, TOUCHED, STICKS, ALIGNED, DIVERGING = 0.25, 0.05, 0.1, 0.5, 0.3, 0.2
+"""As in the programs."""
+
+
+@dataclass(frozen=True, slots=True)
+class Constants:
+    """Parameters of the programs under the same names; times in s, rates in 1/s.
+
+    `most_load_rate` is `still` of `twist`; `false_reports` leads to `level` and `turn`.
+    """
+
+    push: float = -1.0
+    shear_gain: float = 1.0
+    axes: bool = True
+    pads: int = 1
+    rate: float = 200.0
+    rest: float = 0.4
+    look: float = 0.08
+    load: float = 0.35
+    floor: float = 240.0
+    still: float = 0.2
+    pull: float = 0.6
+    swing: float = 0.3
+    level: float = 0.40
+    turn: float = 0.1
+    most_load_rate: float = 0.25
+    hold_time: float = 0.1
+
+    @property
+    def quiet(self) -> int:
+        """Frames of rest."""
+        return max(4, int(np.ceil(np.round(self.rest * self.rate, 6))))
+
+    def step(self, time: float) -> float:
+        """Return the share of a change that a leaky mean takes in a frame."""
+        return float(-np.expm1(-1.0 / (self.rate * time)))
+
+
+def central(values: Floats, axis: int) -> Floats:
+    """Return half the difference of the two neighbours, a cell beyond the rim as on it."""
+    wide = np.pad(values, 1, mode="edge")
+    if axis == 1:
+        return (wide[1:-1, 2:] - wide[1:-1, :-2]) / 2.0
+    return (wide[2:, 1:-1] - wide[:-2, 1:-1]) / 2.0
+
+
+def diffused(values: Floats, time: float) -> Floats:
+    """Return a map after diffusion on the lattice without flux through the rim, by its modes."""
+    for axis, cells in enumerate(values.shape):
+        places: Floats = np.arange(cells, dtype=np.float64)
+        modes: Floats = np.cos(np.pi * np.outer(places, places + 0.5) / cells)
+        modes = modes * np.sqrt(np.where(places > 0.0, 2.0, 1.0) / cells)[:, None]
+        decay = np.exp(-time * (2.0 - 2.0 * np.cos(np.pi * places / cells)))
+        spread: Floats = (modes.T * decay) @ modes
+        values = spread @ values if axis == 0 else values @ spread.T
+    return values
+
+
+@dataclass(slots=True)
+class Latch:
+    """A flag: on above a level, off when below a share of it for longer than a time."""
+
+    level: float
+    frames: float
+    on: bool = False
+    low: int = 0
+
+    def step(self, value: float) -> bool:
+        """Return the flag after a value."""
+        self.low = 0 if value > HOLD * self.level else self.low + 1
+        self.on = value > self.level or (self.on and self.low <= self.frames)
+        return self.on
+
+
+@dataclass(slots=True)
+class MovingContact:
+    """The memories from frame to frame, one frame a call."""
+
+    c: Constants
+    slips: Latch
+    turns: Latch
+    frames: list[Floats] = field(default_factory=list[Floats])
+    maps: dict[str, Floats] = field(default_factory=dict[str, Floats])
+    rest: Floats = field(default_factory=lambda: np.zeros(1))
+    noise: float = 0.0
+    trend: float = 0.0
+    mass: float = 0.0
+    offsets: Floats = field(default_factory=lambda: np.zeros(1))
+    opened: Floats = field(default_factory=lambda: np.zeros(1))
+    loose: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(1, dtype=bool))
+
+    def step(self, frame: Floats) -> dict[str, float]:
+        """Return the outputs of a frame (rows, cols, 3): shear x, shear y, normal."""
+        c, resting = self.c, len(self.frames) < self.c.quiet
+        if resting:
+            self.frames.append(frame)
+            self._learn()
+        above = c.push * (frame - self.rest)
+        now = {"z": np.maximum(above[..., 2], 0.0)}
+        now |= {"x": c.shear_gain * above[..., 0], "y": c.shear_gain * above[..., 1]}
+        for name, value in now.items():
+            held = self.maps.get(name, 0.0 * value)
+            now[name] = self.maps[name] = held + c.step(FAST) * (value - held)
+        old = {name: self.maps.get(f"old {name}", 0.0 * value) for name, value in now.items()}
+        for name, value in now.items():
+            self.maps[f"old {name}"] = old[name] + c.step(c.look) * (value - old[name])
+        pads = self._read(now, old)
+        if resting:
+            self.mass = float(np.mean([pad["mass"] for pad in pads]))
+            self.offsets = np.array([pad["curl"] for pad in pads])
+            self.opened = np.array([pad["divergence"] for pad in pads])
+            return dict.fromkeys(OUTPUTS, 0.0)
+        return self._decided(now, pads)
+
+    def _learn(self) -> None:
+        normal = np.stack(self.frames)[..., 2]
+        # without each reading's two extremes, once there are three
+        held = np.sort(self.frames, axis=0)
+        self.rest = held[1:-1].mean(axis=0) if len(held) > 2 else self.frames[0]
+        if len(self.frames) > 1:
+            self.noise = float(np.sqrt((np.diff(normal, axis=0) ** 2).mean() / 2.0))
+        self.noise = max(self.noise, 1e-6 * float(np.abs(normal.mean(axis=0)).max()))
+
+    def _read(self, now: dict[str, Floats], old: dict[str, Floats]) -> list[dict[str, float]]:
+        """Return the numbers of each pad."""
+        c = self.c
+        per_s = c.rate * c.step(c.look)
+        change = {axis: per_s * (now[axis] - old[axis]) for axis in "xy"}
+        around = {axis: diffused(change[axis], SPREAD) for axis in "xy"}
+        loose = {axis: change[axis] - around[axis] for axis in "xy"}
+        stick = self._stick_region(now["z"], loose, around)
+        curl = central(now["y"], 1) - central(now["x"], 0)
+        divergence = central(now["x"], 1) + central(now["y"], 0)
+        wide = now["z"].shape[1] // c.pads
+        found: list[dict[str, float]] = []
+        for pad in range(c.pads):
+            cols = slice(pad * wide, (pad + 1) * wide)
+            # gradients next to another pad would mix both
+            inner = slice(pad * wide + (pad > 0), (pad + 1) * wide - (pad < c.pads - 1))
+            z, before, x, y = (m[:, cols] for m in (now["z"], old["z"], now["x"], now["y"]))
+            was_x, was_y = (old[axis][:, cols].sum() for axis in "xy")
+            least = max(c.floor * self.noise * np.sqrt(z.size), 1e-12)
+            mass, size = z.sum() + least, np.sqrt((z**2).sum() + least**2 / z.size)
+            share, was = now["z"] / mass, old["z"] / (before.sum() + least)
+            moved = np.linalg.norm((share - was)[:, cols])
+            force = np.hypot(x.sum(), y.sum())
+            right, down = (central((share + was) / 2.0, axis)[:, inner] for axis in (1, 0))
+            slope = (x.sum() * right + y.sum() * down) / max(force, 1e-300)
+            steep = np.sqrt((right**2 + down**2).sum())
+            pulled = (x.sum() * x + y.sum() * y) / max(force, 1e-300)
+            lengths = np.linalg.norm(z) * np.linalg.norm(pulled)
+            heavy = (z**2).sum() + least**2 / (16.0 * z.size)
+            along = -((share - was)[:, inner] * slope).sum() / max(moved * steep, 1e-300)
+            found.append({
+                "pattern_speed": per_s * moved * mass / size,
+                "incoherent_shear": np.sqrt(
+                    sum((loose[a][:, cols] ** 2).sum() for a in "xy")
+                ) / size,
+                "ratio": force / mass,
+                "ratio_rate": per_s * np.hypot(
+                    x.sum() / mass - was_x / (before.sum() + least),
+                    y.sum() / mass - was_y / (before.sum() + least),
+                ),
+                "stick_share": z[stick[:, cols]].sum() / mass,
+                "alignment": (z * pulled).sum() / max(lengths, 1e-300),
+                "mass": mass,
+                "load_rate": per_s * (z.sum() - before.sum()),
+                "motion_cosine": along,
+                "x": x.sum(),
+                "y": y.sum(),
+                "curl": (now["z"] * curl)[:, inner].sum() / heavy,
+                "divergence": (now["z"] * divergence)[:, inner].sum() / heavy,
+            })  # fmt: skip
+        return found
+
+    def _stick_region(
+        self, z: Floats, rests: dict[str, Floats], around: dict[str, Floats]
+    ) -> NDArray[np.bool_]:
+        """Return the cells that stick: loose ones grow over all that change half as clearly."""
+        contact = z > TOUCHED * z.max()
+        change, held = (np.abs(each["x"]) + np.abs(each["y"]) for each in (rests, around))
+        least = LOOSE * held + STIRS * z
+        may = contact & (change > least / 2.0)
+        begins = may & ((change > least) | self.loose)
+        self.loose = binary_propagation(begins, np.ones((3, 3), dtype=bool), may)
+        return np.asarray(contact & ~self.loose)
+
+    def _decided(self, now: dict[str, Floats], pads: list[dict[str, float]]) -> dict[str, float]:
+        c = self.c
+        mean = {name: float(np.mean([pad[name] for pad in pads])) for name in pads[0]}
+        mass, load_rate = mean["mass"], abs(mean["load_rate"]) / mean["mass"]
+        growth = c.rate * (mass - self.mass) / mass
+        self.trend, self.mass = self.trend + c.step(c.load) * (growth - self.trend), mass
+        strength = np.cbrt(mean["pattern_speed"] ** 2 * mean["incoherent_shear"]) * mean["ratio"]
+        strength /= c.still + abs(self.trend) + c.swing * load_rate + c.pull * mean["ratio_rate"]
+        strength *= mean["stick_share"] < STICKS
+        if c.axes:
+            strength *= (0.75 * max(0.0, 1.0 + mean["motion_cosine"])) ** 2
+            strength *= min(max(mean["alignment"], 0.0) / ALIGNED, 1.0)
+        curls, parts = (np.array([pad[n] for pad in pads]) for n in ("curl", "divergence"))
+        if load_rate > c.most_load_rate:
+            self.offsets, self.opened = curls, parts
+        where = int(np.argmax(np.abs(curls - self.offsets)))
+        turned, apart = float((curls - self.offsets)[where]), float((parts - self.opened)[where])
+        slips = self.slips.step(strength)
+        pulled = mean["ratio"] + DIVERGING * abs(apart)
+        turns = self.turns.step(abs(turned) if abs(turned) > pulled else 0.0)
+        most = max(pads, key=lambda pad: float(np.hypot(pad["x"], pad["y"])))
+        force = max(float(np.hypot(most["x"], most["y"])), 1e-300)
+        weight = now["z"] ** 2 / max((now["z"] ** 2).sum(), 1e-300)
+        row, column = (
+            float(np.dot(weight.sum(axis=1 - axis), np.arange(cells, dtype=np.float64)))
+            for axis, cells in enumerate(weight.shape)
+        )
+        values = (
+            slips, most["x"] / force, most["y"] / force, float(strength), turns,
+            float(np.sign(turned)) * turns, abs(turned), row, column,
+        )  # fmt: skip
+        return dict(zip(OUTPUTS, map(float, values), strict=True))
+
+
+OUTPUTS = (
+    "gross_slip", "slip_x", "slip_y", "slip_strength",
+    "twist", "twist_sense", "twist_strength", "twist_row", "twist_column",
+)  # fmt: skip
+
+
+def played(frames: Floats, c: Constants) -> dict[str, Floats]:
+    """Return the outputs of a stream (frames, rows, cols, 3) by name, a number a frame."""
+    frames_held = c.hold_time * c.rate + 1e-6
+    contact = MovingContact(c, Latch(c.level, frames_held), Latch(c.turn, frames_held))
+    steps = [contact.step(frame) for frame in frames]
+    return {name: np.array([step[name] for step in steps]) for name in OUTPUTS}
+
 
 SETTINGS = Constants(rate=100.0)
 

@@ -8,7 +8,7 @@ import cnnum
 from cnnum.engines.opencl import executable
 from cnnum.engines.opencl.large_arrays import strip_steps
 from cnnum.engines.opencl.lowering import kernel_source
-from cnnum.engines.opencl.transients import feedforward, strategies
+from cnnum.engines.opencl.transients import couplings, strategies
 from cnnum.templating.couplings import DelayedCoupling, Gain, NonlinearCoupling
 from cnnum.templating.functions import Table
 
@@ -42,7 +42,7 @@ def torus():
     )  # fmt: skip
 
 
-RULES = [(strip_steps, "lanes_fit"), (feedforward, "lanes_fit")]
+RULES = [(strip_steps, "lanes_fit"), (couplings, "lanes_fit")]
 """Functions that decide whether neighbours are read by vectors."""
 
 CASES = {

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import cnnum
-from cnnum.engines.opencl.lowering.read_outs import CHAINS
+from cnnum.engines.opencl.lowering.dense_products import CHAINS
 
 SHAPES = ((1, 1), (1, 3), (2, 3), (7, 5), (8, 8), (16, 16))
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from cnnum import Template
-from cnnum.engines.opencl.runtime.host_exchange import KeptBlock
+from cnnum.engines.opencl.launching import KeptBlock
 from cnnum.errors import ArrayError
 
 SHAPE = (260, 257)  # more cells than one work item takes, and no whole vectors

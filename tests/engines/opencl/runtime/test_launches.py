@@ -5,7 +5,7 @@ import pyopencl as cl
 import pytest
 
 import cnnum
-from cnnum.engines.devices.building import build_program
+from cnnum.engines.devices.program_cache import build_program
 from cnnum.engines.opencl.executable import QUIET
 from cnnum.graph.nodes import RunSpec
 

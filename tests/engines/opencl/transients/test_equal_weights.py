@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 
 from cnnum.engine import Engine
-from cnnum.engines.opencl.transients.stencil_sums import (
+from cnnum.engines.opencl.transients.builder import (
     shared_products,
     shares_products,
     weighted_terms,
 )
 from cnnum.kernels.expressions import Number
 from cnnum.kernels.number_types import FLOAT64
-from cnnum.kernels.opencl import OpenCLPrinter
+from cnnum.kernels.printer import OpenCLPrinter
 from cnnum.templating.network import Tap, taps
 from cnnum.templating.template import Template
 

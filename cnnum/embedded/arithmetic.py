@@ -1,0 +1,725 @@
+"""Sums, products and roots, in whole numbers and in reals.
+
+The primitives: of each the interval of its result, its NumPy function, and its sign in C.
+
+Whole numbers are int64 in NumPy; results are the same in C, since no intermediate leaves 64 bits.
+
+Expressions on whole numbers, each with the interval that it cannot leave; on reals without one.
+
+The interval of an expression follows from those of its parts. So it says which C type is wide
+enough. A value that could leave 64 bits is refused where the expression is made.
+
+Arithmetic on quantities: whole numbers with a fraction, or reals, by one interface.
+
+Lowering asks for sums, products and roots; `Fixed` makes them of shifts and whole numbers, `Reals`
+of floating-point numbers. A result is as fine as its operands make it, and not finer than its
+format.
+
+Arithmetic in floating-point numbers by the interface of `cnnum.embedded.arithmetic.fixed.Fixed`.
+
+It measures the range of every value before formats are chosen, and it prints float32.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import reduce
+from itertools import product
+from math import ceil, floor, isqrt, log2
+from operator import add, mul, sub
+from typing import Any
+
+import numpy as np
+
+from cnnum import kernels as ir
+from cnnum.embedded.formats import FINEST, Format
+from cnnum.errors import NotSupportedError
+
+Intervals = Sequence[ir.Bounds]
+LOGIC = (0, 1)
+
+
+@dataclass(frozen=True, slots=True)
+class Primitive:
+    """One operation.
+
+    Attributes
+    ----------
+    bounds : callable
+        From the arguments' intervals to the result's.
+    numpy : callable
+    sign : str
+        Of C; empty where it is a function, or has a record of its own.
+    within : callable or None
+        The interval of values on the way, as C has them.
+    always : (int, int) or None
+        The interval of the result for all arguments: of logic.
+    """
+
+    bounds: Callable[[Intervals], ir.Bounds]
+    numpy: Callable[..., Any]
+    sign: str = ""
+    within: Callable[[Intervals], ir.Bounds] | None = None
+    always: ir.Bounds | None = None
+
+
+def _none(_: Intervals) -> ir.Bounds:
+    raise AssertionError("a primitive of reals has no interval")
+
+
+def _corners(function: Callable[[int, int], int]) -> Callable[[Intervals], ir.Bounds]:
+    """Return the interval of a function that is monotonic in each of two arguments."""
+
+    def bounds(given: Intervals) -> ir.Bounds:
+        found = [function(a, b) for a, b in product(*given)]
+        return min(found), max(found)
+
+    return bounds
+
+
+def _negated(given: Intervals) -> ir.Bounds:
+    ((low, high),) = given
+    return -high, -low
+
+
+def _size(given: Intervals) -> ir.Bounds:
+    ((low, high),) = given
+    return max(low, -high, 0), max(-low, high)
+
+
+def _limits(given: Intervals) -> ir.Bounds:
+    (low, high), (least, _), (most, _) = given
+    return min(max(low, least), most), max(min(high, most), least)
+
+
+def _either(given: Intervals) -> ir.Bounds:
+    _, (low, high), (least, most) = given
+    return min(low, least), max(high, most)
+
+
+def _quotient_bounds(given: Intervals) -> ir.Bounds:
+    (low, high), (least, most) = given
+    nearest = least if least > 0 else -most if most < 0 else 1
+    size = (2 * max(-low, high) + nearest) // (2 * nearest)
+    positive = least >= 0
+    return (0 if positive and low >= 0 else -size), size
+
+
+def _quotient_within(given: Intervals) -> ir.Bounds:
+    (low, high), (least, most) = given
+    return 0, max(-low, high) + max(-least, most)
+
+
+def _magnitude(a: Any) -> Any:
+    return np.abs(a)
+
+
+def quotient(a: Any, b: Any) -> Any:
+    """Return a/b rounded to the nearest whole number, halves away from 0; 0 where b is 0."""
+    size, divisor = _magnitude(a), _magnitude(b)
+    whole: Any = np.floor_divide(size + divisor // 2, np.maximum(divisor, 1))
+    sign: Any = np.sign(a) * np.sign(b)
+    return whole * sign
+
+
+def root(a: Any) -> Any:
+    """Return the largest whole number whose square is not above a; 0 below 0."""
+    positive = np.maximum(np.asarray(a, dtype=np.int64), 0)
+    guess = np.asarray(np.sqrt(positive.astype(np.float64)), dtype=np.int64)
+    guess = guess - (guess * guess > positive)
+    return guess + ((guess + 1) * (guess + 1) <= positive)
+
+
+def cube_root(a: Any) -> Any:
+    """Return the largest whole number whose cube is not above a; 0 below 0."""
+    positive = np.maximum(np.asarray(a, dtype=np.int64), 0)
+    guess = np.asarray(np.cbrt(positive.astype(np.float64)), dtype=np.int64)
+    guess = guess - (guess * guess * guess > positive)
+    return guess + ((guess + 1) * (guess + 1) * (guess + 1) <= positive)
+
+
+def _root_bounds(given: Intervals) -> ir.Bounds:
+    ((low, high),) = given
+    return isqrt(max(low, 0)), isqrt(max(high, 0))
+
+
+def _cube_root_bounds(given: Intervals) -> ir.Bounds:
+    ((_low, high),) = given
+    return 0, int(cube_root(high))
+
+
+def _ratio(a: Any, b: Any) -> Any:
+    return np.where(b == 0, 0.0, a / np.where(b == 0, 1.0, b))
+
+
+def _real_root(a: Any) -> Any:
+    return np.sqrt(np.maximum(a, 0.0))
+
+
+def _power(a: Any, b: Any) -> Any:
+    return np.where(a > 0, np.power(np.where(a > 0, a, 1.0), b), 0.0)
+
+
+def _logarithm(a: Any) -> Any:
+    return np.log(np.where(np.asarray(a) > 0, a, 1.0))
+
+
+def _picked(holds: Any, a: Any, b: Any) -> Any:
+    return np.where(np.asarray(holds, dtype=bool), np.asarray(a), np.asarray(b))
+
+
+def _as_real(a: Any) -> Any:
+    return np.asarray(a, dtype=np.float64)
+
+
+def _holds(function: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
+    return lambda a, b: np.asarray(function(a, b), dtype=np.int64)
+
+
+PRIMITIVES = {
+    "add": Primitive(_corners(add), np.add, "+"),
+    "subtract": Primitive(_corners(sub), np.subtract, "-"),
+    "multiply": Primitive(_corners(mul), np.multiply, "*"),
+    "shift": Primitive(_corners(lambda a, places: a >> places), np.right_shift, ">>"),
+    "negate": Primitive(_negated, np.negative),
+    "absolute": Primitive(_size, np.abs),
+    "minimum": Primitive(_corners(min), np.minimum),
+    "maximum": Primitive(_corners(max), np.maximum),
+    "limit": Primitive(_limits, np.clip),
+    "quotient": Primitive(_quotient_bounds, quotient, within=_quotient_within),
+    "root": Primitive(_root_bounds, root),
+    "cube_root": Primitive(_cube_root_bounds, cube_root),
+    "pick": Primitive(_either, _picked),
+    "greater": Primitive(_none, _holds(np.greater), ">", always=LOGIC),
+    "at_least": Primitive(_none, _holds(np.greater_equal), ">=", always=LOGIC),
+    "equal": Primitive(_none, _holds(np.equal), "==", always=LOGIC),
+    "and": Primitive(_none, np.bitwise_and, "&", always=LOGIC),
+    "or": Primitive(_none, np.bitwise_or, "|", always=LOGIC),
+    "xor": Primitive(_none, np.bitwise_xor, "^", always=LOGIC),
+    "ratio": Primitive(_none, _ratio),
+    "real_root": Primitive(_none, _real_root),
+    "power": Primitive(_none, _power),
+    "logarithm": Primitive(_none, _logarithm),
+    "exponential": Primitive(_none, np.exp),
+    "to_real": Primitive(_none, _as_real),
+}
+"""By name; from "ratio" on they are of reals."""
+
+BY_SIGN = {known.sign: known for known in PRIMITIVES.values() if known.sign}
+
+
+WIDEST = (1 << 63) - 1
+
+
+def call(primitive: str, *arguments: ir.Expression) -> ir.Expression:
+    """Return a primitive on arguments.
+
+    Raises
+    ------
+    NotSupportedError
+        If a value on the way could leave 64 bits.
+    """
+    known = PRIMITIVES[primitive]
+    given = [one.bounds for one in arguments if one.bounds is not None]
+    if known.always is not None:
+        decided = _decided(primitive, given) if len(given) == len(arguments) else None
+        return (
+            _record(primitive, arguments, known.always) if decided is None else ir.Integer(decided)
+        )
+    if len(given) < len(arguments) or primitive == "to_real":
+        return _record(primitive, arguments, None)
+    within = known.within(given) if known.within else None
+    bounds = known.bounds(given)
+    if primitive == "multiply" and arguments[0] == arguments[1]:
+        bounds = bounds if bounds[0] == bounds[1] else (0, bounds[1])
+    if any(max(-low, high) > WIDEST for low, high in (bounds, within or bounds)):
+        raise NotSupportedError(
+            f"An intermediate value of '{primitive}' would need more than 64 bits: take a "
+            "precision with fewer bits, or narrower ranges."
+        )
+    if bounds[0] == bounds[1]:  # expressions do nothing else than have a value
+        return ir.Integer(bounds[0])
+    return _record(primitive, arguments, bounds, within)
+
+
+def _decided(primitive: str, given: Sequence[ir.Bounds]) -> int | None:
+    """Return the result of a comparison that intervals decide, of which compilers would warn."""
+    (low, high), (least, most) = given
+    if primitive == "equal":
+        return 0 if high < least or most < low else None
+    if primitive == "greater":
+        return 1 if low > most else 0 if high <= least else None
+    if primitive == "at_least":
+        return 1 if low >= most else 0 if high < least else None
+    return None
+
+
+def _record(
+    primitive: str,
+    arguments: tuple[ir.Expression, ...],
+    bounds: ir.Bounds | None,
+    within: ir.Bounds | None = None,
+) -> ir.Expression:
+    a, *others = arguments
+    if sign := PRIMITIVES[primitive].sign:
+        return ir.Binary(sign, a, others[0], bounds)
+    if primitive == "negate":
+        return ir.Negative(a, bounds)
+    if primitive == "pick":
+        return ir.Choice(a, others[0], others[1], bounds)
+    if primitive == "to_real":
+        return ir.Cast("real", a)
+    return ir.Call(primitive, arguments, bounds, within)
+
+
+def opposite(flag: ir.Expression) -> ir.Expression:
+    """Return 1 − a flag."""
+    return ir.Binary("-", ir.Integer(1), flag, LOGIC)
+
+
+def item(array: str, at: ir.Expression, bounds: ir.Bounds | None) -> ir.Element:
+    """Return a number of an array."""
+    return ir.Element(ir.Name(array), at, bounds)
+
+
+CHAIN = 32
+"""Terms of a sum that are added one after the other; longer ones are sums of such sums."""
+
+
+def total(terms: Sequence[ir.Expression]) -> ir.Expression:
+    """Return the sum of terms, of which there is at least one."""
+    while len(terms) > CHAIN:
+        terms = [total(terms[at : at + CHAIN]) for at in range(0, len(terms), CHAIN)]
+    return reduce(lambda a, b: call("add", a, b), terms)
+
+
+def limited(value: ir.Expression, low: int, high: int) -> ir.Expression:
+    """Return a value kept within limits; the value itself where it cannot leave them."""
+    assert value.bounds is not None
+    if low <= value.bounds[0] and value.bounds[1] <= high:
+        return value
+    return call("limit", value, ir.Integer(low), ir.Integer(high))
+
+
+def shifted(value: ir.Expression, places: int) -> ir.Expression:
+    """Return a value times 2^places; halves are rounded up."""
+    if not places:
+        return value
+    if places > 0:
+        return call("multiply", value, ir.Integer(1 << places))
+    if places < -62:
+        return ir.Integer(0)
+    return call("shift", call("add", value, ir.Integer(1 << (-places - 1))), ir.Integer(-places))
+
+
+def magnitude(value: ir.Expression) -> int:
+    """Return the largest magnitude that a whole value can have."""
+    assert value.bounds is not None
+    return max(-value.bounds[0], value.bounds[1], 1)
+
+
+ROOM = 62
+"""Bits of a magnitude before a division or a root."""
+
+SUMMED = 60
+"""Bits of a magnitude that a sum adds; eight of them are below 2^63."""
+
+SPREAD = 30
+"""Places at most that an operand is moved up to meet another one."""
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """An expression, and the value of its whole numbers q: q · 2^−fraction.
+
+    Attributes
+    ----------
+    value : Expression
+    fraction : int
+    exact : Fraction or None
+        Of a constant: the number itself, which each operation rounds for itself.
+    """
+
+    value: ir.Expression
+    fraction: int = 0
+    exact: Fraction | None = None
+
+
+def constant(number: float) -> Quantity:
+    """Return a constant."""
+    return Quantity(ir.Number(number), 0, Fraction(number))
+
+
+def nearest(number: Fraction) -> int:
+    """Return the nearest whole number, halves up."""
+    return floor(number + Fraction(1, 2))
+
+
+def significant(number: Fraction, bits: int) -> tuple[int, int]:
+    """Return a whole number of limited bits with its sign, and its fraction; the fewest bits."""
+    if not number:
+        return 0, 0
+    fraction = bits - 1 - (floor(log2(abs(number))) + 1)
+    whole = nearest(number * Fraction(2) ** fraction)
+    if abs(whole) >= 1 << (bits - 1):
+        whole, fraction = nearest(Fraction(whole, 2)), fraction - 1
+    while whole % 2 == 0:
+        whole, fraction = whole // 2, fraction - 1
+    return whole, fraction
+
+
+@dataclass(frozen=True, slots=True)
+class Fixed:
+    """Whole numbers.
+
+    Attributes
+    ----------
+    weight : int
+        Bits of a constant factor.
+    """
+
+    weight: int
+
+    def brought(self, one: Quantity, fraction: int) -> ir.Expression:
+        """Return the whole numbers of a quantity at another fraction."""
+        if one.exact is not None:
+            return ir.Integer(nearest(one.exact * Fraction(2) ** fraction))
+        return shifted(one.value, fraction - one.fraction)
+
+    def common(self, some: Sequence[Quantity], finest: int) -> int:
+        """Return the fraction at which quantities meet."""
+        known = [one for one in some if one.exact is None]
+        fractions = [one.fraction for one in known]
+        for one in some:
+            if one.exact is not None:
+                fractions.append(min(significant(one.exact, self.weight)[1], finest))
+        lowest = min([one.fraction for one in known], default=finest)
+        return min(finest, max(fractions), lowest + SPREAD)
+
+    def fit(self, one: Quantity, format: Format) -> Quantity:
+        """Return a quantity in a format; values that do not fit saturate."""
+        one = self.settled(one)
+        fraction = min(one.fraction, format.fraction)
+        value = limited(self.brought(one, fraction), format.least, format.largest)
+        return Quantity(value, fraction)
+
+    def stored(self, one: Quantity, format: Format) -> ir.Expression:
+        """Return the whole numbers that a format holds of a quantity."""
+        return limited(self.brought(one, format.fraction), format.least, format.largest)
+
+    def add(self, a: Quantity, b: Quantity, finest: int) -> Quantity:
+        """Return a + b."""
+        return self._met("add", a, b, finest)
+
+    def subtract(self, a: Quantity, b: Quantity, finest: int) -> Quantity:
+        """Return a − b."""
+        return self._met("subtract", a, b, finest)
+
+    def extreme(self, which: str, a: Quantity, b: Quantity, finest: int) -> Quantity:
+        """Return the "minimum" or the "maximum"."""
+        return self._met(which, a, b, finest)
+
+    def _met(self, which: str, a: Quantity, b: Quantity, finest: int) -> Quantity:
+        fraction = self.common((a, b), finest)
+        return Quantity(call(which, self.brought(a, fraction), self.brought(b, fraction)), fraction)
+
+    def settled(self, one: Quantity) -> Quantity:
+        """Return a constant as the nearest whole number of 31 bits, and another one as it is."""
+        if one.exact is None:
+            return one
+        whole, fraction = significant(one.exact, 31)
+        return Quantity(ir.Integer(whole), min(fraction, FINEST))
+
+    def multiply(self, a: Quantity, b: Quantity, finest: int) -> Quantity:
+        """Return a · b; a factor that is a power of two only moves the point."""
+        if a.exact is not None:
+            a, b = b, self.settled(a) if b.exact is not None else a
+            a = self.settled(a)
+        if b.exact is not None:
+            whole, fraction = significant(b.exact, self.weight)
+            if abs(whole) == 1:
+                value = a.value if whole == 1 else call("negate", a.value)
+                return Quantity(value, a.fraction + fraction)
+            other: ir.Expression = ir.Integer(whole)
+        else:
+            other, fraction = b.value, b.fraction
+        fraction += a.fraction
+        product = call("multiply", a.value, other)
+        return Quantity(shifted(product, min(0, finest - fraction)), min(fraction, finest))
+
+    def divide(self, a: Quantity, b: Quantity, finest: int) -> Quantity:
+        """Return a / b, rounded to the nearest; 0 where b is 0."""
+        if b.exact is not None:
+            inverse = 1 / b.exact if b.exact else Fraction(0)
+            return self.multiply(a, Quantity(b.value, 0, inverse), finest)
+        a = self.settled(a)
+        places = finest - a.fraction + b.fraction
+        places = min(places, ROOM - magnitude(a.value).bit_length())
+        top, bottom = shifted(a.value, max(places, 0)), b.value
+        if places < 0:
+            top = shifted(top, places)
+        return Quantity(call("quotient", top, bottom), places + a.fraction - b.fraction)
+
+    def root(self, a: Quantity, finest: int) -> Quantity:
+        """Return √a, rounded down; 0 below 0."""
+        return self._root("root", 2, a, finest)
+
+    def power(self, a: Quantity, exponent: Fraction, finest: int) -> Quantity:
+        """Return a to a constant power; 0 where a is not above 0.
+
+        Raises
+        ------
+        NotSupportedError
+            If the exponent is not 1/2, 1/3 or a whole number from 1 to 4.
+        """
+        third = exponent.limit_denominator(1000)
+        if third == Fraction(1, 3):
+            return self._root("cube_root", 3, a, finest)
+        if exponent == Fraction(1, 2):
+            return self.root(a, finest)
+        if exponent.denominator == 1 and 1 <= exponent <= 4:
+            positive = Quantity(call("maximum", a.value, ir.Integer(0)), a.fraction)
+            found = positive
+            for _ in range(int(exponent) - 1):
+                found = self.multiply(found, positive, finest)
+            return found
+        raise NotSupportedError(
+            f"A power in whole numbers has the exponent 1/2, 1/3, 1, 2, 3 or 4, got {exponent!s}: "
+            "use precision='float32'."
+        )
+
+    def exponential(self, a: Quantity, finest: int) -> Quantity:
+        """Refuse.
+
+        Raises
+        ------
+        NotSupportedError
+            Always.
+        """
+        raise NotSupportedError(
+            "An exponential has no form in whole numbers: use precision='float32', or leave out "
+            "the outputs that need it."
+        )
+
+    def logarithm(self, a: Quantity, finest: int) -> Quantity:
+        """Refuse.
+
+        Raises
+        ------
+        NotSupportedError
+            Always.
+        """
+        raise NotSupportedError(
+            "A logarithm has no form in whole numbers: use precision='float32', or leave out the "
+            "outputs that need it."
+        )
+
+    def _root(self, which: str, order: int, a: Quantity, finest: int) -> Quantity:
+        a = self.settled(a)
+        room = ROOM - magnitude(a.value).bit_length()
+        fraction = min(finest, (room + a.fraction) // order, FINEST)
+        value = shifted(a.value, order * fraction - a.fraction)
+        return Quantity(call(which, value), fraction)
+
+    def negate(self, a: Quantity) -> Quantity:
+        """Return −a."""
+        a = self.settled(a)
+        return Quantity(call("negate", a.value), a.fraction)
+
+    def absolute(self, a: Quantity) -> Quantity:
+        """Return |a|."""
+        a = self.settled(a)
+        return Quantity(call("absolute", a.value), a.fraction)
+
+    def compare(self, how: str, a: Quantity, b: Quantity) -> Quantity:
+        """Return whether a is "greater" than, "at_least" or "equal" to b."""
+        fraction = self.common((a, b), FINEST)
+        return Quantity(call(how, self.brought(a, fraction), self.brought(b, fraction)))
+
+    def select(self, holds: Quantity, a: Quantity, b: Quantity, finest: int) -> Quantity:
+        """Return a where a flag holds, else b."""
+        fraction = self.common((a, b), finest)
+        both = self.brought(a, fraction), self.brought(b, fraction)
+        return Quantity(call("pick", holds.value, *both), fraction)
+
+    def weights(self, numbers: Sequence[float]) -> tuple[list[int], int]:
+        """Return the weights of a template as whole numbers, and their fraction."""
+        largest = max((abs(one) for one in numbers), default=0.0)
+        if not largest:
+            return [0 for _ in numbers], 0
+        fraction = self.weight - 1 - ceil(log2(largest))
+        whole = [nearest(Fraction(one) * Fraction(2) ** fraction) for one in numbers]
+        if max(abs(one) for one in whole) >= 1 << (self.weight - 1):
+            fraction -= 1
+            whole = [nearest(Fraction(one) * Fraction(2) ** fraction) for one in numbers]
+        while fraction > 0 and all(one % 2 == 0 for one in whole):
+            whole, fraction = [one // 2 for one in whole], fraction - 1
+        return whole, fraction
+
+    def weighted(self, terms: Sequence[tuple[float, Quantity]], finest: int) -> Quantity:
+        """Return a sum of quantities with weights that share a fraction."""
+        whole, fraction = self.weights([weight for weight, _ in terms])
+        sums: dict[int, list[ir.Expression]] = {}
+        for weight, (_, one) in zip(whole, terms, strict=True):
+            if not weight:
+                continue
+            term = one.value if weight == 1 else call("multiply", one.value, ir.Integer(weight))
+            sums.setdefault(one.fraction, []).append(term)
+        if not sums:
+            return Quantity(ir.Integer(0), 0)
+        products = {at: total(each) for at, each in sorted(sums.items())}
+        rooms = (at + SUMMED - magnitude(one).bit_length() for at, one in products.items())
+        met = min(max(sums), min(sums) + SPREAD, *rooms)
+        whole_sum = total([shifted(one, met - at) for at, one in products.items()])
+        fraction += met
+        return Quantity(shifted(whole_sum, min(0, finest - fraction)), min(fraction, finest))
+
+
+@dataclass(frozen=True, slots=True)
+class Reals:
+    """Reals; fractions and formats are of no meaning."""
+
+    def brought(self, one: Quantity, fraction: int) -> ir.Expression:
+        """Return the number itself."""
+        return one.value
+
+    def fit(self, one: Quantity, format: Format | None) -> Quantity:
+        """Return the number itself."""
+        return one
+
+    def stored(self, one: Quantity, format: Format | None) -> ir.Expression:
+        """Return the number itself."""
+        return one.value
+
+    def add(self, a: Quantity, b: Quantity, finest: int) -> Quantity:
+        """Return a + b."""
+        return _made("add", a, b)
+
+    def subtract(self, a: Quantity, b: Quantity, finest: int) -> Quantity:
+        """Return a − b."""
+        return _made("subtract", a, b)
+
+    def extreme(self, which: str, a: Quantity, b: Quantity, finest: int) -> Quantity:
+        """Return the "minimum" or the "maximum"."""
+        return _made(which, a, b)
+
+    def multiply(self, a: Quantity, b: Quantity, finest: int) -> Quantity:
+        """Return a · b."""
+        return _made("multiply", a, b)
+
+    def divide(self, a: Quantity, b: Quantity, finest: int) -> Quantity:
+        """Return a / b; 0 where b is 0."""
+        return _made("ratio", a, b)
+
+    def root(self, a: Quantity, finest: int) -> Quantity:
+        """Return √a; 0 below 0."""
+        return _made("real_root", a)
+
+    def power(self, a: Quantity, exponent: Fraction, finest: int) -> Quantity:
+        """Return a to a power; 0 where a is not above 0."""
+        return Quantity(call("power", _real(a), ir.Number(float(exponent))))
+
+    def exponential(self, a: Quantity, finest: int) -> Quantity:
+        """Return e to the power of a."""
+        return _made("exponential", a)
+
+    def logarithm(self, a: Quantity, finest: int) -> Quantity:
+        """Return the natural logarithm of a; 0 where a is not above 0."""
+        return _made("logarithm", a)
+
+    def negate(self, a: Quantity) -> Quantity:
+        """Return −a."""
+        return _made("negate", a)
+
+    def absolute(self, a: Quantity) -> Quantity:
+        """Return |a|."""
+        return _made("absolute", a)
+
+    def compare(self, how: str, a: Quantity, b: Quantity) -> Quantity:
+        """Return whether a is "greater" than, "at_least" or "equal" to b."""
+        return _made(how, a, b)
+
+    def select(self, holds: Quantity, a: Quantity, b: Quantity, finest: int) -> Quantity:
+        """Return a where a flag holds, else b."""
+        both = a.value, b.value
+        if None in (both[0].bounds, both[1].bounds):
+            both = _real(a), _real(b)
+        return Quantity(call("pick", holds.value, *both))
+
+    def weighted(self, terms: Sequence[tuple[float, Quantity]], finest: int) -> Quantity:
+        """Return a sum of quantities with weights."""
+        known = [call("multiply", _real(one), ir.Number(weight)) for weight, one in terms if weight]
+        return Quantity(total(known) if known else ir.Number(0.0))
+
+
+def _real(one: Quantity) -> ir.Expression:
+    """Return the number, of a logic value as a real one."""
+    return one.value if one.value.bounds is None else call("to_real", one.value)
+
+
+def _made(which: str, *given: Quantity) -> Quantity:
+    return Quantity(call(which, *(_real(one) for one in given)))
+
+
+Arithmetic = Fixed | Reals
+
+
+def applied(arithmetic: Arithmetic, name: str, given: Sequence[Quantity], finest: int) -> Quantity:
+    """Return the result of an operation of the graph on quantities.
+
+    Raises
+    ------
+    NotSupportedError
+        If the precision has no such operation.
+    """
+    if name == "not":
+        return Quantity(opposite(_logic(given[0])))
+    if name in ("and", "or", "xor"):
+        return Quantity(call(name, *(_logic(one) for one in given)))
+    if name == "select":
+        holds, yes, no = given
+        return arithmetic.select(Quantity(_logic(holds)), yes, no, finest)
+    if len(given) == 1:
+        return _of_one(arithmetic, name, given[0], finest)
+    return _of_two(arithmetic, name, given[0], given[1], finest)
+
+
+def _of_one(arithmetic: Arithmetic, name: str, a: Quantity, finest: int) -> Quantity:
+    if name == "negate":
+        return arithmetic.negate(a)
+    if name == "absolute":
+        return arithmetic.absolute(a)
+    if name == "root":
+        return arithmetic.root(a, finest)
+    if name == "logarithm":
+        return arithmetic.logarithm(a, finest)
+    assert name == "exponential"
+    return arithmetic.exponential(a, finest)
+
+
+def _of_two(arithmetic: Arithmetic, name: str, a: Quantity, b: Quantity, finest: int) -> Quantity:
+    if name == "add":
+        return arithmetic.add(a, b, finest)
+    if name == "subtract":
+        return arithmetic.subtract(a, b, finest)
+    if name == "multiply":
+        return arithmetic.multiply(a, b, finest)
+    if name == "divide":
+        return arithmetic.divide(a, b, finest)
+    if name in ("minimum", "maximum"):
+        return arithmetic.extreme(name, a, b, finest)
+    if name in ("greater", "at_least", "equal"):
+        return arithmetic.compare(name, a, b)
+    assert name == "power"
+    if b.exact is None:
+        raise NotSupportedError(
+            "A power needs a constant exponent, got a varying one: leave out the outputs "
+            "that need it."
+        )
+    # the graph's constant is the nearest double: 1/3 stays 1/3
+    return arithmetic.power(a, b.exact.limit_denominator(10**9), finest)
+
+
+def _logic(one: Quantity) -> ir.Expression:
+    """Return a flag as 0 or 1."""
+    return one.value if one.exact is None else ir.Integer(int(one.exact != 0))

@@ -1,1 +1,0 @@
-"""Sums, products and roots, in whole numbers and in reals."""

@@ -1,1 +1,0 @@
-"""Clocks, counts and paces of frames."""

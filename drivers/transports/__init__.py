@@ -1,1 +1,0 @@
-"""Transports: where bytes come from, when it is no serial port."""

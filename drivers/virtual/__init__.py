@@ -1,1 +1,0 @@
-"""A virtual array: a simulated one behind a pseudo-terminal, in any protocol, with faults."""
