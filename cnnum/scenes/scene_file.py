@@ -188,10 +188,9 @@ def read_scene(
 
 
 def _parameters_of(table: Mapping[str, object]) -> list[str]:
-    found: object = table
-    for key in ("program", "parameters"):
-        found = cast("Mapping[str, object]", found).get(key) if isinstance(found, Mapping) else None
-    return list(cast("Mapping[str, object]", found)) if isinstance(found, Mapping) else []
+    program = table.get("program")
+    found = cast("dict[str, object]", program).get("parameters") if isinstance(program, dict) else 0
+    return list(cast("dict[str, object]", found)) if isinstance(found, dict) else []
 
 
 def _refuse_code(spec: SceneSpec, scene: str | Path, changes: Mapping[str, object]) -> None:
