@@ -20,19 +20,8 @@ from cnnum.lab.bench.programs.edge_errors import Skin, found_places, run_edges
 from cnnum.programs.library import get_program
 from cnnum.sharing import colours
 from cnnum.tactile.bump_loads import bump_readings
-from cnnum.tactile.indenters import (
-    Disc,
-    Joined,
-    Outline,
-    Rectangle,
-    Ring,
-    Touch,
-    frame_under,
-    punch_pressure,
-    read_below,
-    readings,
-    triangle,
-)
+from cnnum.tactile.flat_punches import Joined, Outline, punch_pressure, read_below, triangle
+from cnnum.tactile.indenters import Disc, Rectangle, Ring, Touch, frame_under, readings
 from cnnum.tactile.texture import texture as whole_recording
 from cnnum.tactile.texture_materials import FOUR, Stroke, rub
 from docs.figures.scene_pictures import (

@@ -29,7 +29,7 @@ from cnnum.frame import Limits
 ROOM = "cnnum.drivers.codecs"
 
 PROTOCOLS: Mapping[str, str] = {
-    "open": f"{ROOM}.open_protocol:open_protocol",
+    "open": f"{ROOM}.wire:open_protocol",
     "pts2": f"{ROOM}.contactile:pts2",
     "xela": f"{ROOM}.xela:xela",
     "paxini": f"{ROOM}.paxini:converter",

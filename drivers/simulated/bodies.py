@@ -34,7 +34,7 @@ from cnnum.drivers.simulated.springs import Pair, State, Window
 from cnnum.tactile.grid import Grid
 
 if TYPE_CHECKING:
-    from cnnum.tactile.indenters import Outline
+    from cnnum.tactile.flat_punches import Outline
 
 TURNS = 1.5
 """Stiffness of a turn over that of springs alike, of a round face."""
@@ -71,7 +71,7 @@ class FlatFace:
     """
 
     def __init__(self, options: Settings) -> None:
-        from cnnum.tactile.indenters import punch_pressure
+        from cnnum.tactile.flat_punches import punch_pressure
 
         self.pair = Pair(options.radius, options.youngs_modulus, options.friction)
         outline, reach = outline_of(options)
@@ -303,7 +303,8 @@ def _rigid(held: Floats, arm: Floats, stiffness: Floats) -> Floats:
 
 def outline_of(options: Settings) -> tuple["Outline", float]:
     """Return the outline of a flat face in pitches, and how far it reaches from its middle."""
-    from cnnum.tactile.indenters import Disc, Joined, Rectangle, Ring
+    from cnnum.tactile.flat_punches import Joined
+    from cnnum.tactile.indenters import Disc, Rectangle, Ring
 
     wide, long = options.width / options.pitch, options.length / options.pitch
     match options.body:

@@ -22,16 +22,8 @@ from cnnum.lab.bench.programs.edge_errors import (
 from cnnum.lab.bench.programs.edge_scenes import SHARP, SMOOTH
 from cnnum.lab.bench.programs.surround import GAPS, hat, lowering
 from cnnum.programs.library import get_program
-from cnnum.tactile.indenters import (
-    Disc,
-    Polygon,
-    Rectangle,
-    Ring,
-    frame_under,
-    punch_pressure,
-    read_below,
-    triangle,
-)
+from cnnum.tactile.flat_punches import Polygon, punch_pressure, read_below, triangle
+from cnnum.tactile.indenters import Disc, Rectangle, Ring, frame_under
 from cnnum.templates.tactile.edges import edges
 
 NOISE = 5e-3

@@ -17,7 +17,8 @@ from cnnum.arrays import Floats
 from cnnum.engine import Engine
 from cnnum.lab.bench.programs.edge_scenes import CHOSEN_ON, SHARP, SMOOTH, Bodies
 from cnnum.programs.library import get_program
-from cnnum.tactile.indenters import Outline, Reads
+from cnnum.tactile.flat_punches import Outline
+from cnnum.tactile.indenters import Reads
 from cnnum.templating.checks.program_run import RATE
 from cnnum.templating.library import get_template
 

@@ -11,21 +11,8 @@ from functools import partial
 import numpy as np
 
 from cnnum.arrays import Floats
-from cnnum.tactile.indenters import (
-    FLAT_PUNCHES_FINER,
-    Disc,
-    Joined,
-    Outline,
-    Reads,
-    Rectangle,
-    Ring,
-    Touch,
-    frame_under,
-    punch_pressure,
-    read_below,
-    readings,
-    triangle,
-)
+from cnnum.tactile.flat_punches import FINER, Joined, Outline, punch_pressure, read_below, triangle
+from cnnum.tactile.indenters import Disc, Reads, Rectangle, Ring, Touch, frame_under, readings
 
 Frames = Callable[[int, float, Reads], Floats]
 """Cells of a side, cover in pitches, measured quantity: to frames (bodies, cells, cells)."""
@@ -165,7 +152,7 @@ def _pulled(rng: np.random.Generator, cells: int, count: int) -> Bodies:
 def _lying(rng: np.random.Generator, cells: int, count: int) -> Bodies:
     """Return cylinders that lie across all of the array, in any direction (Hertz's line)."""
     side = cells + 2 * BEYOND
-    axis = (np.arange(side * FLAT_PUNCHES_FINER) + 0.5) / FLAT_PUNCHES_FINER - side / 2
+    axis = (np.arange(side * FINER) + 0.5) / FINER - side / 2
     x, y = np.meshgrid(axis, axis)
     pressures: list[Floats] = []
     for angle, off, half in zip(
