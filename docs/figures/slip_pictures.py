@@ -62,8 +62,17 @@ def slip_and_twist_picture() -> Figure:
         axes, frame = figure.add_subplot(grid[0, column]), -strain[np.searchsorted(times, time)]
         axes.imshow(frame[..., 2], cmap="Greys", vmin=0.0, vmax=1.3 * top)
         rows, columns = np.indices(frame.shape[:2])
-        axes.quiver(columns, rows, frame[..., 0], -frame[..., 1], color=FOUND, scale=6.0 * pull)
+        arrows = axes.quiver(
+            columns, rows, frame[..., 0], -frame[..., 1], color=FOUND, scale=6.0 * pull
+        )
         axes.set(title=f"{title}, {time:.1f} s", xticks=[], yticks=[])
+        if column == 0:
+            axes.set_xlabel("gray: load, darker is more", fontsize=8)
+        if column == 1:
+            axes.quiverkey(
+                arrows, 0.25, -0.09, pull, f"shear: {100.0 * pull:.1f} % strain",
+                labelpos="E", fontproperties={"size": 8},
+            )  # fmt: skip
     shown = (
         ("slip_strength", "gross_slip", "slip", 0.40),
         ("twist_strength", "twist", "twist_slip", 0.1),
@@ -78,7 +87,7 @@ def slip_and_twist_picture() -> Figure:
         axes.fill_between(
             times, -0.08 * high, -0.02 * high, where=got[flag] > 0, color=FOUND, lw=0, label=flag
         )
-        axes.axhline(level, color="0.4", lw=0.8, ls="--")
+        axes.axhline(level, color="0.4", lw=0.8, ls="--", label="level")
         axes.set(xlim=(0.0, times[-1]), ylim=(-0.1 * high, high), ylabel=name)
         axes.legend(loc="upper left", fontsize=8, framealpha=1.0)
     axes.set_xlabel("time, s")
