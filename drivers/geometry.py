@@ -28,7 +28,7 @@ from cnnum.drivers.options import require, require_channels
 from cnnum.errors import SceneError
 from cnnum.frame import Frame, Limits, limits_of
 from cnnum.recordings.recording import channel_names
-from cnnum.safety.names import checked_name
+from cnnum.safety.values import checked_name
 
 Positions = tuple[tuple[float, float], ...]
 """Of each taxel x to the right and y downwards, mm, in the order of the frame's rows."""

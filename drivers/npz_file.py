@@ -34,9 +34,8 @@ from cnnum.errors import CalibrationError, CodecError, RecordingError, unreadabl
 from cnnum.frame import Frame, Quality, Truth, contradicted
 from cnnum.recordings.chunks import untimed
 from cnnum.recordings.export import CALIBRATION, CAME, FRAMES, KIND, MARKS
-from cnnum.safety.names import shown
 from cnnum.safety.reading import DAMAGE, MEGABYTE, open_regular
-from cnnum.safety.values import host_bytes
+from cnnum.safety.values import host_bytes, shown
 from cnnum.tactile.taxel import Calibration
 from cnnum.tactile.taxel.readout import Heat
 

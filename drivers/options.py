@@ -12,9 +12,9 @@ from cnnum.errors import ArrayError, SceneError, unreadable
 from cnnum.frame import Limits, limits_of
 from cnnum.recordings.recording import channel_names
 from cnnum.renamed import by_new_names
-from cnnum.safety.names import shown
 from cnnum.safety.reading import LARGEST as LARGEST_FILE
 from cnnum.safety.reading import parse_toml, read_text
+from cnnum.safety.values import shown
 
 Record = TypeVar("Record")
 

@@ -18,9 +18,8 @@ from cnnum.recordings.messages import holds_frames, is_bag, topics
 from cnnum.recordings.reader import Contents, look
 from cnnum.recordings.recording import Recording
 from cnnum.recordings.times import rate_of
-from cnnum.safety.names import shown
 from cnnum.safety.reading import DAMAGE, names_something, open_regular
-from cnnum.safety.values import as_path
+from cnnum.safety.values import as_path, shown
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,7 +19,7 @@ from typing import Protocol, cast
 from cnnum.drivers.driver import Driver
 from cnnum.drivers.options import read_options
 from cnnum.errors import SceneError, name_error
-from cnnum.safety.names import shown
+from cnnum.safety.values import shown
 
 GROUP = "cnnum.drivers"
 """Entry points of other packages: name of a driver to the record of its options."""

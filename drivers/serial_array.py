@@ -8,13 +8,12 @@ from threading import Event, Thread
 from typing import Literal, Protocol
 
 from cnnum.arrays import Shape
-from cnnum.drivers.codecs.scan import Scan
+from cnnum.drivers.codecs.stream import Scan
 from cnnum.drivers.codecs.wire import Asked, Wire, described_wire, wire
 from cnnum.drivers.driver import Closing, Counters, Mailbox
 from cnnum.drivers.options import require
-from cnnum.drivers.serial_port import SerialPort
+from cnnum.drivers.serial_port import SerialPort, Take, Tap, WebSocketPort, is_address
 from cnnum.drivers.timing import ClockFit, FrameClock
-from cnnum.drivers.transports import Take, Tap, WebSocketPort, is_address
 from cnnum.errors import OtherArrayError, PortError
 from cnnum.frame import Frame, Quality
 

@@ -19,9 +19,8 @@ from numpy.typing import NDArray
 
 from cnnum.arrays import Floats
 from cnnum.errors import CodecError, RecordingError, unreadable
-from cnnum.safety.names import shown
 from cnnum.safety.reading import MEGABYTE, open_regular
-from cnnum.safety.values import host_bytes
+from cnnum.safety.values import host_bytes, shown
 
 FORMS = "2024-05-03 12:00:00.25, 2024-05-03T10:00:00Z and 12:00:00.25"
 """Examples of what is read, for the sentence of an error."""

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cnnum.arrays import Floats
-from cnnum.drivers.codecs.scan import Scan
+from cnnum.drivers.codecs.stream import Scan
 from cnnum.drivers.driver import Closing, Counters, Driver
 from cnnum.frame import Frame, Quality, Truth
 

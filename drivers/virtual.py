@@ -13,7 +13,7 @@ from threading import Event
 import numpy as np
 
 from cnnum.arrays import Floats
-from cnnum.drivers.codecs.scan import Scan
+from cnnum.drivers.codecs.stream import Scan
 from cnnum.drivers.codecs.wire import Form, Wire
 from cnnum.drivers.options import require
 from cnnum.errors import NotSupportedError, PortError

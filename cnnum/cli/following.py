@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from cnnum.graph.schedule import LeftOut
     from cnnum.scenes.events import Event
     from cnnum.scenes.pipeline import FrameResult, Scene
-    from cnnum.scenes.summary import Summary
+    from cnnum.scenes.scene_record import Summary
 
 
 save_option = target_option(

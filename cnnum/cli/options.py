@@ -12,8 +12,8 @@ from click.shell_completion import CompletionItem
 
 from cnnum.errors import UnknownNameError
 from cnnum.safety.files import refuse_target
-from cnnum.safety.names import shown
 from cnnum.safety.reading import names_something, parse_toml
+from cnnum.safety.values import shown
 
 if TYPE_CHECKING:
     from cnnum.drivers.driver import Driver

@@ -25,7 +25,7 @@ from rich.segment import Segment
 from rich.table import Column, Table
 from rich.text import Text
 
-from cnnum.safety.names import visible, visible_json
+from cnnum.safety.values import visible, visible_json
 from cnnum.sharing import json_value
 
 LEAST_TEXT = 20

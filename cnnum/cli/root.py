@@ -22,7 +22,7 @@ from typing import Any, cast
 import click
 
 from cnnum.errors import CnnumError, RecordingWarning
-from cnnum.safety.names import visible
+from cnnum.safety.values import visible
 from cnnum.version import __version__
 
 ROOM = "cnnum.cli.commands"

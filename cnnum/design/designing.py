@@ -24,8 +24,8 @@ from cnnum.design.local_rules import Seen, Table, check_of, example_table, rule_
 from cnnum.design.search import Search, search
 from cnnum.design.worst_case import worst_case
 from cnnum.errors import MethodError, TemplateError
-from cnnum.safety.names import checked_name
 from cnnum.safety.reading import LARGEST, parse_toml, read_text
+from cnnum.safety.values import checked_name
 from cnnum.templating.checks.registry import form_of
 from cnnum.templating.checks.robustness import flips
 from cnnum.templating.checks.running import Engine, measure

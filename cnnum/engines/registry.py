@@ -12,7 +12,7 @@ from cnnum.embedded.formats import is_integer
 from cnnum.engines.backend import Backend, EngineRecord
 from cnnum.engines.notices import how_to_get_opencl, say_once
 from cnnum.errors import DeviceError, NoOpenCLError, NotSupportedError, name_error
-from cnnum.safety.names import shown
+from cnnum.safety.values import shown
 
 GROUP = "cnnum.engines"
 """Entry points of other packages: name of an engine to its `EngineRecord`."""

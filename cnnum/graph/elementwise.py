@@ -10,7 +10,7 @@ import numpy as np
 
 from cnnum.arrays import Floats
 from cnnum.errors import ProgramError
-from cnnum.safety.names import check_expression
+from cnnum.safety.values import check_expression
 
 
 @dataclass(frozen=True, slots=True)

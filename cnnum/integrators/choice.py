@@ -8,7 +8,6 @@ from typing import NoReturn
 from cnnum.errors import MethodError, name_error
 from cnnum.graph.nodes import RunSpec, Transient
 from cnnum.integrators.cost import Effort, chebyshev, effort, motion, pair
-from cnnum.integrators.delays import delayed_rates, delayed_step, keeps_delays
 from cnnum.integrators.exact_ends import (
     DENSE_LIMIT,
     SHIFTS,
@@ -32,7 +31,13 @@ from cnnum.integrators.schemes import (
 )
 from cnnum.integrators.solver import Exact, Scheme, Solver, Stepping
 from cnnum.integrators.spectrum import Spectrum, spectrum
-from cnnum.integrators.stability import stability_bound, tableau_step
+from cnnum.integrators.stability import (
+    delayed_rates,
+    delayed_step,
+    keeps_delays,
+    stability_bound,
+    tableau_step,
+)
 from cnnum.integrators.tableau import (
     BOGACKI_SHAMPINE,
     DORMAND_PRINCE,

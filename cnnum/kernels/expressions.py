@@ -7,7 +7,7 @@ A number is exact: the printer rounds it to the number type of its kernel. Whole
 
 Expressions that lower rooms hold as text, such as output functions, as records.
 
-`cnnum.safety.names` lists their parts. Python's own parser reads them.
+`cnnum.safety.values` lists their parts. Python's own parser reads them.
 """
 
 import ast

@@ -22,7 +22,7 @@ from cnnum.graph.nodes import Graph
 from cnnum.programs.fields import Field, as_field
 from cnnum.programs.machine import FrameFields
 from cnnum.programs.parameters import RATE, checked_parameters
-from cnnum.safety.names import checked_name
+from cnnum.safety.values import checked_name
 
 Traced = Callable[..., Mapping[str, Field]]
 

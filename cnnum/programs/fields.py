@@ -13,8 +13,7 @@ from cnnum.arrays import finite
 from cnnum.errors import ArrayError, ProgramError
 from cnnum.graph import elementwise as op
 from cnnum.graph.nodes import Constant, ConstantMap, Graph, Node
-from cnnum.safety.names import shown
-from cnnum.safety.values import expect
+from cnnum.safety.values import expect, shown
 
 LARGEST_POWER = 1024
 """Largest exponent of a power of a field; whole ones take twice its bits of multiplications."""

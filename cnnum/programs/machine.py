@@ -14,7 +14,7 @@ from cnnum.arrays import Floats, Shape
 from cnnum.errors import ProgramError, name_error
 from cnnum.graph.nodes import FirstFrame, Graph, Input, Memory, Node, Read
 from cnnum.programs.fields import Field, constant, sqrt, square, total, where
-from cnnum.safety.names import checked_name
+from cnnum.safety.values import checked_name
 
 Made = TypeVar("Made")
 

@@ -10,7 +10,7 @@ from numbers import Integral, Real
 from typing import Any, Literal, Union, get_args, get_origin
 
 from cnnum.errors import ProgramError
-from cnnum.safety.names import shown
+from cnnum.safety.values import shown
 
 METRES = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "µm": 1e-6, "μm": 1e-6}
 HERTZ = {"Hz": 1.0, "kHz": 1e3}

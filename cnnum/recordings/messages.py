@@ -30,9 +30,8 @@ from cnnum.errors import (
 from cnnum.recordings.chunks import SCHEMA, is_raw
 from cnnum.recordings.mcap_records import PREFIX, Budget, SpentError, WholeChunk, records_in
 from cnnum.recordings.reader import Hole, scan
-from cnnum.safety.names import shown
 from cnnum.safety.reading import MEGABYTE, open_regular
-from cnnum.safety.values import host_bytes
+from cnnum.safety.values import host_bytes, shown
 
 LINES = (".jsonl", ".ndjson", ".json")
 BAGS = (".bag", ".db3")

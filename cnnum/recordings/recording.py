@@ -23,8 +23,7 @@ from cnnum.recordings.reader import look
 from cnnum.recordings.times import FASTEST, numbered, rate_of
 from cnnum.renamed import renamed, warn_of
 from cnnum.safety.files import refuse_target, written
-from cnnum.safety.names import checked_name, shown
-from cnnum.safety.values import is_real
+from cnnum.safety.values import checked_name, is_real, shown
 from cnnum.tactile.array_calibration import ArrayCalibration
 from cnnum.values import ByContent, read_only
 

@@ -20,7 +20,7 @@ from cnnum.report.work_precision import WorkPrecision
 from cnnum.scenes.conversion import ByCalibration
 from cnnum.scenes.events import Event, titled
 from cnnum.scenes.pipeline import FrameResult, Scene
-from cnnum.scenes.summary import Summary
+from cnnum.scenes.scene_record import Summary
 from cnnum.sharing import json_value
 from cnnum.templating.checks import CheckResult
 

@@ -15,7 +15,7 @@ from cnnum.frame import differ, limits_of
 from cnnum.programs import Program
 from cnnum.programs.library import get_program, load_program
 from cnnum.programs.parameters import PITCH, RATE, in_own_units, takes_pitch
-from cnnum.safety.names import LONGEST, shown
+from cnnum.safety.values import LONGEST, shown
 from cnnum.scenes.events import EVENT_RULES
 from cnnum.scenes.scene_file import EVERYTHING, SceneSpec
 from cnnum.tactile.bump_loads import DEEPEST

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from cnnum.errors import SceneError, name_error
 from cnnum.programs import Program
 from cnnum.renamed import warn_of
-from cnnum.safety.names import checked_name, shown
+from cnnum.safety.values import checked_name, shown
 
 Outputs = Mapping[str, NDArray[np.float64]]
 

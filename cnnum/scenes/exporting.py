@@ -23,7 +23,7 @@ from cnnum.frame import FORCE_AXES
 from cnnum.graph.schedule import Schedule, schedule
 from cnnum.programs import Program
 from cnnum.recordings.recording import Recording
-from cnnum.safety.names import shown
+from cnnum.safety.values import shown
 from cnnum.scenes.arrangement import bound, named, program_of
 from cnnum.scenes.conversion import unit_of
 from cnnum.scenes.pipeline import Scene

@@ -33,7 +33,7 @@ from cnnum.graph.tracing import TraceStep, trace_steps
 from cnnum.plan import Plan
 from cnnum.programs import Program
 from cnnum.recordings.recording import Recording
-from cnnum.safety.names import shown
+from cnnum.safety.values import shown
 from cnnum.scenes.arrangement import (
     bound,
     events_of_everything,
@@ -69,8 +69,7 @@ from cnnum.scenes.like_frames import like_frames
 from cnnum.scenes.push_watch import OrderWatch, PushWatch
 from cnnum.scenes.saturation import CHANNEL, Mask, Saturation, marked
 from cnnum.scenes.scene_file import EVERYTHING, SceneSpec, read_scene, scene_names
-from cnnum.scenes.scene_record import SceneRecord
-from cnnum.scenes.summary import Histogram, Summary
+from cnnum.scenes.scene_record import Histogram, SceneRecord, Summary
 from cnnum.stream import Stream
 from cnnum.values import OfThisProcess
 

@@ -13,8 +13,8 @@ from cnnum.errors import ArrayError, SceneError, missing_file, name_error, unrea
 from cnnum.frame import Limits, limits_of
 from cnnum.programs import Program
 from cnnum.renamed import by_new_names
-from cnnum.safety.names import LONGEST, checked_name, shown, tidied
 from cnnum.safety.reading import LARGEST, names_something, parse_toml, read_text
+from cnnum.safety.values import LONGEST, checked_name, shown, tidied
 from cnnum.scenes.events import EventRule, event_rule
 from cnnum.tactile.array_calibration import KEYS, ArrayCalibration
 

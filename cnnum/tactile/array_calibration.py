@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike
 from cnnum.arrays import Floats, Shape, finite, frozen
 from cnnum.errors import ArrayError, CalibrationError
 from cnnum.frame import Frame
-from cnnum.safety.names import checked_name, shown
 from cnnum.safety.reading import LARGEST, parse_toml, read_text
+from cnnum.safety.values import checked_name, shown
 
 KIND = "array calibration"
 """Of a calibration file; bridge taxels have their own."""

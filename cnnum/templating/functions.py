@@ -10,7 +10,7 @@ import numpy as np
 
 from cnnum.arrays import Floats, finite
 from cnnum.errors import TemplateError, name_error
-from cnnum.safety.names import check_expression, checked_name
+from cnnum.safety.values import check_expression, checked_name
 
 Interpolation = Literal["constant", "linear"]
 

@@ -19,8 +19,7 @@ from numpy.typing import ArrayLike
 from cnnum import sharing
 from cnnum.arrays import Floats, digest, finite, frozen
 from cnnum.errors import TemplateError
-from cnnum.safety.names import checked_name
-from cnnum.safety.values import expect, is_real
+from cnnum.safety.values import checked_name, expect, is_real
 from cnnum.templating.boundary import Boundary, parse_boundary
 from cnnum.templating.couplings import DelayedCoupling, Gain, NonlinearCoupling
 from cnnum.templating.functions import OutputFunction, output_function

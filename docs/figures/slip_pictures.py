@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from cnnum.drivers.simulated.array import SimulatedOptions
-from cnnum.drivers.simulated.script import Phase
+from cnnum.drivers.simulated.settings import Phase
 from cnnum.engine import Engine
 from cnnum.programs import program
 from cnnum.programs.library import get_program

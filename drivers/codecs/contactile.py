@@ -10,8 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cnnum.arrays import Floats, Shape
-from cnnum.drivers.codecs.scan import Scan
-from cnnum.drivers.codecs.stream import MORE, Decoder, Found, Skip, to_marker
+from cnnum.drivers.codecs.stream import MORE, Decoder, Found, Scan, Skip, to_marker
 from cnnum.drivers.codecs.wire import Asked, Form, Wire, shape_or
 from cnnum.errors import CodecError, SceneError
 

@@ -12,8 +12,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cnnum.arrays import Floats, Shape
-from cnnum.drivers.codecs.scan import Scan, numbers_or_none, within
-from cnnum.drivers.codecs.stream import MORE, Found, Skip, overtaken, to_marker
+from cnnum.drivers.codecs.stream import (
+    MORE,
+    Found,
+    Scan,
+    Skip,
+    numbers_or_none,
+    overtaken,
+    to_marker,
+    within,
+)
 from cnnum.drivers.geometry import Positions, Reading, checked_positions
 from cnnum.drivers.options import read_options_file, require, require_limits
 from cnnum.errors import CodecError

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from cnnum.arrays import Floats, Shape
 from cnnum.drivers.codecs.descriptor import CHECKS
-from cnnum.drivers.codecs.scan import Scan
-from cnnum.drivers.codecs.stream import MORE, Decoder, Found, Skip, overtaken, to_marker
+from cnnum.drivers.codecs.stream import MORE, Decoder, Found, Scan, Skip, overtaken, to_marker
 from cnnum.drivers.codecs.wire import Asked, Form, Wire, shape_or
 from cnnum.errors import CodecError
 from cnnum.frame import FORCE_AXES

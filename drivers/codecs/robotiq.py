@@ -11,8 +11,7 @@ import struct
 
 import numpy as np
 
-from cnnum.drivers.codecs.scan import Scan
-from cnnum.drivers.codecs.stream import MORE, Decoder, Found, Neighbours, Skip, to_marker
+from cnnum.drivers.codecs.stream import MORE, Decoder, Found, Neighbours, Scan, Skip, to_marker
 from cnnum.drivers.codecs.wire import Asked, Form, Wire
 from cnnum.errors import CodecError, SceneError
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cnnum.arrays import Floats, Shape
-from cnnum.drivers.codecs.scan import Scan
+from cnnum.drivers.codecs.stream import Scan
 from cnnum.drivers.geometry import Positions, Reading
 from cnnum.drivers.serial_packet import (
     CELL_TYPES,

@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cnnum.arrays import Floats, Shape
-from cnnum.drivers.codecs.scan import Scan
-from cnnum.drivers.codecs.stream import MORE, Decoder, Found, Neighbours, Skip
+from cnnum.drivers.codecs.stream import MORE, Decoder, Found, Neighbours, Scan, Skip
 from cnnum.drivers.codecs.wire import Asked, Form, Wire
 from cnnum.errors import CodecError
 from cnnum.frame import FORCE_AXES

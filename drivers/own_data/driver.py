@@ -46,8 +46,8 @@ from cnnum.recordings.export import CSV_CAME, CSV_MARKS, HDF5_KIND, RATE, calibr
 from cnnum.recordings.messages import LOG_TIME, is_bag
 from cnnum.recordings.recording import Recording
 from cnnum.recordings.times import rate_of
-from cnnum.safety.names import shown
 from cnnum.safety.reading import names_something, open_regular
+from cnnum.safety.values import shown
 from cnnum.tactile.taxel import Calibration
 
 HEAD = ("sequence", "time (s)", "quality")

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cnnum.arrays import Floats
-from cnnum.drivers.codecs.scan import Scan
+from cnnum.drivers.codecs.stream import Scan
 from cnnum.drivers.codecs.wire import Asked, wire
 from cnnum.drivers.npz_file import read_arrays
 from cnnum.drivers.own_data.hdf5_file import PARQUET, read_hdf5
@@ -27,8 +27,8 @@ from cnnum.recordings.messages import (
     is_bag,
 )
 from cnnum.recordings.messages import LINES as JSON_LINES
-from cnnum.safety.names import shown
 from cnnum.safety.reading import DAMAGE, MEGABYTE, open_regular
+from cnnum.safety.values import shown
 
 Arrays = Mapping[str, NDArray[Any]]
 NUMBERS = "fiub"

@@ -11,8 +11,7 @@ from cnnum.arrays import Floats, Shape
 from cnnum.drivers.driver import Closing, Counters
 from cnnum.drivers.simulated.bodies import Brush, FaceTractions, FlatFace, TexturedFace, mirrored
 from cnnum.drivers.simulated.cover import Creeping, Layout, influence_of
-from cnnum.drivers.simulated.script import Command, commands, largest_load, total_scans
-from cnnum.drivers.simulated.settings import Settings
+from cnnum.drivers.simulated.settings import Command, Settings, commands, largest_load, total_scans
 from cnnum.drivers.simulated.springs import Pair, Springs, State, Tractions
 from cnnum.errors import PhysicsError
 from cnnum.frame import Frame, Quality, Truth

@@ -28,8 +28,7 @@ import numpy as np
 
 from cnnum.arrays import Floats
 from cnnum.drivers.simulated.cover import CELLS, Layout
-from cnnum.drivers.simulated.script import Command
-from cnnum.drivers.simulated.settings import Settings
+from cnnum.drivers.simulated.settings import Command, Settings
 from cnnum.drivers.simulated.springs import Pair, State, Window
 from cnnum.tactile.grid import Grid
 

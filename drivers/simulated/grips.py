@@ -14,8 +14,7 @@ from scipy.signal import lfilter
 
 from cnnum.arrays import Floats, Shape
 from cnnum.drivers.simulated.array import SimulatedArray
-from cnnum.drivers.simulated.script import Command, Phase, commands
-from cnnum.drivers.simulated.settings import Settings
+from cnnum.drivers.simulated.settings import Command, Phase, Settings, commands
 from cnnum.drivers.simulated.springs import State
 from cnnum.frame import Truth, truth_columns
 from cnnum.tactile.contact import (

@@ -19,7 +19,7 @@ from cnnum.drivers.simulated.grips import (
     touch,
     trial_of,
 )
-from cnnum.drivers.simulated.script import Command, Phase, total_scans
+from cnnum.drivers.simulated.settings import Command, Phase, total_scans
 
 SECONDS = 6.0
 """Length of a scene."""

@@ -30,7 +30,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cnnum.arrays import Floats
-from cnnum.drivers.simulated.script import Command
+from cnnum.drivers.simulated.settings import Command
 from cnnum.tactile.contact import contact_modulus, hertz
 from cnnum.tactile.grid import Grid
 

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from cnnum.programs import program
 from cnnum.programs.fields import Field, length, where
 from cnnum.programs.machine import FrameFields
-from cnnum.templates.tactile.cover_model.deconvolution import DEPTH, READS
+from cnnum.templates.tactile.cover_model.fields import DEPTH, READS
 from cnnum.templates.tactile.shared.loads import PUSH, loads_of
 from cnnum.templates.tactile.shared.pressure import Carries, pressed_of
 

@@ -24,7 +24,7 @@ from cnnum.programs.fields import Field, maximum, minimum, sqrt, total, where
 from cnnum.programs.machine import FrameFields
 from cnnum.programs.transients import apply, shift
 from cnnum.tactile.indenters import Reads
-from cnnum.templates.tactile.cover_model.deconvolution import (
+from cnnum.templates.tactile.cover_model.fields import (
     DEPTH,
     READS,
     noise_gain,

@@ -21,8 +21,8 @@ from cnnum.programs.machine import FrameFields
 from cnnum.programs.parameters import refuse_outside
 from cnnum.programs.reports import report
 from cnnum.programs.transients import apply, shift
-from cnnum.templates.tactile.shared.clock import TINY, Clock, with_corners
 from cnnum.templates.tactile.shared.loads import PUSH
+from cnnum.templates.tactile.shared.rest import TINY, Clock, with_corners
 from cnnum.templating.library import get_template
 
 NEAR = 4.0

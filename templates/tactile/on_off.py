@@ -26,8 +26,8 @@ from cnnum.programs.fields import Field, maximum, square, where
 from cnnum.programs.machine import FrameFields
 from cnnum.programs.parameters import refuse_outside
 from cnnum.programs.reports import report
-from cnnum.templates.tactile.shared.clock import Clock
 from cnnum.templates.tactile.shared.loads import PUSH
+from cnnum.templates.tactile.shared.rest import Clock
 from cnnum.templating.library import get_template
 
 WINS = 1.2

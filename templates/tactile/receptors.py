@@ -28,8 +28,8 @@ from cnnum.programs.loops import loop
 from cnnum.programs.machine import FrameFields
 from cnnum.programs.parameters import refuse_outside
 from cnnum.programs.reports import report
-from cnnum.templates.tactile.shared.clock import Clock, over_field, with_corners
 from cnnum.templates.tactile.shared.loads import PUSH
+from cnnum.templates.tactile.shared.rest import Clock, over_field, with_corners
 
 Between = Literal["line", "hold"]
 """The signal between two frames: straight, or at the value of the later one."""

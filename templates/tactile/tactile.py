@@ -8,7 +8,7 @@ from cnnum.programs.machine import FrameFields
 from cnnum.programs.parameters import refuse_outside
 from cnnum.tactile.indenters import Reads
 from cnnum.templates.tactile.contact import contact
-from cnnum.templates.tactile.cover_model.deconvolution import DEPTH, READS
+from cnnum.templates.tactile.cover_model.fields import DEPTH, READS
 from cnnum.templates.tactile.edges import edges
 from cnnum.templates.tactile.localize import DEPTH as BUMP_DEPTH
 from cnnum.templates.tactile.localize import PITCH as BUMP_PITCH

@@ -11,7 +11,7 @@ from rich.text import Text
 
 from cnnum.cli import output
 from cnnum.cli.output import Output, facts, table
-from cnnum.safety.names import visible, visible_json
+from cnnum.safety.values import visible, visible_json
 
 CLEAN = pytest.mark.promise(
     "Control characters in names of files, arrays and keys never reach the terminal."

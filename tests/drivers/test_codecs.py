@@ -8,7 +8,7 @@ import pytest
 
 from cnnum.drivers.codecs.descriptor import CHECKS
 from cnnum.drivers.codecs.paxini import push, request
-from cnnum.drivers.codecs.scan import Scan
+from cnnum.drivers.codecs.stream import Scan
 from cnnum.drivers.codecs.wire import Asked, described_wire, protocol_names, wire
 from cnnum.errors import CnnumError, CodecError, SceneError, UnknownNameError
 

@@ -7,8 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cnnum.drivers.codecs.scan import U16, Scan
-from cnnum.drivers.codecs.stream import ENOUGH, LAST, PART, Neighbours
+from cnnum.drivers.codecs.stream import ENOUGH, LAST, PART, U16, Neighbours, Scan
 from cnnum.drivers.registry import open_driver
 from cnnum.drivers.timing import FrameClock
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from cnnum.drivers.codecs.scan import Scan
+from cnnum.drivers.codecs.stream import Scan
 from cnnum.drivers.codecs.wire import Asked, wire
 
 

@@ -12,7 +12,7 @@ from cnnum.drivers import open_driver
 from cnnum.drivers.serial_array import SerialOptions
 from cnnum.drivers.simulated.array import SimulatedArray, SimulatedOptions
 from cnnum.drivers.simulated.cover import Layout, flat_influence
-from cnnum.drivers.simulated.script import DEFAULT, Phase
+from cnnum.drivers.simulated.settings import DEFAULT, Phase
 from cnnum.drivers.simulated.springs import State, Tractions
 from cnnum.errors import PhysicsError, SceneError
 from cnnum.frame import Frame, Quality

@@ -5,7 +5,7 @@ import pytest
 
 from cnnum.drivers.registry import open_driver
 from cnnum.drivers.simulated.array import SimulatedArray, SimulatedOptions
-from cnnum.drivers.simulated.script import Phase
+from cnnum.drivers.simulated.settings import Phase
 from cnnum.errors import PhysicsError, SceneError
 from cnnum.tactile.contact import contact_modulus
 from cnnum.tactile.indenters import Disc, frame_under

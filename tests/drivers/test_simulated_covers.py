@@ -8,7 +8,7 @@ from cnnum.arrays import Floats
 from cnnum.drivers import open_driver
 from cnnum.drivers.simulated.array import SimulatedArray, SimulatedOptions
 from cnnum.drivers.simulated.cover import Layout, flat_influence, layer_influence
-from cnnum.drivers.simulated.script import Phase
+from cnnum.drivers.simulated.settings import Phase
 from cnnum.errors import SceneError
 from cnnum.tactile.contact import hertz
 from cnnum.tactile.cover import LayerCover, StandardLinearSolid

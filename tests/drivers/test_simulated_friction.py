@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cnnum.drivers.simulated.script import Command
+from cnnum.drivers.simulated.settings import Command
 from cnnum.drivers.simulated.springs import Pair, Springs, State, _k_less_e, abel
 from cnnum.tactile.contact import (
     hertz,

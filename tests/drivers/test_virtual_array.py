@@ -24,7 +24,7 @@ from cnnum.drivers.virtual import LineFaults, Spoiler, VirtualArray, VirtualLine
 from cnnum.errors import PortError, SceneError
 from cnnum.frame import FORCE_AXES, Frame
 from cnnum.scenes.pipeline import load_scene
-from cnnum.scenes.summary import Histogram
+from cnnum.scenes.scene_record import Histogram
 
 LINE_SECONDS = float(os.environ.get("CNNUM_LINE_SECONDS", "3"))
 LONG = 60.0  # s from which on a line shows its latency and whether memory grows
@@ -195,7 +195,7 @@ def test_xela_is_read_from_its_server(tmp_path: Path) -> None:
     assert form is not None
 
     def talk(socket: Any) -> None:
-        from cnnum.drivers.codecs.scan import Scan
+        from cnnum.drivers.codecs.stream import Scan
 
         socket.send('{"message": "Welcome"}')
         number = 0

@@ -4,7 +4,7 @@ import random
 
 import numpy as np
 
-from cnnum.drivers.codecs.scan import Scan
+from cnnum.drivers.codecs.stream import Scan
 from cnnum.drivers.codecs.wire import Asked, Wire, wire
 from cnnum.frame import FORCE_AXES
 

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cnnum.drivers.codecs.scan import Scan
+from cnnum.drivers.codecs.stream import Scan
 from cnnum.drivers.codecs.wire import protocol_names
 
 spec = importlib.util.spec_from_file_location(

@@ -16,7 +16,7 @@ from click.testing import CliRunner
 from cnnum.cli import main
 from cnnum.cli.root import COMMANDS
 from cnnum.drivers.registry import DRIVERS, open_driver
-from cnnum.drivers.simulated.script import Phase
+from cnnum.drivers.simulated.settings import Phase
 from cnnum.errors import CnnumError
 from cnnum.programs.library import get_program, program_names
 from cnnum.scenes.scene_file import read_scene

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from cnnum.safety.names import SIGNS
+from cnnum.safety.values import SIGNS
 from cnnum.templating.couplings import DelayedCoupling, Gain, NonlinearCoupling
 from cnnum.templating.files import load_entry, save_template
 from cnnum.templating.functions import OUTPUT_FUNCTIONS, Table

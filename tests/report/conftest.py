@@ -13,7 +13,7 @@ from cnnum.report import PlanCost, SceneRecord, WorkPrecision
 from cnnum.report.environment import Environment
 from cnnum.report.record import ReportData
 from cnnum.scenes.events import Event
-from cnnum.scenes.summary import Summary
+from cnnum.scenes.scene_record import Summary
 from cnnum.templating.checks import CheckResult
 
 FRAMES, RATE, SHAPE = 120, 100.0, (3, 4)

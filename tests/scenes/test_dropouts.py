@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import cnnum
-from cnnum.drivers.codecs.scan import Scan
+from cnnum.drivers.codecs.stream import Scan
 from cnnum.drivers.codecs.wire import Asked, wire
 from cnnum.drivers.codecs.wire import described_wire as wire_of
 from cnnum.errors import FrameError, SceneError
@@ -396,7 +396,7 @@ def test_a_lost_chip_leaves_the_frames_of_the_others(name):
 
 
 def cnnum_scan(known, values):
-    from cnnum.drivers.codecs.scan import Scan
+    from cnnum.drivers.codecs.stream import Scan
 
     return Scan(values, known.form.channels, known.form.unit)
 

@@ -14,7 +14,7 @@ from cnnum.errors import FrameError
 from cnnum.frame import Frame, Quality
 from cnnum.scenes.bad_frames import PERSISTENT, SAID_EVERY, BadFrames
 from cnnum.scenes.pipeline import Scene, load_scene
-from cnnum.scenes.summary import Histogram
+from cnnum.scenes.scene_record import Histogram
 
 SCRIPT = [{"kind": "press", "load": 1.0, "duration": 0.1}]
 

@@ -8,7 +8,7 @@ import pytest
 
 from cnnum.arrays import Floats
 from cnnum.drivers.simulated.array import SimulatedOptions
-from cnnum.drivers.simulated.script import Phase
+from cnnum.drivers.simulated.settings import Phase
 from cnnum.engine import Engine
 from cnnum.plan import Plan
 from cnnum.programs import Program

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import correlate2d
 
-from cnnum.drivers.simulated.script import Phase
+from cnnum.drivers.simulated.settings import Phase
 from cnnum.errors import UnknownNameError
 from cnnum.lab.bench.programs.contact_errors import aliased, errors, run_contact
 from cnnum.tactile.bump_loads import DECONVOLUTION_LEFT, left_kernel, unblur_kernel

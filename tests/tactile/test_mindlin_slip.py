@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cnnum.drivers.simulated.script import Phase
+from cnnum.drivers.simulated.settings import Phase
 from cnnum.errors import ProgramError
 from cnnum.tactile.indenters import Disc, Touch, frame_under, readings
 from cnnum.templates.tactile.contact_mechanics.mindlin_slip import mindlin_slip

@@ -23,7 +23,7 @@ CHANNELS = (*cnnum.frame.FORCE_AXES, "picture")
 RATES = (10.0, 50.0, 200.0, 1000.0)
 
 COUNTED = {
-    "templates/tactile/shared/clock.py:QUIET": "frames that make noise known to a fifth",
+    "templates/tactile/shared/rest.py:QUIET": "frames that make noise known to a fifth",
     "templates/tactile/shared/loads.py:BREAK": "a ratio",
     "templates/tactile/shared/rest.py:CALM": "a ratio",
     "templates/tactile/shared/rest.py:MANY": "readings of a frame",

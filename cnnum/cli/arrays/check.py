@@ -9,7 +9,7 @@ import numpy as np
 
 from cnnum.cli.options import json_option
 from cnnum.cli.output import Output
-from cnnum.safety.names import visible
+from cnnum.safety.values import visible
 
 if TYPE_CHECKING:
     from cnnum.drivers.geometry import Positions

@@ -7,7 +7,7 @@ import click
 
 from cnnum.cli.options import assignments, force_option, json_option, setting_option
 from cnnum.cli.output import Output
-from cnnum.safety.names import visible
+from cnnum.safety.values import visible
 
 if TYPE_CHECKING:
     from cnnum.arrays import Floats

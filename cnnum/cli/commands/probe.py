@@ -25,8 +25,8 @@ from cnnum.cli.options import (
 from cnnum.cli.output import Output, facts, number, progress, quantity
 from cnnum.cli.signals import stoppable
 from cnnum.frame import Frame, Quality
-from cnnum.safety.names import visible
-from cnnum.scenes.summary import Histogram
+from cnnum.safety.values import visible
+from cnnum.scenes.scene_record import Histogram
 
 if TYPE_CHECKING:
     from cnnum.drivers.driver import Driver

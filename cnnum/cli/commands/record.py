@@ -23,9 +23,9 @@ from cnnum.cli.output import Output, progress, quantity
 from cnnum.cli.signals import stoppable, undisturbed
 from cnnum.errors import CnnumError, RecordingError
 from cnnum.frame import Frame
-from cnnum.recordings.attachments import CALIBRATION, SCENE, Held
 from cnnum.recordings.export import export, suffix_of
 from cnnum.recordings.journal import Journal
+from cnnum.recordings.layout import CALIBRATION, SCENE, Held
 from cnnum.recordings.reader import look
 from cnnum.safety.files import beside, put, refuse_target, sentences, taken
 

@@ -18,7 +18,7 @@ from cnnum.cli.options import (
     trust_option,
 )
 from cnnum.cli.output import COMPILING, Output, busy
-from cnnum.safety.names import visible
+from cnnum.safety.values import visible
 
 if TYPE_CHECKING:
     from cnnum.scenes.pipeline import FrameResult, Scene

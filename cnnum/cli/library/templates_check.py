@@ -16,7 +16,7 @@ from cnnum.cli.options import completed, json_option
 from cnnum.cli.output import Output, console, number, progress, quantity, table, verdict
 from cnnum.cli.signals import until_stopped
 from cnnum.errors import CnnumError, NotSupportedError, OneColourError, UnknownNameError
-from cnnum.safety.names import visible
+from cnnum.safety.values import visible
 
 if TYPE_CHECKING:
     from cnnum.engine import Engine

@@ -105,7 +105,7 @@ def operations(
     Parameters
     ----------
     expression : str
-        As `cnnum.safety.names` has it.
+        As `cnnum.safety.values` has it.
     dtype : dtype
         Its largest number is `HUGE`.
     variables : mapping of str to int

@@ -21,7 +21,7 @@ from matplotlib.ticker import LogLocator, NullFormatter
 
 from cnnum.arrays import Floats
 from cnnum.drivers.simulated.array import SimulatedOptions
-from cnnum.drivers.simulated.script import Phase
+from cnnum.drivers.simulated.settings import Phase
 from cnnum.engine import Engine
 from cnnum.errors import MethodError
 from cnnum.frame import FORCE_AXES

@@ -17,7 +17,7 @@ from cnnum.cli.options import force_option, json_option, results_option, togethe
 from cnnum.cli.output import Output, progress, table
 from cnnum.cli.signals import stoppable, undisturbed
 from cnnum.errors import CnnumError, MissingExtraError
-from cnnum.safety.names import visible
+from cnnum.safety.values import visible
 
 if TYPE_CHECKING:
     from cnnum.engine import Engine

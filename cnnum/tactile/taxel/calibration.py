@@ -14,9 +14,8 @@ from cnnum.arrays import Floats, finite, frozen
 from cnnum.errors import CalibrationError, CnnumError, unreadable
 from cnnum.frame import FORCE_AXES
 from cnnum.safety.files import write_whole
-from cnnum.safety.names import shown
 from cnnum.safety.reading import LARGEST, parse_toml, read_text
-from cnnum.safety.values import is_real
+from cnnum.safety.values import is_real, shown
 from cnnum.tactile.taxel.bridge import COMBINE, SIDES, rows_of, trailing
 from cnnum.tactile.taxel.readout import Heat, frame_times
 

@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 from typing import cast
 
 from cnnum.errors import TemplateError
-from cnnum.safety.names import checked_name
+from cnnum.safety.values import checked_name
 from cnnum.templating.files.toml_values import number, points, table, text, whole, wrong
 from cnnum.templating.template import Template
 

@@ -15,7 +15,7 @@ from cnnum.programs.fields import Field, maximum, mean, most, sqrt, square, wher
 from cnnum.programs.machine import FrameFields
 from cnnum.programs.parameters import refuse_outside
 from cnnum.tactile.indenters import Reads
-from cnnum.templates.tactile.cover_model.deconvolution import DEPTH, READS
+from cnnum.templates.tactile.cover_model.fields import DEPTH, READS
 from cnnum.templates.tactile.shared.loads import PUSH, loads_of
 from cnnum.templates.tactile.shared.pressure import pressed_of
 

@@ -13,7 +13,7 @@ from cnnum.programs.fields import Field, length, maximum, square, where
 from cnnum.programs.machine import FrameFields
 from cnnum.programs.parameters import refuse_outside
 from cnnum.tactile.indenters import Reads
-from cnnum.templates.tactile.cover_model.deconvolution import DEPTH, READS
+from cnnum.templates.tactile.cover_model.fields import DEPTH, READS
 from cnnum.templates.tactile.shared.loads import PUSH, Loads, loads_of
 from cnnum.templates.tactile.shared.pressure import Pressed, pressed_of
 from cnnum.templates.tactile.slip import slip

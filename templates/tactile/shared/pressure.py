@@ -18,7 +18,7 @@ from cnnum.tactile.bump_loads import left_kernel
 from cnnum.tactile.checks import Array, positive
 from cnnum.tactile.halfspace import rectangle_strain, rectangle_stress
 from cnnum.tactile.indenters import Reads
-from cnnum.templates.tactile.cover_model.deconvolution import (
+from cnnum.templates.tactile.cover_model.fields import (
     filter_template,
     noise_gain,
     surface_load,

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import cnnum
-from cnnum.drivers.codecs.scan import Scan
+from cnnum.drivers.codecs.stream import Scan
 from cnnum.drivers.codecs.wire import Asked, described_wire, wire
 from cnnum.drivers.geometry import Grid
 from cnnum.drivers.virtual import VirtualArray, VirtualLine

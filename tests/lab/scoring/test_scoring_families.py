@@ -24,8 +24,7 @@ from cnnum.drivers.simulated.grips import (
     mixed,
     stick_slip,
 )
-from cnnum.drivers.simulated.script import Command, Phase
-from cnnum.drivers.simulated.settings import Settings
+from cnnum.drivers.simulated.settings import Command, Phase, Settings
 from cnnum.frame import truth_columns
 from cnnum.lab.scoring.families import faces
 from cnnum.lab.scoring.families.catalogue import FAMILIES, Dragged, spread

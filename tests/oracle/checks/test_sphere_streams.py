@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from cnnum.drivers.simulated.array import SimulatedOptions
-from cnnum.drivers.simulated.script import Phase
-from cnnum.drivers.simulated.settings import Settings
+from cnnum.drivers.simulated.settings import Phase, Settings
 from cnnum.tactile.contact import contact_modulus
 from cnnum.templating.checks.tactile.sphere_streams import (
     BEGIN,

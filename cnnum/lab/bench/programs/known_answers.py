@@ -17,7 +17,7 @@ from scipy.spatial import cKDTree
 
 from cnnum.arrays import Floats
 from cnnum.drivers.simulated.array import SimulatedOptions
-from cnnum.drivers.simulated.script import Phase
+from cnnum.drivers.simulated.settings import Phase
 from cnnum.lab.bench.programs.contact_errors import NOISE, held
 from cnnum.lab.bench.programs.edge_errors import Skin, found_places, off_outline
 from cnnum.lab.bench.programs.edge_scenes import SHARP

@@ -12,7 +12,7 @@ from cnnum.lab.reproduce.record import Chapter, Item
 from cnnum.programs.fields import log
 from cnnum.programs.library import get_program
 from cnnum.tactile.receptors import response
-from cnnum.templates.tactile.shared.clock import corner
+from cnnum.templates.tactile.shared.rest import corner
 
 RATE, REST = 4000.0, 8
 """Frames a second, far above the bands, and frames of rest."""

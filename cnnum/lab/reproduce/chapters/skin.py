@@ -3,7 +3,7 @@
 import numpy as np
 
 from cnnum.arrays import Floats
-from cnnum.lab.reproduce.chapters.field_figures import flat_lines, flat_punch_stress
+from cnnum.lab.reproduce.chapters.fields import flat_lines, flat_punch_stress
 from cnnum.lab.reproduce.faults import changed, misled, scaled
 from cnnum.lab.reproduce.figure import Curve, Figure, Panel
 from cnnum.lab.reproduce.record import Chapter, Item
