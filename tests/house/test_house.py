@@ -22,7 +22,7 @@ HEAVY = {
     "mcap": {"cnnum/recordings"},
     "zstandard": {"cnnum/recordings"},
     "lz4": {"cnnum/recordings"},
-    "websockets": {"drivers/transports", "cnnum/live"},
+    "websockets": {"drivers/serial_port.py", "cnnum/live"},
     "rerun": {"cnnum/live/rerun_sink.py"},
     "matplotlib": {"cnnum/report", "cnnum/lab"},
     "PIL": {"cnnum/pictures.py", "cnnum/report"},
