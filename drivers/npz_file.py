@@ -1,7 +1,5 @@
 """Recordings as NumPy archives: sizes are checked before memory is taken.
 
-The arrays of a NumPy archive that others wrote: its sizes are checked before memory is taken.
-
 An archive is a zip file of ``.npy`` members. The directory of the zip file, the header of each
 array and the bytes that follow must agree. The promised array must fit into the memory of this
 machine. And it must be no more than the file can honestly hold.

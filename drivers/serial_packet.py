@@ -1,8 +1,6 @@
 """The open serial protocol (``docs/serial-protocol.md``): a scan as a packet, and a stream.
 
-The open serial protocol: one scan as one packet of bytes (``docs/serial-protocol.md``).
-
-Pure: bytes to packets and back. For a stream of them see `cnnum.drivers.serial_stream`.
+Pure: bytes to packets and back.
 
 Packets out of a stream of bytes that may be cut or corrupted anywhere.
 

@@ -15,7 +15,7 @@ Lowering asks for sums, products and roots; `Fixed` makes them of shifts and who
 of floating-point numbers. A result is as fine as its operands make it, and not finer than its
 format.
 
-Arithmetic in floating-point numbers by the interface of `cnnum.embedded.arithmetic.fixed.Fixed`.
+Arithmetic in floating-point numbers by the interface of `Fixed`.
 
 It measures the range of every value before formats are chosen, and it prints float32.
 """

@@ -1,7 +1,5 @@
 """Number formats: whole numbers that stand for real ones, and the format that each value has.
 
-Number formats: whole numbers that stand for real ones, and the precisions that are made of them.
-
 A format holds q · 2^−fraction for whole q of a width in bits. Larger numbers saturate.
 """
 

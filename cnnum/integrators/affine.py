@@ -5,8 +5,6 @@ Linear operations on maps: the exact answers of templates, and sums of maps.
 An affine map of a program's values is kept as one matrix for each value that it reads. The constant
 is a map. A linear template without time steps takes such maps to such maps.
 
-Fusing: chains of linear operations on a small array become one dense product a map.
-
 A chain is made of templates whose answer is exact without steps, sums, constant multiples and
 totals. All that it does to the maps it reads is one matrix for each of them. It is fused where
 that takes less arithmetic, and where no output lies between.

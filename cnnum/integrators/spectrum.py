@@ -8,8 +8,6 @@ Regions that hold the eigenvalues of an array, where these are not known.
 * Gershgorin's discs of S (A D − 1), whatever cells saturate: centre (−1 + d a_kk)/τ with
   0 ≤ d ≤ 1 (d = 1 where f(x) = x), radius Σ |a_kj|/τ.
 
-Where the eigenvalues of an array's Jacobian lie: exactly where they are known, else a bound.
-
 J = S(A D − 1) with D = diag f'(x), 0 ≤ f' ≤ 1, whatever cells saturate.
 """
 

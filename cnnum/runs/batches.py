@@ -1,7 +1,5 @@
 """Runs of many templates at once: as lanes of one launch, or one after the other.
 
-Runs of templates of one form as lanes of one launch, each lane with numbers of its own.
-
 A template stands for all: its numbers say where weights are, and how fast the fastest array is.
 The numbers themselves are a map of each frame. The sum over the inputs, taken once, is made here.
 """

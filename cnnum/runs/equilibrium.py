@@ -1,7 +1,5 @@
 """What is shown of a state at which an array seems to rest: an equilibrium, and how far it is.
 
-Regions in which an array is shown to come to one equilibrium, and how far that is.
-
 A true state lies within `reach` of a state x. Let d bound the slopes of the couplings in a box
 around x, and
 
@@ -18,8 +16,6 @@ where a state is limited.
 Where weights of both signs balance, C is no M-matrix, though the array is stable. Then a quadratic
 form V = vᵀ P v falls: P is Lyapunov's solution of Jᵀ P + P J = −1, or τ where A is symmetric. How
 much J differs in the box from that at x is allowed for.
-
-Whether a state at which an array seems to rest is an equilibrium that it keeps.
 
 Small rates are no proof: a state may pass a bottleneck, or leave a saddle, as slowly as one likes.
 So an equilibrium is looked for near the state, by Newton's steps, and around it a region in which

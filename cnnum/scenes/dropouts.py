@@ -1,7 +1,5 @@
 """Gaps, taxels that drop out, and arrays that fall silent: none is a touch, or its end.
 
-Taxels that drop out, and arrays that fall silent: neither is a touch, or its end.
-
 A load continues from frame to frame and in its neighbours, changes no faster than the cover can
 follow, and has noise. A lost taxel does not: it is not finite or beyond the limits of its range; it
 jumps to one number in all its channels, with its whole line, or to 0; its load vanishes between

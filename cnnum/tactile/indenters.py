@@ -1,7 +1,5 @@
 """Readings of taxels under a cover from spheres, punches and other bodies of known outline.
 
-Readings of taxels under a cover from indenters of known outline, by closed forms.
-
 The mean pressure of every indenter is 1. Signals are positive under a push: −σ_zz for stress, and
 −(2E/3) ε_zz for strain. So the cover is (1 + kz) e^(−kz) for the one and kz e^(−kz) for the other
 (ν = 0.5). Lengths are in any unit, the same for all.

@@ -6,8 +6,6 @@ A cell moves by τ dx/dt = −x + s with |s| ≤ K(R) while all states lie withi
 the weights times the largest output there. So a box with K(R) ≤ R holds every transient that starts
 in it (Chua & Yang 1988, theorem 1, is the case |f| ≤ 1).
 
-The class of stability of a template on an array, and the theorem that puts it there.
-
 A theorem is named only where each of its conditions is looked at: the couplings of the array with
 its boundary, the slopes of the output, and a box that no state leaves. Time constants may differ
 from layer to layer: no proof here uses that they are equal.

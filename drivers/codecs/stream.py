@@ -1,7 +1,5 @@
 """A scan, and scans out of a stream of bytes that may be cut or corrupted anywhere.
 
-Scans out of a stream of bytes that may be cut or corrupted anywhere, in any format.
-
 A format looks at the bytes in front of it and gives one of three answers: a scan of some length;
 bytes to skip; more bytes are needed. The rest is the same for all formats.
 

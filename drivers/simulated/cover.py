@@ -1,7 +1,5 @@
 """The covers of the simulated array: from tractions on the surface to strain at the taxels.
 
-The cover: from tractions on its surface to the strain at the taxels under it.
-
 The influence of every cell on every taxel is worked out once; a scan is then one product.
 
 The flat cover as a layer on a rigid base, for the same taxels and cells as `cover`.

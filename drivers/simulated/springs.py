@@ -1,7 +1,5 @@
 """Friction between a sphere and the cover, with its whole history, and the tractions it leaves.
 
-Friction between a sphere and the cover, with its whole history.
-
 A sphere on an elastic half-space is the same as a row of independent springs (the method of
 dimensionality reduction): one at each distance s from the centre. Each has a shear deflection u(s)
 and a twist F(s) of its own, which slip at limits of their own. Under a force that only grows this

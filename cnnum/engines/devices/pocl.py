@@ -18,7 +18,7 @@ version 5.0 on; the wheel ends with 3.0.
 PoCL's record of a device, at the address that PyOpenCL gives as `Device.int_ptr`, holds a pointer
 to the name. The repair points it at a name that LLVM 14 knows, before the first kernel is built. It
 is made for this exact build alone. It is used only after a child process has shown that the
-repaired device works (`self_test.py`).
+repaired device works (`selection.py`).
 """
 
 import atexit

@@ -1,7 +1,7 @@
 """Built programs, kept from one process to the next.
 
 PoCL builds in two turns: a program, and a kernel when it is first launched. The files of both in
-PoCL's folder (`pocl_folder.py`) are kept as one entry. They are laid out there before the program
+PoCL's folder (`pocl.py`) are kept as one entry. They are laid out there before the program
 is built again. Of other drivers the program's binary is kept, unless they have a cache of their
 own. PyOpenCL's caches are switched off: it loads damaged files, and fails where it cannot write.
 """

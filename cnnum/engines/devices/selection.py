@@ -53,7 +53,7 @@ def try_in_child(device: Device, target: str | None) -> tuple[str, bool]:
     device : Device
         One of `list_devices()`.
     target : str or None
-        Name to give to its processor before (`pocl_wheel.py`).
+        Name to give to its processor before (`pocl.py`).
 
     Returns
     -------
@@ -176,7 +176,7 @@ class Verdict:
     why : str
         Why it does not; empty where it does.
     target : str or None
-        Name that its processor is given first (`pocl_wheel.py`); None where it needs none.
+        Name that its processor is given first (`pocl.py`); None where it needs none.
     """
 
     why: str

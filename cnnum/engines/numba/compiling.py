@@ -1,16 +1,12 @@
 """How the functions of this room are compiled, and kept from one process to the next.
 
-Compiled functions, kept from one process to the next.
-
 Numba's own cache trusts its files: a damaged file of it ends every run, and two processes that
 compile at once can mix up their files. Here each compiled form of a function is an entry of the
 cache of cnnum. It is found by all that it depends on, and used only if it is whole.
 
-How the functions of this room are compiled, and which of them are kept on disk.
-
-Only functions that Python calls are kept, each with all that it calls in it
-(`function_cache.py`). Their last parameter is `ROOM`, a number of the contents of this room: their
-callees may lie in another file. It is part of their key.
+Only functions that Python calls are kept, each with all that it calls in it. Their last parameter
+is `ROOM`, a number of the contents of this room: their callees may lie in another file. It is part
+of their key.
 """
 
 import hashlib

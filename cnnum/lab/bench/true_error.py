@@ -1,7 +1,5 @@
 """The error that a user has, against run time: discretisation and arithmetic apart.
 
-The error that a user has, over run time: against the continuum, and against what was touched.
-
 A lattice that is solved exactly is still not the continuum. So the total error is shown, with its
 two parts: that of the exact answer on the same taxels and frames (discretisation; with the noise of
 the readings, where they have some), and how far the run is from that answer (arithmetic). The knob

@@ -1,7 +1,5 @@
 """Exact averages over the cells of a grid of the tractions that contacts are made of.
 
-Exact averages over the cells of a grid of the tractions that contacts are made of.
-
 Each profile has a closed antiderivative over the rectangle from the contact's centre to a cell
 corner. The contact's rim cuts the rectangle, and four corners make a cell. Neighbours share
 corners, so the sum over a grid that holds the whole contact is the load itself, to rounding.

@@ -1,7 +1,5 @@
 """Response of the half-space to a unit load, and the law of its material.
 
-Response of the half-space to a unit load, written once for points, rectangles and waves.
-
 Displacement, stress and strain are the load times sums of a few harmonic functions of the place. A
 point load takes the functions themselves, a uniform rectangle their integrals. A sinusoidal load
 takes their Fourier transforms. The sums are the same.

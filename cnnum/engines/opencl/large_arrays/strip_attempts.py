@@ -1,7 +1,5 @@
 """Steps of large arrays that may be refused, strip by strip: pairs, and Chebyshev steps.
 
-Steps of large arrays that may be refused, by strips of rows: a run of levels each.
-
 Every strip finds the largest of each figure in its cells. The plan's body makes one number of them.
 
 One step of a pair that estimates its own error: its stages, and the estimate.

@@ -1,7 +1,5 @@
 """Dense products and read-outs of a small array, such as sums: several chains side by side.
 
-A small array's read-outs, such as sums: several chains side by side.
-
 A sum that runs through the cells one by one waits four cycles for each of them. Compilers may not
 change its order, so they work out all that shares its loop one cell at a time. Every kernel of a
 plan sums up in the same order. So a frame's results do not depend on its neighbours.

@@ -1,7 +1,5 @@
 """Euler's steps: of linear couplings in few operations, and of small frames in registers.
 
-Euler's steps of linear couplings, as few operations as they can be.
-
     x⁺ = (1 − h/τ) x + (h/τ) w + Σ (h/τ) a y
 
 Weights come with h/τ in them, and w is scaled once. New outputs go to a second padded array, so
