@@ -377,7 +377,7 @@ def stability_bound(
     is a box around the field of values. It may leave Euler's and Heun's method no step. An array
     that saturates has rates that change with the cells: steps let none of them grow faster than the
     array itself could, e^{max(Re λ, 0) h}. That holds without saturation or, by Gershgorin's discs,
-    with any. With a delay, a mode depends on its past, too (`cnnum.integrators.delays`). Steps are
+    with any. With a delay, a mode depends on its past, too. Steps are
     whole parts of the delay, and only methods whose stages lie at ends of steps have any.
     """
     if isinstance(shape, Template | str):  # the order of version 0.1

@@ -242,7 +242,7 @@ def write_table(file: IO[bytes], contents: Contents) -> None:
 
     Numbers stand in the shortest form that is read back as the same.
 
-    It raises as `cnnum.recordings.mcap_writer.write_mcap`.
+    It raises as `write_mcap`.
     """
     text = io.TextIOWrapper(file, encoding="utf-8", newline="", write_through=True)
     try:
@@ -314,7 +314,7 @@ def write_archive(file: IO[bytes], contents: Contents) -> None:
 
     The recording is read once for each member that has a row a frame: a chunk at a time is held.
 
-    It raises as `cnnum.recordings.mcap_writer.write_mcap`.
+    It raises as `write_mcap`.
     """
     layout = contents.layout
     with zipfile.ZipFile(file, "w", zipfile.ZIP_STORED) as archive:

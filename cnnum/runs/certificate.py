@@ -1,10 +1,10 @@
 """What is proven of a run: an enclosure of the true end, and what follows for every cell.
 
 The proof shares nothing with the run but the template and the maps. It is made when it is asked
-for, as it takes longer than the run: `cnnum.runs.enclosure` follows the array from its start, and
-`cnnum.runs.order` bounds it from below and above where its couplings keep the order. A run
-to equilibrium is proven where the enclosure comes into a region of contraction
-(`cnnum.runs.equilibrium`), in which an equilibrium is then enclosed.
+for, as it takes longer than the run: `cnnum.runs.enclosure` follows the array from its start,
+and where its couplings keep the order it is bounded from below and above. A run to equilibrium
+is proven where the enclosure comes into a region of contraction (`cnnum.runs.equilibrium`), in
+which an equilibrium is then enclosed.
 
 Bounds on the trajectory of an array whose couplings keep the order of its states.
 

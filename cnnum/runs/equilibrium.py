@@ -19,8 +19,7 @@ much J differs in the box from that at x is allowed for.
 
 Small rates are no proof: a state may pass a bottleneck, or leave a saddle, as slowly as one likes.
 So an equilibrium is looked for near the state, by Newton's steps, and around it a region in which
-the array contracts (`cnnum.runs.contraction`). Where there is none the eigenvalues of the Jacobian
-say whether the array leaves.
+the array contracts. Where there is none the eigenvalues of the Jacobian say whether it leaves.
 """
 
 # pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
