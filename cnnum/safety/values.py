@@ -19,10 +19,12 @@ from collections.abc import Iterable
 from numbers import Real
 from os import PathLike
 from pathlib import Path
-from typing import Any, TypeGuard, cast
+from typing import TYPE_CHECKING, Any, TypeGuard, cast
 
-from cnnum.arrays import Shape
 from cnnum.errors import CnnumError, SizeError
+
+if TYPE_CHECKING:  # NumPy, which `cnnum --help` does without
+    from cnnum.arrays import Shape
 
 # C0 but for the tab and the line feed, DEL, C1, and the controls of direction
 _CONTROLS = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u202a-\u202e\u2066-\u2069]")
@@ -160,7 +162,7 @@ def host_bytes() -> int | None:
         return None
 
 
-def refuse_on_host(what: str, shape: Shape, bytes_a_cell: int) -> None:
+def refuse_on_host(what: str, shape: "Shape", bytes_a_cell: int) -> None:
     """Raise if something of an array takes more memory than this machine has.
 
     Parameters

@@ -201,8 +201,8 @@ PICTURE = """
 import sys
 from pathlib import Path
 import numpy as np
-from cnnum.report import probe_picture
-probe_picture.draw(Path(sys.argv[1]), {"rest": np.zeros((4, 4, 1))}, ("x",), "N")
+from cnnum.report import plots
+plots.draw(Path(sys.argv[1]), {"rest": np.zeros((4, 4, 1))}, ("x",), "N")
 """
 
 

@@ -281,6 +281,7 @@ SUDDEN = ("taxel zero", "taxel load", "column zero", "column normal", "row zero"
 FLOATS = ("taxel floats", "row floats", "column floats")
 
 
+@pytest.mark.one_in(5)
 @pytest.mark.parametrize("rate", RATES)
 @pytest.mark.parametrize("array", ARRAYS)
 def test_lost_taxels_of_a_grip_are_masked_at_every_rate(array, rate):
@@ -337,6 +338,7 @@ def random_presses(array, rate, rng):
     return values
 
 
+@pytest.mark.one_in(5)
 @pytest.mark.parametrize("rate", RATES)
 @pytest.mark.parametrize("array", ARRAYS)
 def test_no_press_is_masked_at_any_rate(array, rate):

@@ -75,6 +75,7 @@ def walked(plan, given):
     return walk.run(given, walk.new_memory(len(given)), first=True)
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize(("kind", "method"), [*METHODS.items()])
 def test_printed_transients_take_the_steps_of_the_walk(kind, method):
     """The same steps in float64: 100 of some 30 operations, whose roundings may grow tenfold.
@@ -93,6 +94,7 @@ def test_printed_transients_take_the_steps_of_the_walk(kind, method):
             )
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("kind", TEMPLATES)
 def test_printed_programs_agree_with_the_reference(kind):
     """With a tolerance of 1e-7 on the way, whose errors grow a hundredfold at most.

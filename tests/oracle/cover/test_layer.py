@@ -8,9 +8,9 @@ from cnnum.tactile import halfspace
 from cnnum.tactile.cover import (
     FlatCover,
     LayerCover,
-    layer,
     layer_displacement_transfer,
     layer_stress_transfer,
+    layer_waves,
 )
 
 E = 0.87e6
@@ -81,14 +81,14 @@ def test_hooke_and_equilibrium_by_differentiation(depth):
 @pytest.mark.parametrize("reach", [0.02, 0.005])
 def test_thin_incompressible_layer_is_lubrication(reach):
     """u_z = -h³ ∇²p / 3G; the next term is 9/5 (kh)² of it."""
-    waves = layer(reach / H, 0.0, thickness=H)
+    waves = layer_waves(reach / H, 0.0, thickness=H)
     assert waves.down_p == pytest.approx(H**3 * (reach / H) ** 2 / 3, rel=2 * reach**2)
 
 
 @pytest.mark.parametrize("poisson", [0.3, 0.0])
 def test_thin_compressible_layer_is_a_column(poisson):
     """Under an even pressure the strain is that of a column that cannot widen."""
-    waves = layer(0.0, 0.3 * H, thickness=H, poisson=poisson)
+    waves = layer_waves(0.0, 0.3 * H, thickness=H, poisson=poisson)
     confined = (1 - 2 * poisson) / (2 * (1 - poisson))
     assert waves.strain_p == pytest.approx(-confined, rel=1e-9)  # stops at kh = 1e-6
     assert waves.down_p == pytest.approx(confined * 0.7 * H, rel=1e-9)
@@ -96,7 +96,7 @@ def test_thin_compressible_layer_is_a_column(poisson):
 
 
 def test_incompressible_base_feels_no_normal_strain():
-    waves = layer(np.array([10.0, 1e3, 1e4]), H, thickness=H)
+    waves = layer_waves(np.array([10.0, 1e3, 1e4]), H, thickness=H)
     np.testing.assert_allclose(waves.strain_p, 0, atol=1e-15)
     np.testing.assert_allclose(waves.strain_q, 0, atol=1e-15)
 
@@ -136,4 +136,4 @@ def test_poles_and_far_away():
     with pytest.raises(PhysicsError, match="thickness"):
         LayerCover(H, E, taxel_depth=2 * H)
     with pytest.raises(PhysicsError, match="depth"):
-        layer(1.0, 2 * H, thickness=H)
+        layer_waves(1.0, 2 * H, thickness=H)
