@@ -78,6 +78,6 @@ def test_a_scene_and_a_stream_are_context_managers():
     with cnnum.load_scene("contact") as scene:
         assert len(scene.collect(frames=3)) == 3
     with scene.plan.stream() as stream:
-        stream.push(np.zeros((8, 8, len(scene.plan.schedule.channels_read))))
+        stream.push(np.zeros((8, 8, len(scene.plan.schedule.channels))))
         assert stream.frames == 1
     assert stream.frames == 0
