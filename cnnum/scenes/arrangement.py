@@ -33,8 +33,8 @@ BUMP = "bump"
 ALL = "tactile"
 """The program with the outputs of the others: bumps are a part of it that few scenes want."""
 
-NO_COVER = ("slip", "twist", "gross_slip", BUMP)
-"""Begins of the outputs of `ALL` that ask for no depth of the cover."""
+NO_COVER = ("slip", "twist", "gross_slip", "flow", BUMP)
+"""Begins of the outputs that ask for no depth of the cover, of programs that take one."""
 
 TELLS = 0.01
 """Part by which a scene's fact of the cover may differ from the array's until it is said: digits
@@ -210,8 +210,9 @@ def _of_bumps(
 
 
 def _wants_cover(program: Program, spec: SceneSpec) -> bool:
-    wants = [want for want in spec.needs if not want.startswith(NO_COVER)]
-    return program.name != ALL or bool(wants)
+    if not spec.needs:  # events of the scene's own alone
+        return program.name != ALL
+    return not all(want.startswith(NO_COVER) for want in spec.needs)
 
 
 def _of_cover(
