@@ -256,8 +256,8 @@ def warn_of_other_cover(program: Program, spec: SceneSpec, driver: Driver) -> No
             f"the cover of the array is {cover.depth / pitch:.3g} pitches thick, and nothing below "
             f"{DEEPEST:g} shows through: take a thinner one"
         )
-    elif told := _contradicted(program, spec, cover, pitch):
-        why = told
+    elif contradiction := _contradicted(program, spec, cover, pitch):
+        why = contradiction
     else:
         return
     logging.getLogger("cnnum").warning(

@@ -285,7 +285,7 @@ FLOATS = ("taxel floats", "row floats", "column floats")
 @pytest.mark.parametrize("rate", RATES)
 @pytest.mark.parametrize("array", ARRAYS)
 def test_lost_taxels_of_a_grip_are_masked_at_every_rate(array, rate):
-    """A taxel that floats is told by the time that a load takes, which the rate must resolve."""
+    """A taxel that floats moves faster than a load can, if the rate resolves a load's rise."""
     shape = ARRAYS[array][0]
     begin, lasts = max(0.3, 10 / rate), max(0.15, 4 / rate)
     rows, cols = np.mgrid[: shape[0], : shape[1]] - np.array(shape)[:, None, None] / 2 + 0.5

@@ -57,7 +57,7 @@ def test_scenes_know_the_simulated_cover(name):
 
 @pytest.mark.parametrize("path", sorted(SHIPPED.glob("*.toml")), ids=lambda path: path.stem)
 def test_no_scene_of_ours_warns_of_itself(path, caplog):
-    """`tactile_flow` was told that its cover has bumps, of which it asks nothing."""
+    """`tactile_flow`, whose flow needs no cover, warned of the bumps of its own array."""
     if read_scene(path.stem).driver == "simulated":
         load_scene(path.stem, changes={"engine.name": "numba"}).close()
     assert not caplog.text

@@ -417,14 +417,22 @@ def throughput(
 
 @command.command("latency")
 @click.option("--frames", default=20_000, type=click.IntRange(min=200), help="Frames per program.")
+@click.option("--engine", "name", help="Engine to measure; the usual one of this machine if unset.")
 @_options
 def latency(
-    frames: int, device: str | None, quick: bool, out: Path | None, force: bool, as_json: bool
+    frames: int,
+    name: str | None,
+    device: str | None,
+    quick: bool,
+    out: Path | None,
+    force: bool,
+    as_json: bool,
 ) -> int:
     """Measure one frame from host memory to host events, and an empty launch with its copies."""
+    from cnnum.engine import Engine
     from cnnum.lab.bench.latency import OMISSIONS, measure_latency
 
-    engine = _engine(device)
+    engine = Engine(name, device=device)
     rows = measure_latency(engine, count=2000 if quick else frames)
     return _report("latency", rows, None, engine.device, out, force, as_json, OMISSIONS)
 

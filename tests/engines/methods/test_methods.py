@@ -140,7 +140,7 @@ def test_chebyshev_steps_are_the_same_on_all(engines, reference, boundary, outpu
         assert np.abs(one.state - plain.state).max() <= 1e-9
         assert one.error == pytest.approx(plain.error, rel=1e-4)
     assert np.abs(numba.state - known.state).max() <= numba.error + 20 * known.error
-    # the weights of a stage add up to 1 but for roundings, of which some 100 stages make 1e-14
+    # the weights of a stage add up to 1 but for roundings: 1e-14 after some 100 stages
     held = maps["state"][maps["mask"]]
     np.testing.assert_allclose(numba.state[maps["mask"]], held, rtol=0.0, atol=1e-13)
     single = engines["numba-float32"].run(template, method="runge-kutta-chebyshev", **maps)

@@ -1,9 +1,12 @@
 """The way of one frame: to its events, in time, with an error, and with missing cases named."""
 
+import json
 import time
 
 import pytest
+from click.testing import CliRunner
 
+from cnnum.cli import main
 from cnnum.lab.bench import errors, latency
 from cnnum.lab.bench.samples import scene_frames, touch
 from cnnum.lab.commands import bench
@@ -91,6 +94,17 @@ def test_frames_there_was_no_time_for_are_named(opencl, capsys):
     assert "contact:" in stated
     assert 0 < frames < 5000
     assert "nothing" not in stated
+
+
+def test_the_command_takes_another_engine(monkeypatch):
+    """It launches nothing: columns of empty launches are empty, and the times are its own."""
+    monkeypatch.setattr(latency, "subjects", lambda: (QUICK,))
+    asked = ["bench", "latency", "--engine", "numba", "--frames", "200", "--json"]
+    done = CliRunner().invoke(main, asked)
+    row = next(json.loads(line) for line in done.stdout.splitlines() if '"contact"' in line)
+    assert (done.exit_code, row["launches"], row["empty_launch_us"]) == (0, 0, None)
+    assert 0.0 < row["p50_us"] <= row["p99_us"]
+    assert CliRunner().invoke(main, [*asked[:3], "numbas"]).exit_code == 2
 
 
 def test_nothing_is_named_where_all_frames_ran(opencl):
