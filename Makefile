@@ -20,7 +20,7 @@ QUICK := $(addprefix tests/,cli/commands/test_devices.py cli/commands/test_run.p
     scenes/test_scene.py)
 SITUATION := sh -c '$(BIN)/cnnum devices --no-measure && $(BIN)/cnnum demo --out cnnum-demo.html --force && $(PYTEST) $(QUICK)'
 
-.PHONY: demo test test-full situations faults arrays embedded fuzz mutate platforms docs lint style mypy pyright bench lock audit clean
+.PHONY: demo test test-full situations faults arrays embedded gpu fuzz mutate platforms docs lint style mypy pyright bench lock audit clean
 
 demo: $(VENV)/run.stamp
 	$(BIN)/cnnum demo --out cnnum-demo.html --force
@@ -73,6 +73,10 @@ embedded: $(VENV)/dev.stamp
 	    tests/cli/commands/test_bench_embedded.py
 	$(BIN)/cnnum bench embedded --shape 4x4x3 --shape 8x8x3 --shape 16x16x3 --method auto --method euler \
 	    --force --out bench-results
+
+# the engine on a graphics processor, in at most five minutes: `make gpu`, or `make gpu GPU=NAME`
+gpu: $(VENV)/dev.stamp
+	$(BIN)/python tests/situations/gpu.py $(GPU)
 
 # faults put into a copy of the code, one at a time: the tests must catch each (tests/mutations)
 mutate: $(VENV)/dev.stamp

@@ -59,7 +59,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         if mark is not None:
             spared = seen[test] % mark.args[0]
         else:  # drawn by name, so that no value of a crossed parameter is always left out
-            often = 3 if cases[test] >= MANY else 2 if cases[test] >= SOME else 1
+            often = 5 if cases[test] >= MANY else 3 if cases[test] >= SOME else 1
             spared = seen[test] and crc32(item.nodeid.encode()) % often
         (left if spared else kept).append(item)
         seen[test] += 1

@@ -534,7 +534,10 @@ class Fixed:
     def compare(self, how: str, a: Quantity, b: Quantity) -> Quantity:
         """Return whether a is "greater" than, "at_least" or "equal" to b."""
         fraction = self.common((a, b), FINEST)
-        return Quantity(call(how, self.brought(a, fraction), self.brought(b, fraction)))
+        both = self.brought(a, fraction), self.brought(b, fraction)
+        if both[0] == both[1]:  # compilers warn of a number that is compared with itself
+            return Quantity(ir.Integer(int(how != "greater")))
+        return Quantity(call(how, *both))
 
     def select(self, holds: Quantity, a: Quantity, b: Quantity, finest: int) -> Quantity:
         """Return a where a flag holds, else b."""

@@ -3,6 +3,7 @@
 Wanted values are written out, or come from NumPy. Every program is also compiled, under sanitizers.
 """
 
+import re
 import subprocess
 
 import numpy as np
@@ -104,6 +105,23 @@ def test_branches_and_loops_of_one_round(precision, compiler, tmp_path):
     np.testing.assert_array_equal(found["branched"], np.where(taken, a - b, a))
     np.testing.assert_array_equal(found["looped"], 0.5 * a)
     assert not found["done"].any()
+
+
+@pytest.mark.parametrize("precision", ["q15", "q5.6"])
+def test_nothing_is_compared_with_itself(precision):
+    """GCC 13 warns of it (-Wtautological-compare), which `make` of an export makes an error."""
+
+    def function(frame):
+        done = cnnum.loop(lambda x: x * 0.5, frame.a, limit=1).finished
+        return {"same": done.equals(done), "more": done > done, "field": frame.a >= frame.a}
+
+    made = exported(function, precision)
+    found = made.run(FRAMES)
+    assert found["same"].all()
+    assert found["field"].all()
+    assert not found["more"].any()
+    text = made.export(FRAMES).files["mine.c"]
+    assert not re.findall(r"(\([^()]+\)|\w+) (?:==|>=?) \1\W", text)
 
 
 @pytest.mark.parametrize("precision", PRECISIONS)

@@ -223,7 +223,10 @@ def _why(
         return "the only device that works"
     if asked is not None:
         return f"its name contains '{asked}'"
-    ties = [d for d in working if d is not chosen and d.promise == chosen.promise]
+    alike = [device for device in working if device.kind == chosen.kind]
+    if len(alike) == 1 and chosen.kind == "CPU":
+        return "the only processor; a GPU is used when it is asked for by name"
+    ties = [d for d in alike if d is not chosen and d.promise == chosen.promise]
     more = ", and it is listed first of those that promise as much" if ties else ""
     return f"it promises most: {promise}{more}"
 

@@ -1,4 +1,4 @@
-"""Which device is used: the fastest that has shown that it works, or the one asked for.
+"""Which device is used: the fastest processor that has shown that it works, or the one asked for.
 
 A small kernel with a known answer: a device is used only after it has shown that it works.
 
@@ -243,7 +243,7 @@ _KNOWN = dict[int, Verdict]()
 
 
 def choose_device(name: str | None) -> Device:
-    """Return the device that promises most among those that work, ready for use.
+    """Return the first of `devices_named` that works, ready for use.
 
     Parameters
     ----------
@@ -278,7 +278,10 @@ def working_devices() -> tuple[Device, ...]:
 
 
 def devices_named(name: str | None) -> list[Device]:
-    """Return the devices of that name, whether they work or not; the most promising comes first.
+    """Return the devices of that name, whether they work or not, in the order of preference.
+
+    Processors come first, and among them the one that promises most. A frame of a small array is
+    one work item, which takes a single lane of a GPU several times as long as a processor's core.
 
     Raises
     ------
@@ -292,7 +295,7 @@ def devices_named(name: str | None) -> list[Device]:
     if not matching:
         known = ", ".join(f"'{d.label}'" for d in devices)
         raise DeviceError(f"No OpenCL device matches {name!r:.60}: there are {known}.")
-    return sorted(matching, key=lambda device: -device.promise)
+    return sorted(matching, key=lambda device: (device.kind == "GPU", -device.promise))
 
 
 def verdict_on(device: Device, *, anew: bool = False) -> Verdict:

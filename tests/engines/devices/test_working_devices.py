@@ -245,6 +245,14 @@ def test_a_broken_device_is_passed_over_with_one_line(kept, device, monkeypatch,
         selection.choose_device("fast and broken")
 
 
+def test_a_gpu_is_used_when_it_is_asked_for(device, monkeypatch):
+    gpu = replace(device, name="graphics", kind="GPU", units=100 * device.units, lanes=1)
+    slow = replace(device, name="slower", units=1, clock_mhz=1)
+    monkeypatch.setattr(selection, "list_devices", lambda: (gpu, slow, device))
+    assert selection.devices_named(None) == [device, slow, gpu]
+    assert selection.devices_named("graphics") == [gpu]
+
+
 class Forgetful(dict):
     def __contains__(self, key):
         return False

@@ -11,7 +11,7 @@ static inline vec between(const vec a, const vec low, const vec high)
 
 // Asks for what is read soon: pieces that are read by turns are no order that processors foresee.
 #ifndef SOON
-#if defined(__has_builtin) && __has_builtin(__builtin_prefetch)
+#if defined(__has_builtin) && __has_builtin(__builtin_prefetch) && !defined(__NV_CL_C_VERSION)
 #define SOON(place) __builtin_prefetch((const void *)(uintptr_t)(place))
 #else
 #define SOON(place)
