@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import IntFlag
-from typing import cast
+from typing import Literal, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -88,6 +88,8 @@ frames a second, so that ms read as s are a thousand times as far apart."""
 
 UNITS = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 """Units of times other than s, in s."""
+
+TimeUnit = Literal["s", "ms", "us", "ns"]
 
 
 def differ(rate: float, other: float) -> bool:

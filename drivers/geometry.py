@@ -26,7 +26,7 @@ from cnnum.arrays import Floats, Shape
 from cnnum.drivers.driver import Closing, Counters, Driver
 from cnnum.drivers.options import require, require_channels
 from cnnum.errors import SceneError
-from cnnum.frame import Frame, Limits, limits_of
+from cnnum.frame import UNITS, Frame, Limits, TimeUnit, limits_of
 from cnnum.recordings.recording import channel_names
 from cnnum.safety.values import checked_name
 
@@ -244,12 +244,15 @@ class Reading:
         Axes that are counted from the other end.
     unit : str
         Unit of the numbers; "" where it is the one that the source names.
+    time_unit : "s", "ms", "us" or "ns"
+        Unit of the times of a recording that were taken for seconds.
     """
 
     channels: tuple[str, ...] = ()
     order: str = ""
     flip: tuple[Literal["rows", "cols"], ...] = ()
     unit: str = ""
+    time_unit: TimeUnit = "s"
 
     def __post_init__(self) -> None:
         if self.unit:
@@ -262,7 +265,12 @@ class Reading:
         require("order", holds, said, self.order)
 
     def __bool__(self) -> bool:
-        return bool(self.channels or self.order or self.flip or self.unit)
+        return bool(self.channels or self.order or self.flip or self.unit or self.scale != 1.0)
+
+    @property
+    def scale(self) -> float:
+        """The unit of the times, s."""
+        return UNITS.get(self.time_unit, 1.0)
 
     @property
     def plain(self) -> tuple[str, ...]:
@@ -306,7 +314,8 @@ class Reading:
             marks = np.asarray(plain.of(each).any(axis=2))
         values, names = self.of(frame.values), self.names(frame.channels)
         unit = self.unit or frame.unit
-        return replace(frame, values=values, channels=names, saturated=marks, unit=unit)
+        time = self.scale * frame.time
+        return replace(frame, values=values, channels=names, saturated=marks, unit=unit, time=time)
 
     def limits(self, known: Limits | None, channels: int) -> Limits | None:
         """Return the limits of sound taxels with the signs of the channels."""
@@ -322,10 +331,15 @@ class Reordered(Closing):
     Raises
     ------
     SceneError
-        If the channels are not those of the driver.
+        If the channels are not those of the driver, or it is live and has a unit of times.
     """
 
     def __init__(self, driver: Driver, reading: Reading) -> None:
+        if reading.scale != 1.0 and getattr(driver, "live", False):
+            raise SceneError(
+                f"'time_unit' is the unit of a recording's times, got '{reading.time_unit}' for a "
+                "live array: the unit of its clock stands in its descriptor."
+            )
         self._driver, self._reading = driver, reading
         self.channels = reading.names(driver.channels)
         known = getattr(driver, "limits", None)
@@ -343,8 +357,8 @@ class Reordered(Closing):
 
     @property
     def rate(self) -> float:
-        """That of the driver."""
-        return self._driver.rate
+        """That of the driver, per second by the unit of its times."""
+        return self._driver.rate / self._reading.scale
 
     @property
     def counters(self) -> Counters:

@@ -488,6 +488,17 @@ class NpzOptions:
         return NpzFile(read_npz(self.path))
 
 
+def rate_that_counts(rate: float, times: Floats) -> float:
+    """Return the rate that a file states, or that of its times where they contradict it."""
+    seen = contradicted(rate, times) if rate else None
+    if seen is None:
+        return rate
+    logging.getLogger("cnnum").warning(
+        "The recording says %g frames a second, and its times have %.4g: those count.", rate, seen
+    )
+    return seen
+
+
 class NpzFile(Counting):
     """A recording as an array: its frames as they came, flags and lost scans included.
 
@@ -500,15 +511,7 @@ class NpzFile(Counting):
         self.shape: Shape = (recording.values.shape[1], recording.values.shape[2])
         self.channels = recording.channels
         self.unit = recording.unit
-        self.rate = recording.rate
-        seen = contradicted(self.rate, recording.time) if self.rate else None
-        if seen is not None:
-            logging.getLogger("cnnum").warning(
-                "The recording says %g frames a second, and its times have %.4g: those count.",
-                self.rate,
-                seen,
-            )
-            self.rate = seen
+        self.rate = rate_that_counts(recording.rate, recording.time)
         self.calibration = recording.calibration
         self.total_frames = len(recording.values)
 

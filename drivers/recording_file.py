@@ -160,7 +160,7 @@ def array_of(file: Path, topic: str = "") -> dict[str, object]:
     if suffix == ".mcap" and (holds_frames(file) or not _has_layout(file)):
         _refuse_others(file)
         return {"driver": "mcap", "path": path}
-    if suffix == ".npz" and (_is_own_archive(file) or not _has_layout(file)):
+    if suffix == ".npz" and (is_own_archive(file) or not _has_layout(file)):
         return {"driver": "npz", "path": path}
     if suffix in READERS or _has_layout(file):
         return {"driver": "file", "path": path}
@@ -201,7 +201,8 @@ def _has_layout(file: Path) -> bool:
     return names_something(file.with_suffix(".toml"))
 
 
-def _is_own_archive(file: Path) -> bool:
+def is_own_archive(file: Path) -> bool:
+    """Return whether a NumPy archive is a recording of cnnum."""
     import zipfile
 
     try:

@@ -94,73 +94,99 @@ def orders(shape: Shape) -> Iterator[Order]:
             yield Order((channels[0], channels[1], channels[2]), (signs[0], signs[1]), grid)
 
 
-def pattern(away: Floats) -> Floats | None:
-    """Return the correlations of both shears with those of a press.
+def patterns(normal: Floats, shears: Floats) -> Floats:
+    """Return the correlations of shears with those of a press.
 
     Parameters
     ----------
-    away : (rows, cols, 3) float
-        A frame less its rest.
+    normal : (frames, rows, cols) float
+        Loads above rest.
+    shears : (shears, frames, rows, cols) float
 
     Returns
     -------
-    (2, 2) float or None
-        [shear, direction of the places]; None where too few taxels are under the load, or the
-        normal channel is no load: it has both signs, or no neighbours agree.
+    (frames, shears, 2) float
+        By direction of the places, right and down. NaN in a frame whose normal channel is no load:
+        too few taxels are under it, it has both signs, or no neighbours agree.
     """
-    normal = away[..., 2]
-    peak = float(np.abs(normal).max())
-    if not peak > 0.0:
-        return None
-    load = np.where(np.abs(normal) > TOUCHED * peak, normal, 0.0)
+    size = np.abs(normal)
+    load = np.where(size > TOUCHED * size.max(axis=(1, 2), keepdims=True), normal, 0.0)
     weight = np.abs(load)
-    one_sided = abs(float(load.sum())) / float(weight.sum())
-    if np.count_nonzero(load) < ENOUGH or one_sided < 0.5 or smoothness(weight) < CLEAR / 2:
-        return None
-    y, x = np.mgrid[: normal.shape[0], : normal.shape[1]]
-    total = float(weight.sum())
-    places = (x - float((weight * x).sum()) / total, y - float((weight * y).sum()) / total)
-    found = np.zeros((2, 2))
-    for shear in (0, 1):
-        kept = np.where(load != 0.0, away[..., shear], 0.0)
-        kept = kept - load * float((kept * load).sum()) / float((load * load).sum())
-        for axis, place in enumerate(places):
-            wanted = place * load
-            size = float(np.sqrt((kept * kept).sum() * (wanted * wanted).sum()))
-            found[shear, axis] = float((kept * wanted).sum()) / size if size > 0.0 else 0.0
+    total = weight.sum(axis=(1, 2))
+    shown = (np.count_nonzero(load, axis=(1, 2)) >= ENOUGH) & (total > 0.0)
+    shown &= np.abs(load.sum(axis=(1, 2))) >= 0.5 * total
+    shown &= smoothness(weight) >= CLEAR / 2
+    y, x = np.mgrid[: normal.shape[1], : normal.shape[2]]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        middles = [np.sum(weight * place, axis=(1, 2)) / total for place in (x, y)]
+        wanted = np.stack(
+            [(p - m[:, None, None]) * load for p, m in zip((x, y), middles, strict=True)]
+        )
+        kept = np.where(load != 0.0, shears, 0.0)
+        along = _over_places("sfij,fij->sf", kept, load) / _over_places("fij,fij->f", load, load)
+        kept = kept - load * along[..., None, None]
+        powers = np.sqrt(
+            _over_places("sfij,sfij->fs", kept, kept)[:, :, None]
+            * _over_places("afij,afij->fa", wanted, wanted)[:, None, :]
+        )
+        found = _over_places("sfij,afij->fsa", kept, wanted) / powers
+    found[~(powers > 0.0)] = 0.0
+    found[~shown] = np.nan
     return found
 
 
-def smoothness(values: Floats) -> float:
-    """Return the correlation of each taxel with the mean of its neighbours; 0 where it has none."""
-    rows, cols = values.shape
-    total, count = np.zeros((rows, cols)), np.zeros((rows, cols))
-    for axis, size in enumerate((rows, cols)):
+def _over_places(sums: str, some: Floats, others: Floats) -> Floats:
+    return np.asarray(np.einsum(sums, some, others))
+
+
+def smoothness(values: Floats) -> Floats:
+    """Return the correlation of each taxel with the mean of its neighbours; 0 where it has none.
+
+    Parameters
+    ----------
+    values : (frames, rows, cols) float
+
+    Returns
+    -------
+    (frames,) float
+    """
+    total, count = np.zeros(values.shape), np.zeros(values.shape[1:])
+    for axis, size in enumerate(values.shape[1:]):
         if size > 1:
             first = (slice(None),) * axis + (slice(1, None),)
             second = (slice(None),) * axis + (slice(None, -1),)
-            total[first] += values[second]
-            total[second] += values[first]
+            total[:, *first] += values[:, *second]
+            total[:, *second] += values[:, *first]
             count[first] += 1
             count[second] += 1
     if not count.all():
-        return 0.0
-    one, other = values - values.mean(), total / count
-    other = other - other.mean()
-    size = float(np.sqrt((one * one).sum() * (other * other).sum()))
-    return float((one * other).sum()) / size if size > 0.0 else 0.0
+        return np.zeros(len(values))
+    one, other = (each - each.mean(axis=(1, 2), keepdims=True) for each in (values, total / count))
+    size = np.sqrt((one * one).sum(axis=(1, 2)) * (other * other).sum(axis=(1, 2)))
+    both = (one * other).sum(axis=(1, 2))
+    return np.asarray(np.divide(both, size, out=np.zeros(len(values)), where=size > 0.0))
 
 
-def score(away: Floats) -> float:
-    """Return how well a frame less its rest shows a press straight down: 1 for a perfect one.
+def scores(presses: Floats) -> Floats:
+    """Return how well each frame shows a press straight down: 1 for a perfect one.
 
     It is the smaller of both shears' correlations with their own direction, less the larger of
     those with the other direction; -1 where there is no load.
+
+    Parameters
+    ----------
+    presses : (frames, rows, cols, 3) float
+        Frames less their rest.
     """
-    found = pattern(away)
-    if found is None:
-        return -1.0
-    return float(min(found[0, 0], found[1, 1]) - max(abs(found[0, 1]), abs(found[1, 0])))
+    shears = np.moveaxis(presses[..., :2], -1, 0)
+    return _scored(patterns(presses[..., 2], shears), (0, 1), (1.0, 1.0))
+
+
+def _scored(found: Floats, shears: tuple[int, int], signs: tuple[float, float]) -> Floats:
+    x, y = (found[:, shear] for shear in shears)
+    own = np.minimum(signs[0] * x[:, 0], signs[1] * y[:, 1])
+    score = own - np.maximum(np.abs(x[:, 1]), np.abs(y[:, 0]))
+    return np.asarray(np.where(np.isnan(score), -1.0, score))
 
 
 def pad_pressed(presses: Floats, pads: int) -> Floats:
@@ -188,10 +214,17 @@ def best_order(presses: Floats) -> tuple[Order | None, float, float]:
     shape = presses.shape[1:3]
     if min(shape) < SMALLEST or presses.shape[3] != 3:
         return None, -1.0, -1.0
-    found = [
-        (float(np.median([score(frame) for frame in order.of(presses)])), -order.changes, order)
-        for order in orders((shape[0], shape[1]))
-    ]
+    known: dict[tuple[str, int], Floats] = {}
+    each = list[Floats]()
+    tried = list(orders((shape[0], shape[1])))
+    for order in tried:
+        *shears, normal = order.channels
+        if (order.grid, normal) not in known:
+            placed = np.moveaxis(Order(grid=order.grid).of(presses), -1, 0)
+            known[order.grid, normal] = patterns(placed[normal], placed)
+        each.append(_scored(known[order.grid, normal], (shears[0], shears[1]), order.signs))
+    fits = np.median(each, axis=1).tolist()
+    found = [(fit, -order.changes, order) for fit, order in zip(fits, tried, strict=True)]
     present = found[0][0]
     most = max(value for value, _, _ in found)
     # of those that fit nearly as well, the one that changes least

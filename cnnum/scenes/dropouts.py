@@ -11,6 +11,7 @@ a while.
 import logging
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from math import sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -204,7 +205,7 @@ class Dropouts:
         self._began = self._before = 0.0
         self._period = 0.0  # from frame to frame, s
         self._rest: Floats | None = None
-        self._noise: Floats | None = None  # one a channel
+        self._power: list[float] | None = None  # of the noise, one a channel
         self._analog: NDArray[np.bool_] | None = None  # whether a channel has noise at rest
         self._alike: NDArray[np.bool_] | None = None  # and a whole line one number now and then
         self._flat_at_rest = False  # whether all channels of a taxel are one number there by chance
@@ -227,18 +228,24 @@ class Dropouts:
         FrameError
             If too few taxels are left.
         """
-        values = frame.values
-        odd = self._odd_ones(values, frame.time)
-        if odd is None and self.masked is None and self._doubted is None:
-            if not np.isfinite(values).all():
-                return frame  # for now: its values are refused
-            if not self._jumps(values, frame.time):
+        values, time = frame.values, frame.time
+        if self.masked is None and self._doubted is None:
+            if self._within(values) and self._goes_on(values, time):
+                self._odd = self._none
                 return frame
+            odd = self._odd_ones(values, time)
+            if odd is None:
+                if not np.isfinite(values).all():
+                    return frame  # for now: its values are refused
+                if self._goes_on(values, time):
+                    return frame
+        else:
+            odd = self._odd_ones(values, time)
         return self._looked(frame, self._none if odd is None else odd)
 
     def tare(self) -> None:
         """Learn rest and noise from the next frames on, with every taxel."""
-        self._begin, self._rest, self._noise, self._span = [], None, None, None
+        self._begin, self._rest, self._power, self._span = [], None, None, None
         self.masked = self._doubted = self._shown = None
         self._lost_before = self._none
 
@@ -247,12 +254,8 @@ class Dropouts:
 
         No number is a fault of the frame, which costs it, until the taxel has had none for a while.
         """
-        least, most = float(values.min()), float(values.max())
         low, high = self._low_and_high(values.shape[2])
-        if np.isfinite(most - least) and (
-            (low.max() <= least and most <= high.min())
-            or bool(((values >= low) & (values <= high)).all())
-        ):
+        if bool(((values >= low) & (values <= high) & np.isfinite(values)).all()):
             self._odd = self._none
             return None
         numbers = np.isfinite(values).all(axis=2) | ~self._looked_at
@@ -275,23 +278,50 @@ class Dropouts:
             self._ends = limits_of(known, channels)
         return self._ends
 
-    def _jumps(self, values: Floats, time: float) -> bool:
-        """Return whether a reading has jumped, and take in one that has not."""
-        raw, before = self._raw, self._before
-        if raw is None or self._noise is None:
-            self._learn(values, time)
-            return False
-        steps = np.abs(values - raw).reshape(-1, values.shape[2])
-        if (steps.max(axis=0) > JUMP * self._noise).any():
+    def _within(self, values: Floats) -> bool:
+        """Return whether all values are within the limits of every channel, or there are none.
+
+        One that is no number is left to the steps, which it makes no number, too.
+        """
+        if self._limits is None:
             return True
-        share = min(1.0, max(time - before, 0.0) / FOLLOWS)
-        power = 0.5 * np.square(steps).mean(axis=0)
-        self._noise = np.maximum(np.sqrt(self._noise**2 + share * (power - self._noise**2)), TINY)
+        low, high = self._low_and_high(values.shape[2])
+        return bool(low.max() <= values.min() and values.max() <= high.min())
+
+    @property
+    def _noise(self) -> Floats | None:
+        """The noise of each channel, or None while it is not known."""
+        return None if self._power is None else np.sqrt(np.array(self._power))
+
+    def _goes_on(self, values: Floats, time: float) -> bool:
+        """Take in a frame in which no reading has jumped, or return False.
+
+        Nearly all frames end here, so it asks first whether all steps together are too small.
+        """
+        raw, powers = self._raw, self._power
+        if raw is None or powers is None:
+            if not np.isfinite(values).all():
+                return False
+            self._learn(values, time)
+            return True
+        steps = (values - raw).reshape(-1, len(powers))
+        squares = np.einsum("ij,ij->j", steps, steps).tolist()
+        for channel, (square, power) in enumerate(zip(squares, powers, strict=True)):
+            if square <= JUMP**2 * power:
+                continue
+            if not np.abs(steps[:, channel]).max() <= JUMP * sqrt(power):
+                return False
+        share = min(1.0, max(time - self._before, 0.0) / FOLLOWS)
+        twice = 2.0 * len(steps)
+        self._power = [
+            max(power + share * (square / twice - power), TINY**2)
+            for square, power in zip(squares, powers, strict=True)
+        ]
         self._earlier, self._raw = raw, values
         self._take_time(time)
         if time - self._span_at >= SHOWN:
             self._take_span(values, time)
-        return False
+        return True
 
     def _take_time(self, time: float) -> None:
         """Follow the time from frame to frame; frames of a stream may come in bursts."""
@@ -302,14 +332,15 @@ class Dropouts:
 
     def _take_span(self, values: Floats, time: float) -> None:
         """Follow the largest loads, and the noise that they let one expect at least."""
-        if self._rest is None or self._noise is None:
+        if self._rest is None or self._power is None:
             return
         away = values - self._rest
         least, most = away.min(axis=(0, 1)), away.max(axis=(0, 1))
         if self._span is None:
             self._span = np.zeros((2, len(least)))
         self._span = np.stack([np.minimum(self._span[0], least), np.maximum(self._span[1], most)])
-        self._noise = np.maximum(self._noise, FINE * np.abs(self._span).max(axis=0))
+        least = np.square(FINE * np.abs(self._span).max(axis=0))
+        self._power = np.maximum(self._power, least).tolist()
         self._span_at = time
 
     def _learn(self, values: Floats, time: float) -> None:
@@ -324,8 +355,9 @@ class Dropouts:
         self._begin, self._rest = [], np.asarray(np.median(seen, axis=0))
         power = np.median(np.square(np.diff(seen, axis=0)).mean(axis=(1, 2)), axis=0)
         least = 1e-6 * float(np.abs(self._rest).max()) + TINY
-        self._noise = np.maximum(np.sqrt(0.5 * power), least)
-        self._analog = np.asarray(self._noise > least)
+        noise = np.maximum(np.sqrt(0.5 * power), least)
+        self._power = np.square(noise).tolist()
+        self._analog = np.asarray(noise > least)
         self._flat_at_rest = bool((seen == seen[..., :1]).all(axis=3).any())
         lines = lines_of(self._looked_at)
         alike = [(seen[:, line] == seen[:, line][:, :1]).all(axis=1).any(axis=0) for line in lines]
@@ -336,21 +368,22 @@ class Dropouts:
         before = self._lost_before
         raw = np.zeros_like(frame.values) if self._raw is None else self._raw
         values = np.where(np.isfinite(frame.values), frame.values, raw)
-        if self._noise is None:
+        if self._power is None:
             self._learn(values, frame.time)
+        noise = self._noise
         new, back, doubted = odd & ~before, self._none, self._none
         lost = values
         steps: Floats = np.zeros_like(values)
         had: Floats = steps
         away: Floats = steps
-        if self._noise is not None and self._rest is not None:
+        if noise is not None and self._rest is not None:
             living = self._looked_at & ~before & ~odd
-            steps, had = (values - raw) / self._noise, (raw - self._rest) / self._noise
-            away = (values - self._rest) / self._noise
+            steps, had = (values - raw) / noise, (raw - self._rest) / noise
+            away = (values - self._rest) / noise
             place = frame.channels.index(NORMAL) if NORMAL in frame.channels else None
             begun = ~self._none
             if self._earlier is not None:  # a load that has moved before may be over now
-                moved = _main((raw - self._earlier) / self._noise, place)
+                moved = _main((raw - self._earlier) / noise, place)
                 begun = np.abs(moved) < ASIDE * np.abs(_main(steps, place))
             found = _alone(steps, had, away, living, place) & begun
             found |= self._flat(values, raw, steps, away)
@@ -379,7 +412,7 @@ class Dropouts:
         filled = _gone_on(values, shown, held, self._held(), known)
         self._lost = values.copy() if self._lost is None else self._lost
         self._lost[new] = lost[new]
-        if self._noise is not None and self._rest is not None and before.any():
+        if noise is not None and self._rest is not None and before.any():
             calm = np.abs(steps).max(axis=2) < JUMP
             flat = (values == values[..., :1]).all(axis=2) & (values.shape[2] > 1)
             whole = before & ~odd & ~flat & calm
@@ -424,18 +457,19 @@ class Dropouts:
         which loads were seen to go.
         """
         assert self._rest is not None
-        assert self._noise is not None
+        noise = self._noise
+        assert noise is not None
         assert self._analog is not None
         assert self._alike is not None
         away = values - self._rest
-        shown: Floats = np.zeros((2, len(self._noise))) if self._span is None else self._span
+        shown: Floats = np.zeros((2, len(noise))) if self._span is None else self._span
         ways = np.where(away > 0.0, np.asarray(shown[1]), -np.asarray(shown[0]))
-        jumps, far = np.abs(steps) > JUMP, np.abs(away) > JUMP * self._noise
-        free = np.asarray(ways < LEFT * np.abs(away) + SPREAD * self._noise)
+        jumps, far = np.abs(steps) > JUMP, np.abs(away) > JUMP * noise
+        free = np.asarray(ways < LEFT * np.abs(away) + SPREAD * noise)
         zero = jumps & far & free & (values == 0.0) & self._analog
         found: Mask = np.asarray(zero.any(axis=2) & living)
         # where noise keeps neighbours apart at rest, one number is none of the rest either
-        told = np.where(np.abs(away) > SPREAD * self._noise, free, ~self._alike) & self._analog
+        told = np.where(np.abs(away) > SPREAD * noise, free, ~self._alike) & self._analog
         for line in lines_of(living):
             there, was = values[line], raw[line]
             alike = (there == there[0]).all(axis=0) & ~(was == was[0]).all(axis=0)

@@ -27,7 +27,7 @@ from cnnum.errors import (
     SceneError,
     name_error,
 )
-from cnnum.frame import Frame, Limits, Quality, contradicted
+from cnnum.frame import Frame, Limits, Quality, contradicted, time_unit_of
 from cnnum.graph.nodes import Graph, Input
 from cnnum.graph.tracing import TraceStep, trace_steps
 from cnnum.plan import Plan
@@ -72,6 +72,9 @@ from cnnum.scenes.scene_file import EVERYTHING, SceneSpec, read_scene, scene_nam
 from cnnum.scenes.scene_record import Histogram, SceneRecord, Summary
 from cnnum.stream import Stream
 from cnnum.values import OfThisProcess
+
+SLOWEST = 1e-3
+"""Hz, the least rate of a program."""
 
 TIMED = 64
 """Frames at the start whose times are held against the rate: as many as a median needs."""
@@ -314,6 +317,7 @@ class Scene(OfThisProcess):
             driver = open_driver(spec.driver, spec.driver_options, base=spec.base)
         try:
             driver = Reordered(driver, spec.reading) if spec.reading else driver
+            _refuse_slow(spec, driver)
             conversion = conversion_for(spec.calibration, driver, spec.base, spec.scale)
             refuse_other_limits(spec, driver)
             grid = grid_of(spec, driver)
@@ -410,18 +414,24 @@ class Scene(OfThisProcess):
             If they contradict it, and come from a recording: a live array may begin unevenly, and
             it is said.
         """
-        rate = self.plan.rate
-        if len(times) < TIMED or rate is None:
+        rate, live = self.plan.rate, getattr(self.driver, "live", False)
+        if len(times) < TIMED:
             return
-        seen = contradicted(rate, np.asarray(times))
-        if seen is None:
+        cure = _cure_of_times(self.driver, np.asarray(times))
+        seen = None if rate is None else contradicted(rate, np.asarray(times))
+        if seen is None or rate is None:
+            if cure and getattr(self.driver, "layout", None) is None:  # whose reader has said it
+                logging.getLogger("cnnum").warning(
+                    "Scene '%s': the times of the first %d frames are %.4g s apart.%s",
+                    self.spec.name, TIMED, np.median(np.diff(times)), cure,
+                )  # fmt: skip
             return
         said = (
             f"Scene '{self.spec.name}': the program assumes {rate:.6g} frames per second, but "
             f"the times of the first {TIMED} frames show {seen:.4g}: correct "
-            "'program.parameters.rate' or the times of the array."
+            f"'program.parameters.rate' or the times of the array.{cure}"
         )
-        if not getattr(self.driver, "live", False):
+        if not live:
             raise SceneError(said)
         logging.getLogger("cnnum").warning("%s", said)
 
@@ -741,6 +751,30 @@ def get_scene(name: str, *, engine: Engine | None = None) -> Scene:
     if name not in scene_names():
         raise name_error("scene", name, scene_names())
     return load_scene(name, engine=engine)
+
+
+def _cure_of_times(driver: Driver, times: Floats) -> str:
+    """Return a sentence on times of a recording that seem to be no seconds; "" for others."""
+    unit = "" if getattr(driver, "live", False) else time_unit_of(times)
+    place = "[frames] of the scene" if getattr(driver, "layout", None) is None else "the layout"
+    return f" They seem to be in {unit}: set time_unit = '{unit}' in {place}." if unit else ""
+
+
+def _refuse_slow(spec: SceneSpec, driver: Driver) -> None:
+    """Refuse a recording whose times make it slower than any program can be.
+
+    Raises
+    ------
+    SceneError
+        With the unit that its times seem to have.
+    """
+    if not 0.0 < driver.rate < SLOWEST:
+        return
+    step = 1.0 / driver.rate
+    raise SceneError(
+        f"Scene '{spec.name}': frames of the array are {step:.4g} s apart, expected at most "
+        f"{1.0 / SLOWEST:g} s.{_cure_of_times(driver, np.array([0.0, step]))}"
+    )
 
 
 def load_scene(

@@ -10,7 +10,7 @@ from cnnum.arrays import Floats
 from cnnum.frame import FORCE_AXES, Frame
 from cnnum.programs import Program
 from cnnum.programs.machine import BEGINS, ENOUGH
-from cnnum.recordings.checking import DENIED, Order, best_order, pad_pressed, score, sentence_of
+from cnnum.recordings.checking import DENIED, Order, best_order, pad_pressed, scores, sentence_of
 
 RESTING, LEAST = 0.1, 8
 """s of rest at the begin, and the fewest frames of it."""
@@ -49,7 +49,6 @@ class OrderWatch:
         "_pads",
         "_rest",
         "_resting",
-        "_scores",
         "_start",
         "said",
     )
@@ -65,7 +64,6 @@ class OrderWatch:
         self._rest: tuple[Floats, float] | None = None
         self._resting: list[Floats] = []
         self._away: list[Floats] = []
-        self._scores: list[float] = []
         self._order: Order | None = None
         self._agreed = 0
         self._start = self._last = -np.inf
@@ -86,12 +84,11 @@ class OrderWatch:
             return
         away = pad_pressed(away[np.newaxis], self._pads)[0]
         self._away.append(away)
-        self._scores.append(score(away))
         if len(self._away) < LOOKS:
             return
-        order = None
-        if float(np.median(self._scores)) < DENIED:
-            order, value, present = best_order(np.stack(self._away))
+        order, presses = None, np.stack(self._away)
+        if float(np.median(scores(presses))) < DENIED:
+            order, value, present = best_order(presses)
             order = None if order == Order() or value < SURE else order
             self._agreed = self._agreed + 1 if order is not None and order == self._order else 0
             if order is not None and self._agreed >= AGREE - 1:
@@ -107,7 +104,7 @@ class OrderWatch:
                     keys,
                 )
         self._order = order
-        self._away, self._scores = [], []
+        self._away = []
 
     def _rests(self, frame: Frame) -> None:
         if not self._resting:

@@ -33,6 +33,7 @@ _FRAMES = (
     "order",
     "flip",
     "unit",
+    "time_unit",
 )
 
 RENAMED = {"wants": "needs"}
@@ -414,7 +415,8 @@ def _positions(scene: str, value: object) -> Positions:
 
 def _reading(scene: str, table: Mapping[str, Any]) -> Reading:
     """Return the order, signs and unit of the numbers of a frame."""
-    given = {key: table[key] for key in ("channels", "order", "flip", "unit") if key in table}
+    keys = ("channels", "order", "flip", "unit", "time_unit")
+    given = {key: table[key] for key in keys if key in table}
     try:
         return read_options(Reading, given, Path())
     except SceneError as error:

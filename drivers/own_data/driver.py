@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from cnnum.arrays import Floats, Shape
 from cnnum.drivers.codecs.wire import Asked, wire
-from cnnum.drivers.driver import Counters, Counting, lost_before
+from cnnum.drivers.driver import Counters, Counting, Driver, lost_before
+from cnnum.drivers.npz_file import NpzOptions, rate_that_counts
 from cnnum.drivers.own_data.hdf5_file import list_hdf5, read_hdf5
 from cnnum.drivers.own_data.layout import EXAMPLE, SECONDS, DataLayout, read_layout
 from cnnum.drivers.own_data.sources import (
@@ -27,6 +28,7 @@ from cnnum.drivers.own_data.sources import (
     held_by,
     shaped,
 )
+from cnnum.drivers.recording_file import McapOptions, is_own_archive
 from cnnum.drivers.text_table import Columns, Head, Wanted, read_columns
 from cnnum.errors import (
     ArrayError,
@@ -43,7 +45,7 @@ from cnnum.errors import (
 from cnnum.frame import Frame, Quality, unit_fault
 from cnnum.recordings.chunks import untimed
 from cnnum.recordings.export import CSV_CAME, CSV_MARKS, HDF5_KIND, RATE, calibration_of
-from cnnum.recordings.messages import LOG_TIME, is_bag
+from cnnum.recordings.messages import LOG_TIME, holds_frames, is_bag
 from cnnum.recordings.recording import Recording
 from cnnum.recordings.times import rate_of
 from cnnum.safety.reading import names_something, open_regular
@@ -108,7 +110,7 @@ def read_own_csv(path: Path) -> Recording:
     rate = float(held.facts[0, 1]) if RATE in held.head.names else 0.0
     return Recording(
         values,
-        rate=rate or rate_of(times) or 1.0,
+        rate=rate_that_counts(rate, times) or rate_of(times) or 1.0,
         unit=own.unit or next(iter(set(held.texts[UNIT]))),
         channels=own.channels,
         times=times,
@@ -161,7 +163,7 @@ def _recording(
     listed = [channels] if isinstance(channels, str) else cast("list[Any]", channels)
     return Recording(
         held["values"],
-        rate=float(attributes["rate"]),
+        rate=rate_that_counts(float(attributes["rate"]), times),
         unit=str(attributes["unit"]),
         channels=[str(name) for name in listed],
         times=times,
@@ -276,8 +278,7 @@ class DataFileOptions:
         messages (.mcap, .jsonl, .bag, the folder of a rosbag2), or what an array sent (.bin, .log).
     layout : Path, optional
         The TOML file that names its columns and their meaning (`DataLayout`). Unless given, it is
-        that of the same name with the suffix .toml. CSV and HDF5 files that cnnum wrote need
-        none.
+        that of the same name with the suffix .toml. Files that cnnum wrote need none.
     topic : str
         Topic of an MCAP file or a bag, in place of that of the layout.
     """
@@ -286,7 +287,7 @@ class DataFileOptions:
     layout: Path | None = None
     topic: str = ""
 
-    def open(self) -> "DataFile":
+    def open(self) -> Driver:
         """Read the file.
 
         Raises
@@ -313,6 +314,11 @@ class DataFileOptions:
             own = read_own_hdf5(path) if suffix in HDF5 and not self._has_layout() else None
             if own is not None:
                 return DataFile(own[0], calibration=own[1])
+            if self.layout is None and not self.topic:
+                if suffix == ".npz" and is_own_archive(path):
+                    return NpzOptions(path).open()
+                if suffix == ".mcap" and holds_frames(path):
+                    return McapOptions(path).open()
             layout = read_layout(self._layout())
             layout = replace(layout, topic=self.topic) if self.topic else layout
             return DataFile(recording_by(path, layout), layout)

@@ -39,8 +39,32 @@ LOOKED_BYTES, LONGEST = 1 << 20, 1 << 22
 """Bytes that are tried with a protocol, and letters of a line."""
 
 WORDS: Mapping[str, tuple[str, ...]] = {
-    "x": ("x", "fx", "bx", "tx", "sx", "gx", "shearx", "forcex", "tangx"),
-    "y": ("y", "fy", "by", "ty", "sy", "gy", "sheary", "forcey", "tangy"),
+    "x": (
+        "x",
+        "fx",
+        "bx",
+        "tx",
+        "sx",
+        "gx",
+        "shearx",
+        "forcex",
+        "tangx",
+        "tangentialx",
+        "lateralx",
+    ),
+    "y": (
+        "y",
+        "fy",
+        "by",
+        "ty",
+        "sy",
+        "gy",
+        "sheary",
+        "forcey",
+        "tangy",
+        "tangentialy",
+        "lateraly",
+    ),
     "z": ("z", "fz", "bz", "tz", "sz", "gz", "normal", "pressure", "forcez", "fn"),
 }
 """Words for the three axes of a taxel in the names of columns."""
@@ -635,7 +659,10 @@ def _columns(
     _unit(proposal, family, whole)
 
 
-_PART = re.compile(r"\d+|[^\W\d_]+|[\W_]+")
+_PART = re.compile(
+    r"\d+|(?:shear|tangential|lateral|force)[ _-]?[xyz](?![^\W\d_])|[^\W\d_]+|[\W_]+", re.IGNORECASE
+)
+"""Parts of a name: numbers, words, and what stands between; "shear_x" is one word, as "normal"."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -657,7 +684,7 @@ def _taken_apart(name: str) -> _Name:
         (n, axis)
         for n, part in enumerate(parts[:end])
         for axis, words in WORDS.items()
-        if part.lower() in words
+        if re.sub("[ _-]", "", part.lower()) in words
     ]
     at, axis = found[-1] if found else (-1, "")
     kind = ["#" if part.isdigit() else "*" if n == at else part for n, part in enumerate(parts)]

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+import cnnum
 from cnnum.lab.bench.charts import CHARTS
 from cnnum.lab.bench.records import as_row
 from cnnum.lab.commands.bench import Wanted
@@ -148,3 +149,13 @@ def test_reports_are_compared_with_those_of_float32(monkeypatch):
     assert found.reports_differ == pytest.approx(10 / 40)
     assert (found.twist_recall, found.false_reports) == (1.0, 0.0)
     assert isnan(found.slip_recall)
+
+
+def test_outputs_of_a_release_are_compared_where_there_is_one(fast):
+    """`off_strength` was compared over three frames of noise: half of it was said to be wrong."""
+    frames = costs.excerpt((8, 8), remembers=True)
+    plan = fast.compile(cnnum.get_program("on_off").bind(rate=200.0), (8, 8), ["off_strength"])
+    stream = plan.stream((frames.shape[1],))
+    found = np.array([stream.push(frame)["off_strength"] for frame in frames])
+    assert (found[costs.EXCERPT :].max(axis=0) > 100.0).all()
+    assert found[: costs.EXCERPT].max() < 10.0

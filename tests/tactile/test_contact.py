@@ -18,19 +18,20 @@ def touched_frames(strain):
     """Contact by its definition, with the loads above rest."""
     normal = -strain[..., 2]
     flags, loads, rest, noise, seen = [False], [0 * normal[0]], normal[0], 0.0, 0
-    before, low = False, 0
+    before, low, since = False, 0, 1
     for number in range(1, len(normal)):
         now = normal[number]
         peak, pull = max((now - rest).max(), 0.0), max((rest - now).max(), 0.0)
         high = number >= FIRST and peak > 6 * np.sqrt(noise)
         low = 0 if peak > 4 * np.sqrt(noise) else low + 1
-        flag = (high and before) or (flags[-1] and low < 0.01 * RATE)
+        flag = (high and before) or (flags[-1] and low < 0.02 * RATE)
+        since = 0 if flag else since + 1
         far = number >= FIRST and pull > 6 * np.sqrt(noise)
         if number < FIRST:  # without each taxel's two extremes
             known = np.sort(normal[: number + 1], axis=0)
             rest = known[1:-1].mean(axis=0) if number > 1 else normal[0]
         elif not (high or far or flags[-1]):
-            rest = rest + max(1 / (number + 1), 1 / (4 * RATE)) * (now - rest)
+            rest = rest + max(1 / min(number + 1, since + 8), 1 / (4 * RATE)) * (now - rest)
         if not (high or far or flags[-1]):
             seen += 1
             change = ((now - normal[number - 1]) ** 2).mean() / 2

@@ -72,16 +72,16 @@ def test_only_what_a_need_reaches_is_left(needs, channels, wanted):
 
 
 def test_counts_of_memories():
-    """Contact keeps numbers and nine maps; slip nine of rest, six of leaky cells, a frame, and the
-    region that sticks.
+    """Contact keeps numbers and eleven maps; slip nine of rest, six of leaky cells, a frame, and
+    the region that sticks.
     """
     maps = {
         flag: sum(not memory.read.scalar for memory in thinned(flag).memories.values())
         for flag in ("contact", "gross_slip", "twist")
     }
-    # rest, its two extremes and mean at first, a late mean, where it last moved; the frame before,
-    # its noise, and which taxels broke
-    assert maps["contact"] == 6 + 3
+    # rest, its two extremes and mean at first, a late mean, where it last moved and for how long
+    # not; the frame before, its change, its noise, and which taxels broke
+    assert maps["contact"] == 7 + 4
     assert maps["gross_slip"] == 3 * 3 + 6 + 1 + 1
     assert maps["twist"] == 3 * 3 + 4 + 1
     both = thinned("gross_slip", "twist").memories.values()

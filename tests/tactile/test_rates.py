@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 import cnnum
 from cnnum.errors import ArrayError, ProgramError, SceneError
@@ -25,6 +26,7 @@ RATES = (10.0, 50.0, 200.0, 1000.0)
 COUNTED = {
     "templates/tactile/shared/rest.py:QUIET": "frames that make noise known to a fifth",
     "templates/tactile/shared/loads.py:BREAK": "a ratio",
+    "templates/tactile/shared/loads.py:JUMP": "a ratio",
     "templates/tactile/shared/rest.py:CALM": "a ratio",
     "templates/tactile/shared/rest.py:MANY": "readings of a frame",
     "templates/tactile/texture.py:SAMPLES": "T of (6.3), each of a time",
@@ -284,6 +286,35 @@ def test_a_sensor_that_zeroes_itself_is_not_touched_twice(tmp_path, tau, lasts):
     values[:, 1:3, 1:3, 2] += (load - zero)[:, None, None]
     _, found = played(tmp_path, values, rate, reads="force")
     assert [kind for kind, _ in found] == ["contact", "release"]
+
+
+@pytest.mark.parametrize("rate", RATES)
+def test_an_array_that_zeroes_itself_is_touched_once(fast, rate):
+    """Its load fades through the noise, by time constants of 0.2 to 20 s, and then it reads too
+    low: contact, and release. A taxel that rises or falls alone is none that has broken.
+    """
+    taus = (0.2, 0.6, 1.5, 4.0, 20.0) if rate < 1000.0 else (0.6, 1.5)
+    cases = [
+        (tau, load, lasts, noise, cells)
+        for tau in taus
+        for load, lasts, noise in ((40.0, 0.005, 2.0), (300.0, 0.3, 2.0), (3000.0, 0.1, 0.4))
+        for cells in (np.s_[1:2, 1:2], np.s_[1:3, 1:3])
+    ]
+    t = np.arange(round(15.0 * rate)) / rate
+    values = np.random.default_rng(7).normal(size=(len(t), len(cases), 4, 5, 3))
+    for at, (tau, load, lasts, noise, cells) in enumerate(cases):
+        press = load * np.clip((t - 2.0) / lasts, 0.0, 1.0) * np.clip((9.0 - t) / lasts, 0.0, 1.0)
+        stays = np.exp(-1.0 / (tau * rate))
+        zero = lfilter([1.0 - stays], [1.0, -stays], press)
+        values[:, at] = 2000.0 + noise * values[:, at]
+        values[:, at, *cells, 2] += (press - zero)[:, None, None]
+    program = cnnum.get_program("contact").bind(rate=rate, push=1.0, reads="force")
+    stream = fast.compile(program, (4, 5), ["contact"]).stream((len(cases),))
+    flags = np.array([stream.push(np.round(frame))["contact"].ravel() for frame in values]) > 0
+    for case, flag in zip(cases, flags.T, strict=True):
+        changes = np.flatnonzero(np.diff(flag.astype(int))) / rate
+        assert len(changes) == 2, (case, changes)
+        assert 2.0 - 1.0 / rate <= changes[0] <= 2.1 + 2.0 / rate, case
 
 
 @pytest.mark.parametrize(("lasts", "low"), [(0.1, 300.0), (1.0, 300.0), (3.0, 300.0), (1.0, 60.0)])

@@ -83,10 +83,9 @@ def _on_grid(recording: "Recording", positions: "Positions") -> "Recording":
 def _of_scene(finding: "Finding") -> "Finding":
     """Return a finding with a cure in keys of a scene, of a recording that has no layout."""
     tables = {"rate": "program.parameters."} | dict.fromkeys(
-        ("channels", "order", "unit"), "frames."
+        ("channels", "order", "unit", "time_unit"), "frames."
     )
     cure = {f"{tables.get(key, '')}{key}": value for key, value in finding.cure.items()}
-    cure.pop("time_unit", None)  # of the files of others alone
     return replace(finding, cure=cure)
 
 

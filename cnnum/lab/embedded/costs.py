@@ -27,6 +27,10 @@ REPORTS = ("gross_slip", "twist")
 EXCERPT = 300
 """Frames of each stream that the reference engine runs, too: at rest, pressed, and pulled."""
 
+LETS_GO = 10
+"""How many times as fast as it was pressed an array is let go at their end: outputs of a release
+have no size in frames without one, and their error is a share of it."""
+
 
 @dataclass(frozen=True, slots=True)
 class Loss:
@@ -74,7 +78,7 @@ NO_EVENTS = Events(nan, nan, nan, nan)
 
 @cache
 def excerpt(shape: Shape, *, remembers: bool) -> Floats:
-    """Return frames of a scene that slips and of one that twists, (frames, 2, …).
+    """Return frames of a scene that slips and of one that twists, and let go, (frames, 2, …).
 
     Parameters
     ----------
@@ -83,7 +87,9 @@ def excerpt(shape: Shape, *, remembers: bool) -> Floats:
         Whether the program has memories, and so needs all frames in their order.
     """
     some = [one for one in trials(shape, OTHERS, 1) if one.family in ("slip", "twist")]
-    return side_by_side(some, EXCERPT)[:: 1 if remembers else APART]
+    frames = side_by_side(some, EXCERPT)
+    frames = np.concatenate([frames, frames[::-LETS_GO]])
+    return frames[:: 1 if remembers else APART]
 
 
 @cache

@@ -25,9 +25,9 @@ TOUCH, LIFT = 6.0, 4.0
 """Peak loads, in standard deviations of the noise, at which contact begins and ends. The largest
 of 256 noisy taxels exceeds 6 once in 4 million frames; it must in two frames in a row."""
 
-LIFTS = 0.01
-"""s for which a peak stays below that until the contact is over: a press that begins slowly passes
-through the noise in many frames of a fast array."""
+LIFTS = 0.02
+"""s for which a peak stays below that until the contact is over, and two frames at least: a press
+that begins or fades slowly passes through the noise in many frames of a fast array."""
 
 NOISY = 5.0
 """Noise power, in its mean over the array, above which a taxel is broken. One of 16 with ten times
@@ -41,6 +41,10 @@ BREAK = 300.0
 """Change of a taxel's normal load from one frame to the next, over its neighbours' and the noise,
 as powers, above which it breaks: several taxels feel a contact under a cover. `docs/calibration.md`
 has the scenes that it was set by."""
+
+JUMP = 10.0
+"""The same over the taxel's change in the frame before, as powers. A load that grows evenly on one
+taxel has 1, and one that begins to accelerate evenly 9: its steps are as 1 to 3 to 5."""
 
 AWAY = 0.5
 """Least share of all weights that must be known where a broken taxel is filled in."""
@@ -110,19 +114,20 @@ def loads_of(frame: FrameFields, push: float) -> Loads:
     lifted = frame.memory("frames lifted", scalar=True).count(
         ~((peak > 0.0) & (square(peak) > LIFT**2 * normal.held))
     )
-    contact = touched.latch(begins, lifted < float(frame.frames_of(LIFTS)))
+    contact = touched.latch(begins, lifted < float(frame.frames_of(LIFTS, 2)))
     # a touch that begins must not become part of rest, nor its jump of the noise
     far = ~rest.begins & ((low < 0.0) & (square(low) > least))
     free = ~(high | far | touched.value)
-    still = rest.still(sound, far & ~(high | touched.value), least)
-    x, y, z = (push * rest.above(name, free, still) for name in FORCE_AXES)
+    since = frame.memory("frames since a contact", scalar=True).count(~contact)
+    still = rest.still((far & ~high | broken) & ~touched.value, least)
+    x, y, z = (push * rest.above(name, free & ~broken, still, since) for name in FORCE_AXES)
     return Loads(
         frame=frame,
         shear_x=x,
         shear_y=y,
         normal=z,
-        shear_noise=shear.follow(free, rest.begins),
-        normal_noise=normal.follow(free, rest.begins),
+        shear_noise=shear.follow(free, rest.begins, broken),
+        normal_noise=normal.follow(free, rest.begins, broken),
         contact=contact,
         sound=sound,
         healthy=sound & shear.healthy & ~_astray(shear, aside),
@@ -157,7 +162,7 @@ def _broken(
     change = normal.change / maximum(normal.held, TINY)
     size = sqrt(change)
     around = (apply(get_template("smooth"), input=size) - 0.25 * size) / 0.75
-    alone = change > BREAK * (square(around) + 1.0)
+    alone = (change > BREAK * (square(around) + 1.0)) & (change > JUMP * frame.previous(change))
     # a load pulls its surroundings along, and falls below rest nowhere by itself
     falls = below & (change > BREAK * (square(_largest_around(size)) + 1.0))
     new = (falls | (alone & (lasts.value > float(early)))) & normal.healthy & ~broken.value
@@ -204,8 +209,11 @@ class _Noise:
         self.alive = (known > 0.0) | ~(known.max() > 0.0)
         self.held = self._typical(known)
 
-    def follow(self, free: Field, begins: Field) -> Field:
-        """Return it after this frame; one that repeats the one before is not counted."""
+    def follow(self, free: Field, begins: Field, broken: Field) -> Field:
+        """Return it after this frame; one that repeats the one before is not counted.
+
+        Nor is a taxel that is broken: what it reads may be a load.
+        """
         changes = free & (self.change.max() > 0.0)
         readings = self._axes * self._frame.shape[0] * self._frame.shape[1]
         fits, anew = calm(self._frame, self.change.mean(), changes & begins, readings)
@@ -214,7 +222,7 @@ class _Noise:
         follows = 1.0 / (FORGET * self._frame.rate)
         share = where(news, maximum(1.0 / maximum(count, 1.0), follows), 0.0)
         self._seen.store(count)
-        return self._typical(self._variance.mean(self.change, share))
+        return self._typical(self._variance.mean(self.change, where(broken, 0.0, share)))
 
     def _typical(self, variance: Field) -> Field:
         sound = where(self.healthy, variance, 0.0)

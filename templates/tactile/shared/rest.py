@@ -149,32 +149,34 @@ class Rest:
         self._follows = 1.0 / (FORGET * frame.rate)
         self.begins = frame.age < float(frame.frames_of(BEGINS, ENOUGH))
         self.known = {name: frame.memory(f"{name} at rest") for name in FORCE_AXES}
-        self._lasts = frame.memory("frames without a move", scalar=True)
+        self._lasts = frame.memory("frames without a move")
 
-    def still(self, sound: Field, where_far: Field, least: Field) -> Field:
-        """Return a flag: readings far below rest have not moved for long, by their normal axis.
+    def still(self, waits: Field, least: Field) -> Field:
+        """Return the taxels that wait and have not moved for long, by their normal axis.
 
         Parameters
         ----------
-        sound : Field
-            Logic map of the taxels that count.
-        where_far : Field
-            Flag: readings are far below rest, and nothing touches.
+        waits : Field
+            Logic map of the taxels whose readings may be a new rest.
         least : Field
             Square of the change from which something has moved.
         """
         reading, memory = self._frame.normal, self._frame.memory("normal when it last moved")
-        moves = where(sound, square(reading - memory.value), 0.0).max() > least
-        goes_on = where_far & ~moves
+        goes_on = waits & ~(square(reading - memory.value) > least)
         memory.store(where(goes_on, memory.value, reading))
-        count = self._lasts.count(goes_on)
-        return count > float(self._frame.frames_of(STILL))
+        return self._lasts.count(goes_on) > float(self._frame.frames_of(STILL))
 
-    def above(self, name: str, free: Field, anew: Field) -> Field:
-        """Return a channel above its rest, which is followed where it is free."""
+    def above(self, name: str, free: Field, anew: Field, since: Field) -> Field:
+        """Return a channel above its rest, which is followed where it is free.
+
+        A contact that is over may leave a load within the noise, as a sensor does that zeroes
+        itself. It is at rest now, or the noise would make contacts of it: the frames `since` are
+        taken into a mean that the rest before counts in as `ENOUGH` frames.
+        """
         reading, memory = self._frame.channel(name), self.known[name]
         first = level_at_rest(self._frame, reading, self.begins, self._count, f"{name} at first")
-        share = where(free, maximum(1.0 / self._count, self._follows), 0.0)
+        share = maximum(1.0 / minimum(self._count, since + ENOUGH), self._follows)
+        share = where(free, share, 0.0)
         late = self._frame.memory(f"{name} lately")
         late.mean(reading, maximum(1.0 / (self._lasts.value + 1.0), self._follows))
         followed = memory.value + share * (reading - memory.value)

@@ -2,6 +2,7 @@
 
 from threading import Event, Thread
 
+import h5py
 import numpy as np
 import pytest
 from foreign_files import press
@@ -189,6 +190,49 @@ def test_times_in_another_unit_are_a_fault_with_a_cure(call, records, tmp_path, 
     assert cnnum.load_recording(tmp_path / "a.npz").rate == pytest.approx(100.0)
 
 
+@pytest.mark.parametrize(
+    ("suffix", "unit", "stated"),
+    [(".csv", "ms", True), (".npz", "us", True), (".h5", "ms", True), (".mcap", "ms", False)],
+)
+def test_times_of_an_own_recording_have_a_cure_in_its_scene(
+    call, records, tmp_path, suffix, unit, stated
+):
+    """It is said by `check`, `run` and `replay`, whether the file states the right rate or none."""
+    size = {"ms": 1e-3, "us": 1e-6}[unit]
+    values = np.round(press(4, 4, offset=900))
+    t, path, scene = np.arange(len(values)) / 100.0, tmp_path / f"a{suffix}", tmp_path / "s.toml"
+    cnnum.Recording(values, times=t if stated else t / size).save(path)
+    if suffix == ".csv":
+        head, *rows = [line.split(",") for line in path.read_text().splitlines()]
+        at = head.index("time (s)")
+        for row in rows:
+            row[at] = repr(float(row[at]) / size)
+        path.write_text("".join(",".join(line) + "\n" for line in [head, *rows]))
+    elif suffix == ".npz":
+        with np.load(path) as held:
+            arrays = dict(held)
+        np.savez(path, **arrays | {"time": arrays["time"] / size})
+    elif suffix == ".h5":
+        with h5py.File(path, "r+") as held:
+            held["time"][:] /= size
+    done = call("check", path, "--json")
+    (found,) = (one for one in records(done.stdout) if one["what"] == "rate")
+    assert (done.exit_code, found["cure"]) == (1, {"frames.time_unit": unit})
+    text = PLAIN.replace("load_normal", "contact").replace(
+        "simulated", f'file"\npath = "{path.name}'
+    )
+    scene.write_text(f'{text}parameters = {{ push = 1.0 }}\n[engine]\nname = "numba"\n')
+    for ask in (("run", scene), ("replay", path, "--scene", scene)):
+        done = call(*ask, "--json")
+        assert f"set time_unit = '{unit}' in [frames] of the scene" in done.stderr
+        assert done.exit_code == (0 if unit == "ms" else 2)  # of 1e-4 Hz there is no program
+        cured = call(*ask, "--json", "--set", f"frames.time_unit={unit}")
+        assert "seem to be in" not in cured.stderr
+        first, *_ = records(cured.stdout)
+        assert first["kind"] == "contact"
+        assert 1.0 < first["t"] < 1.2
+
+
 def test_loads_in_their_unit_and_unknown_ones_are_no_fault(call, records, tmp_path):
     loads = press(4, 4, noise=0.01, size=4.0)
     for unit, wrong in (("N", False), ("count", False), ("strain", True)):
@@ -213,6 +257,7 @@ def test_wrong_keys_are_refused(tmp_path):
         ('flip = ["up"]', "'flip"),
         ('channels = ["x", "x", "z", "y"]', "once"),
         ('unit = "N\\u001b"', "a unit"),
+        ('time_unit = "min"', "time_unit"),
     ):
         scene.write_text(f"{PLAIN}[frames]\n{line}\n")
         with pytest.raises(cnnum.CnnumError, match=said):
