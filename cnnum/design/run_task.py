@@ -165,7 +165,7 @@ Figures = dict[str, NDArray[Any]]
 
 NAMES = ("error", "wrong", "flipped", "settled", "time", "steps")
 """Figures of every run. They are the largest error, the share of wrong cells, and whether there is
-one. Then come the share of pictures that rest, the longest time in time constants, and most
+one. Then come the share of pictures that rest, the longest time in the unit of τ, and most
 steps."""
 
 REASON = "reason"

@@ -106,7 +106,8 @@ class RunSpec:
     dt : float or None
         Fixed step, in that unit.
     settle_limit : float
-        Time, in that unit, after which a run to equilibrium gives up and says so.
+        Time after which a run to equilibrium gives up and says so, in time constants of the slowest
+        layer.
     force : bool
         Take a fixed step outside the stability bound; the result is marked.
     estimate : bool

@@ -143,9 +143,12 @@ def choose(transient: Transient, shape: tuple[int, int]) -> Solver:
     check_spec(spec)
     wanted = transient.template.duration if spec.duration is None else spec.duration
     settle = wanted == "settle"
-    duration = spec.settle_limit if wanted == "settle" else float(wanted)
+    slowest = float(transient.template.tau.max())
+    duration = spec.settle_limit * slowest if wanted == "settle" else float(wanted)
     if duration < SHORTEST:
         duration = 0.0
+    if transient.template.output.discrete:
+        duration = float(_count(duration, 1.0))  # a step that has begun is taken as a whole
     if spec.method in ("auto", "propagator") and spec.dt is None:
         exact, reason = exact_end(transient, network, math.inf if settle else duration)
         if exact is not None:

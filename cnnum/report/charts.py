@@ -347,7 +347,7 @@ def _check_title(check: CheckResult) -> str:
 
 def _rung_title(p: WorkPrecision) -> str:
     setting = f"tolerance {scientific(p.tolerance)}" if p.tolerance else "exact in time"
-    setting = f"step {p.step:g} τ" if p.step else setting
+    setting = f"step {p.step:g} (unit of τ)" if p.step else setting
     return (
         f"{p.method}, {setting} on {p.engine}, {p.precision}: error {scientific(p.error)}, "
         f"{si(p.seconds / p.pictures, 's')} a picture, {p.steps} steps"

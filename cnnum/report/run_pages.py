@@ -112,7 +112,7 @@ def _write_page(file: IO[bytes], template: Template, times: Floats, result: Resu
     states = _layers(result.state, template)
     top = float(np.abs(states).max())
     shown = "".join(
-        picture(f"τ = {time:.4g}", state, top, styled=True)
+        picture(template.timed(time, 4), state, top, styled=True)
         for time, state in zip(times, states, strict=True)
     )
     about = escape(" ".join(template.description.split()))
@@ -122,7 +122,7 @@ def _write_page(file: IO[bytes], template: Template, times: Floats, result: Resu
         '<meta name="generator" content="cnnum">'
         "<meta name='viewport' content='width=device-width, initial-scale=1'>"
         f"<title>{name}</title><style>{_STYLE}{style_rules()}</style></head><body><h1>{name}</h1><p>{about}</p>"
-        f"<p>The state at {len(times)} times, in time constants: blue above 0, orange below, to "
+        f"<p>The state at {len(times)} times: blue above 0, orange below, to "
         f"±{top:.3g}. Method: {escape(result.method)}; estimated error at the end "
         f"{float(np.max(result.error[-1])):.2g}.</p><div class='run'>{shown}</div></body></html>\n"
     )

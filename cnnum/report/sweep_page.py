@@ -15,7 +15,7 @@ FIGURES = (
     ("flipped", "share of templates with a wrong cell"),
     ("wrong", "share of wrong cells"),
     ("error", "largest error"),
-    ("time", "longest run, τ"),
+    ("time", "longest run (unit of τ)"),
     ("settled", "share of pictures at rest"),
     ("lost", "share of runs that failed"),
 )

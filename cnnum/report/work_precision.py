@@ -45,7 +45,7 @@ class WorkPrecision:
     tolerance : float or None
         Relative tolerance asked for; None for a propagator, which has none.
     step : float or None
-        Fixed step in time constants; None where the method takes its own.
+        Fixed step in the unit of τ; None where the method takes its own.
     error : float
         Largest absolute difference of any cell's output; a program's over the output's largest.
     pictures : int

@@ -338,10 +338,10 @@ def may_grow(template: Template, solver: Solver) -> bool:
 def hides_errors(template: Template, solver: Solver) -> bool:
     """Return whether every run takes another one to say how far off it is.
 
-    Steps of a fixed length are no longer than their stages show.
+    Steps of a fixed length are no longer than their stages show, unless errors may grow.
     """
     if _even(solver):
-        return False
+        return error_growth(template) > 0.0
     straight = template.output.linear or template.output.name in ("standard", "full-range")
     moving = any(not coupling.static for coupling in template.nonlinear)
     return not straight or bool(template.gains) or moving

@@ -179,7 +179,8 @@ class Result(ByContent):
     output, state : (..., rows, cols) or (..., layers, rows, cols) float
     time : (...) float
         Time reached, in the unit of `tau`. For an exact run to equilibrium, this is the longest
-        time that other runs may take.
+        time that other runs may take. In discrete time it is a whole number of steps: a duration
+        of 0.4 takes one step and reaches 1.
     steps : (...) int
         Steps taken, including rejected ones; 0 if none were needed.
     settled : (...) bool

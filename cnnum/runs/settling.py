@@ -15,8 +15,9 @@ from cnnum.runs.result import Result
 from cnnum.templating.template import Template
 
 STRETCH = 32.0
-"""Time constants by which a run is longer, at least, than one in which it was not shown to rest. It
-is this times a power of 2, so that a frame runs for the same time alone and in a batch."""
+"""Time constants of the slowest layer by which a run is longer, at least, than one in which it was
+not shown to rest. It is this times a power of 2, so that a frame runs for the same time alone and
+in a batch."""
 
 NEAR = 0.01
 """Cells so near to saturation count as linear."""
@@ -88,6 +89,7 @@ def at_rest(
 
     found = Frames(result, template, given)
     cells = Cells(template, found.shape)
+    slowest = float(template.tau.max())
     seen: dict[int, Verdict] = {}
     still: dict[int, bool] = {}
     coarser = float(np.finfo(precision).eps / np.finfo(np.float64).eps)
@@ -109,7 +111,7 @@ def at_rest(
             # masked cells stay at their start, whatever the precision makes of it
             x = np.where(one.moving, x, one.start())
             seen[frame] = verdict(one, x, reach, tolerance)
-            late = longer(found.time[frame]) > spec.settle_limit
+            late = longer(found.time[frame] / slowest) > spec.settle_limit
             late |= bool(found.steps[frame] > MOST_STEPS)
             rate, rounded = one.rates(x)
             still[frame] = bool((np.abs(rate) <= coarser * rounded).all())
@@ -127,7 +129,10 @@ def at_rest(
 
 
 def longer(time: float) -> float:
-    """Return for how long a frame is run anew that was not shown to rest at a time."""
+    """Return for how long a frame is run anew that was not shown to rest at a time.
+
+    Both are in time constants of the slowest layer.
+    """
     return STRETCH * 2.0 ** math.ceil(math.log2(time / STRETCH + 1.0))
 
 
@@ -226,7 +231,8 @@ class Frames:
 
     def run_on(self, frames: NDArray[np.intp], again: Rerun) -> NDArray[np.intp]:
         """Run some frames anew for a longer time; return those that are elsewhere then."""
-        ends = np.array([longer(float(self.time[frame])) for frame in frames])
+        slowest = float(self._template.tau.max())
+        ends = np.array([slowest * longer(float(self.time[frame]) / slowest) for frame in frames])
         moved: list[NDArray[np.intp]] = []
         for end in np.unique(ends):
             some = frames[ends == end]

@@ -8,7 +8,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cnnum.arrays import finite, number_type
+from cnnum.arrays import Floats, finite, number_type
 from cnnum.engines.backend import Looking
 from cnnum.engines.registry import first_that, open_record
 from cnnum.errors import ArrayError, MethodError
@@ -29,11 +29,15 @@ from cnnum.runs.growth import (
 )
 from cnnum.runs.request import Ask, Request, as_frame, maps_by_role
 from cnnum.runs.result import ROLES, Result
+from cnnum.templating.batch import TemplateBatch
 from cnnum.templating.network import Network, turning_points
-from cnnum.templating.template import Duration
+from cnnum.templating.template import Duration, Template
 
 MOST = 10_000
 """Times of one run."""
+
+ALMOST = 1e-9
+"""Of a step: a time that is beyond a whole number of steps by less is that number."""
 
 Maps = Mapping[str, NDArray[np.floating]]
 
@@ -64,6 +68,8 @@ def checked_times(at: ArrayLike, duration: Duration | None = None) -> tuple[floa
 def at_times(ask: Ask, down: Callable[[Ask], Result]) -> Result:
     """Return the results of a run at times on its way and at its end."""
     times = checked_times(cast(ArrayLike, ask.at), ask.options[0])
+    own = ask.template
+    template = own.template if isinstance(own, TemplateBatch) else own
     end = down(ask.until(times[-1]))
     looks = None
     if len(times) > 1 and not ask.engine.whole:
@@ -72,8 +78,9 @@ def at_times(ask: Ask, down: Callable[[Ask], Result]) -> Result:
         spec = ask.until(times[-1]).spec
         looks = _looks(Request(ask.engine, ask.template, given, shape, spec), times[:-1], end)
     if looks is None:
-        return stacked([*(down(ask.until(time)) for time in times[:-1]), end], times)
-    return ended(looks, end)
+        each = [*(down(ask.until(time)) for time in times[:-1]), end]
+        return stacked(template, each, times)
+    return ended(template, looks, end, times)
 
 
 def _looks(request: Request, times: tuple[float, ...], end: Result) -> Result | None:
@@ -173,7 +180,7 @@ def looked_at(
     return Result(
         output=template.output.numpy(state),
         state=state,
-        time=np.broadcast_to(np.reshape(times, (-1, *(1,) * len(lead))), shape).copy(),
+        time=reached(template, times, lead),
         steps=marks[..., 0].reshape(shape).astype(np.int64),
         settled=marks[..., 1].reshape(shape) != 0.0,
         error=np.where(error < LOST, error, np.inf),
@@ -181,6 +188,14 @@ def looked_at(
         reason=solver.reason,
         times=tuple(times),
     )
+
+
+def reached(template: Template, times: Sequence[float], lead: tuple[int, ...]) -> Floats:
+    """Return the time that runs to each of some times reach: in discrete time, whole steps."""
+    found = np.reshape(np.asarray(times, dtype=np.float64), (-1, *(1,) * len(lead)))
+    if template.output.discrete:
+        found = np.ceil(found - ALMOST) + 0.0  # no −0
+    return np.broadcast_to(found, (len(times), *lead)).copy()
 
 
 def _ends_at(plan: Plan, solver: Solver, times: Sequence[float]) -> list[Exact]:
@@ -195,39 +210,30 @@ def _ends_at(plan: Plan, solver: Solver, times: Sequence[float]) -> list[Exact]:
     return [end for end in ends if end is not None]
 
 
-def ended(looks: Result, end: Result) -> Result:
+def ended(template: Template, looks: Result, end: Result, times: Sequence[float]) -> Result:
     """Return the result at times on the way of a run and at its end, which comes last."""
 
     def both(name: str) -> np.ndarray:
         return np.concatenate([getattr(looks, name), np.asarray(getattr(end, name))[np.newaxis]])
 
-    time = float(np.max(end.time))
     parts: dict[str, Any] = {
         name: both(name) for name in ("output", "state", "steps", "settled", "error")
     }
-    last = np.full((1, *np.shape(end.time)), time)
-    return Result(
-        **parts,
-        time=np.concatenate([looks.time, last]),
-        method=end.method,
-        reason=end.reason,
-        times=(*looks.times, time),
-    )
+    time = reached(template, times, np.shape(end.time))
+    return Result(**parts, time=time, method=end.method, reason=end.reason, times=tuple(times))
 
 
-def stacked(results: Sequence[Result], times: Sequence[float]) -> Result:
+def stacked(template: Template, results: Sequence[Result], times: Sequence[float]) -> Result:
     """Return results at several times as one, with the times along a new first axis."""
 
     def over(name: str) -> np.ndarray:
         return np.stack([np.asarray(getattr(result, name)) for result in results])
 
-    lead = np.ndim(results[0].time)
-    reached = np.array(times).reshape(-1, *(1,) * lead)
     methods = dict.fromkeys(result.method for result in results)
     return Result(
         output=over("output"),
         state=over("state"),
-        time=np.broadcast_to(reached, over("time").shape).copy(),
+        time=reached(template, times, np.shape(results[0].time)),
         steps=over("steps"),
         settled=over("settled"),
         error=over("error"),

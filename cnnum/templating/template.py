@@ -71,8 +71,8 @@ class Template:
         Run time in the unit of tau, or until nothing changes any more.
     output : str
         Output function: "standard", "linear", "tanh", "full-range", or "sign", with which the
-        array runs in discrete time (DT-CNN): x ← Σ A ∗ sgn(x) + Σ B ∗ u + z, one step a unit of
-        time.
+        array runs in discrete time (DT-CNN): x ← Σ A ∗ sgn(x) + Σ B ∗ u + z, one step per unit of
+        time. A step that has begun is taken as a whole.
     nonlinear : sequence of NonlinearCoupling
     delayed : DelayedCoupling, optional
     gains : sequence of Gain

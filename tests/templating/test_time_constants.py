@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 import cnnum
@@ -29,6 +30,29 @@ def test_a_check_holds_for_any_time_constant(engine, tau):
         whole = template.duration if template.duration == "settle" else tau * template.duration
         template = replace(template, tau=tau, duration=whole)
         assert run_check(template, used, repeats=0).passed, name
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("tau", [2e-7, 1e5])
+def test_an_array_rests_at_the_same_state_for_any_time_constant(engine, tau):
+    """Runs gave up after 1,000 units of time: after 0.01 τ, or had too many steps to be counted."""
+    weights = np.array([[0.0, 0.2, 0.0], [0.2, 0.3, 0.1], [0.0, 0.2, 0.0]])
+    template = cnnum.Template("slow", weights, z=0.1, tau=tau)
+    # all weights are small, so that cells stay below 1 and rest at the solution of a linear system
+    size = 4
+    couples = np.zeros((size * size, size * size))
+    for row, col in np.ndindex(size, size):
+        for down, right in np.ndindex(3, 3):
+            there = row + down - 1, col + right - 1
+            if min(there) >= 0 and max(there) < size:
+                couples[row * size + col, there[0] * size + there[1]] = weights[down, right]
+    want = np.linalg.solve(np.eye(size * size) - couples, np.full(size * size, 0.1))
+    assert want.max() < 1.0
+    for method in ("auto", "euler"):
+        got = cnnum.Engine(engine).run(template, state=np.zeros((size, size)), method=method)
+        assert got.settled, method
+        assert np.abs(got.state.ravel() - want).max() <= got.error + 1e-12, method
+        assert got.error < 1e-6, method
 
 
 NAMED = ("delay", "slow", "quick", "receptor", "surround", "adapting")

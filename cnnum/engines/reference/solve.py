@@ -65,7 +65,8 @@ FACTORED = 20.0
 """n³ over this many rates of a cell take as long as a factorisation of n states."""
 
 LATEST = 1e6
-"""Time constants to which an array is followed whose equilibrium other engines know exactly."""
+"""Time constants of the slowest layer to which an array is followed whose equilibrium other engines
+know exactly."""
 
 SMALL = 1e-8
 """Least size of a state to which tolerances are relative."""
@@ -311,7 +312,9 @@ def _to_the_end(equation: StateEquation, solver: Solver, precision: float) -> An
     # settled well below the tolerance that is asked for, so that the rest does not count
     strict = replace(solver, rtol=1e-3 * solver.rtol, atol=1e-3 * solver.atol)
     stretch = 4.0 if solver.settle else solver.duration
-    end = LATEST if solver.settle and isinstance(solver.scheme, Exact) else solver.duration
+    end = solver.duration
+    if solver.settle and isinstance(solver.scheme, Exact):
+        end = LATEST * float(equation.template.tau.max())
     while answer.time < end:
         stretch = min(stretch, end - answer.time)
         x, steps, _ = _stretch(equation, drive, answer.state, answer.time, stretch, None, precision)

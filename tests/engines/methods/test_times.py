@@ -122,6 +122,11 @@ def test_whole_steps_of_discrete_time(engine):
     dot[3, 3] = 1.0
     got = cnnum.Engine(engine).run(grows, state=dot, at=[0, 0.5, 1, 1.5, 2])
     assert [(output > 0).sum() for output in got.output] == [1, 5, 5, 13, 13]
+    assert got.time.tolist() == [0.0, 1.0, 1.0, 2.0, 2.0]
+    assert got.times == (0.0, 0.5, 1.0, 1.5, 2.0)
+    for duration, reached in ((0.0, 0.0), (0.4, 1.0), (1.0, 1.0), (1.0 + 1e-12, 1.0), (2.3, 3.0)):
+        alone = cnnum.Engine(engine).run(grows, state=dot, duration=duration)
+        assert (alone.time, alone.steps) == (reached, reached), duration
 
 
 def test_a_run_in_discrete_time_goes_step_by_step():
