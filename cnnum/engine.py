@@ -231,7 +231,8 @@ class Engine(OfThisProcess):
         at : sequence of float, optional
             Increasing times in the unit of `tau`, instead of a duration. One run to the last of
             them returns the state at each; state and error are those of a run that ends there. The
-            engine "reference", implicit steps and whole numbers run anew to each time.
+            engine "reference", implicit and exponential steps and whole numbers run anew to each
+            time.
         chip : Chip, optional
             Emulate an analogue array of limited accuracy: weights, maps, noise and mismatch.
 

@@ -16,6 +16,7 @@ from cnnum.graph.nodes import RunSpec, Transient
 from cnnum.integrators.choice import exact_end
 from cnnum.integrators.estimate import LOST
 from cnnum.integrators.rosenbrock import ImplicitSteps
+from cnnum.integrators.schemes import LAYER_METHODS
 from cnnum.integrators.solver import Exact, Solver, Stepping
 from cnnum.plan import Plan
 from cnnum.runs.growth import (
@@ -155,7 +156,8 @@ def looked_at(
         Parts in which a piece of a step of fixed length is taken up to a time.
     """
     (solver,) = plan.solvers.values()
-    if isinstance(solver.scheme, ImplicitSteps):
+    # the numbers of an exponential step are those of its whole length
+    if isinstance(solver.scheme, ImplicitSteps) or solver.method in LAYER_METHODS:
         return None
     backend = plan.backend
     if not backend.record.looks:

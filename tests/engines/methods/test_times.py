@@ -184,3 +184,17 @@ def test_looks_within_the_first_step_of_a_run_with_a_delay_state_enough():
     assert (off <= got.error).all()
     # a step is short against the growth, which two runs would else mistake for chaos
     assert (got.error < 0.05 * np.abs(want)).all()
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("method", ["exponential-euler", "etd-rk2"])
+def test_exponential_steps_end_at_each_time(engine, method):
+    """A part of a step had the numbers of a whole one: 0.0043 off where each step is exact."""
+    decays = cnnum.Template("decays", [[0.0]], z=1.0, output="tanh")
+    times = np.array([0.3, 2.1, 3.3, 7.0])
+    how = {"state": np.zeros((1, 2)), "at": times, "method": method}
+    engine = cnnum.Engine(engine, precision="float64")
+    for estimate in (False, True):
+        got = engine.run(decays, **how, estimate=estimate)
+        assert np.abs(got.state[:, 0, 0] + np.expm1(-times)).max() < 1e-14
+        assert got.time.tolist() == times.tolist()
