@@ -3,6 +3,7 @@
 import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from os import PathLike
 from pathlib import Path
 
 import numpy as np
@@ -46,7 +47,7 @@ class Exported:
     program: IntegerProgram
     facts: "Facts"
 
-    def write(self, folder: Path, *, force: bool = False) -> None:
+    def write(self, folder: str | PathLike[str], *, force: bool = False) -> None:
         """Write the files into a folder, as `cnnum.safety.files.write_files` does.
 
         Raises
@@ -54,7 +55,7 @@ class Exported:
         ReportError
             If one is there that `force` does not say to replace, or cannot be written.
         """
-        write_files(folder, self.files, force=force)
+        write_files(Path(folder), self.files, force=force)
 
 
 @dataclass(frozen=True, slots=True)
