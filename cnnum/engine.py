@@ -216,8 +216,9 @@ class Engine(OfThisProcess):
         duration : float or "settle", optional
             In the unit of `tau`. The default is that of the template.
         method : str
-            "auto", "propagator", "wavefront" (the end of an array whose order of events does not
-            matter), or one of `cnnum.integrators.stability.METHODS`.
+            "auto", "propagator", "decision" (the output of cells that see no other cell, without
+            their states), "wavefront" (the end of an array whose order of events does not matter),
+            or one of `cnnum.integrators.stability.METHODS`.
         rtol, atol : float
             Relative and absolute tolerance of the state.
         dt : float, optional

@@ -19,7 +19,7 @@ from cnnum.arrays import digest
 from cnnum.embedded.formats import is_integer, precision_named
 from cnnum.engines.registry import PRECISIONS, backend_names
 from cnnum.errors import TemplateError, name_error
-from cnnum.integrators.schemes import WAVEFRONT
+from cnnum.integrators.schemes import DECISION, WAVEFRONT
 from cnnum.integrators.stability import METHODS
 from cnnum.runs.chip import MOST_BITS
 from cnnum.safety.values import is_real
@@ -53,7 +53,7 @@ WEIGHT = re.compile(r"[AB]\[\d+, ?\d+\]")
 WORDS = ("precision", "method", "boundary")
 """Axes of names; a boundary may be a number, too."""
 
-RUN_METHODS = ("auto", "propagator", WAVEFRONT, *METHODS)
+RUN_METHODS = ("auto", "propagator", WAVEFRONT, DECISION, *METHODS)
 
 FORM = "failures apart"
 """Of results: those of another form are not gone on with."""

@@ -21,6 +21,7 @@ from cnnum.integrators.exact_ends import (
 from cnnum.integrators.rosenbrock import IMPLICIT_METHODS, implicit_steps
 from cnnum.integrators.schemes import (
     CHEBYSHEV,
+    DECISION,
     LAYER_METHODS,
     MAX_STEPS,
     WAVEFRONT,
@@ -155,9 +156,9 @@ def choose(transient: Transient, shape: tuple[int, int]) -> Solver:
             return Solver("propagator", reason, exact, duration, settle, spec.rtol, spec.atol)
         if spec.method == "propagator":
             raise MethodError(f"Template '{transient.template.name}' has no propagator: {reason}.")
-    if spec.method == WAVEFRONT:
+    if spec.method in (WAVEFRONT, DECISION):
         raise MethodError(
-            f"The method '{WAVEFRONT}' finds the end of a single run, without times on its way: "
+            f"The method '{spec.method}' finds the end of a single run, without times on its way: "
             "leave the method out."
         )
     if spec.method == "propagator":

@@ -26,6 +26,9 @@ CHEBYSHEV = "runge-kutta-chebyshev"
 WAVEFRONT = "wavefront"
 """The method that finds where an array ends without the way there, for single runs alone."""
 
+DECISION = "decision"
+"""The method that finds outputs in one pass over the input, for single runs alone."""
+
 
 LAYER_METHODS: dict[str, LayerMethod] = {m.name: m for m in (EXPONENTIAL_EULER, ETD_RK2)}
 """Integrators with numbers of their own in every layer: another one is a record here."""

@@ -23,6 +23,7 @@ from cnnum.integrators.solver import Solver
 from cnnum.plan import Plan
 from cnnum.runs.batches import as_batch
 from cnnum.runs.chip import on_chip
+from cnnum.runs.decided import decides, in_one_pass
 from cnnum.runs.growth import followed, follows, halves, in_halves
 from cnnum.runs.prepared import as_prepared, is_prepared, keep
 from cnnum.runs.request import Ask, Request, as_frame, has_many_cells, maps_by_role
@@ -170,6 +171,8 @@ LADDER = (
         lambda ask: isinstance(ask.template, TemplateBatch), as_batch),
     Way("times", "a run is looked at on its way, or taken to each time",
         lambda ask: ask.at is not None, at_times),
+    Way("decided", "the output of a cell that sees no other cell is known without its state",
+        decides, in_one_pass),
     Way("prepared", "a run that differs in its numbers alone was taken before",
         is_prepared, as_prepared),
     Way("checked", "arrays are looked at before they run", lambda ask: True, _checked),

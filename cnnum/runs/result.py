@@ -2,7 +2,7 @@
 
 import math
 import pickle
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, cast
 
@@ -63,6 +63,37 @@ class Decision:
             f"Decision({int((sign != 0).sum())} of {sign.size} cells proven, "
             f"{int(self.saturated.sum())} saturated, at rest {bool(np.all(self.at_rest))})"
         )
+
+
+class Later:
+    """A result that is made when one of its parts is first read.
+
+    Parameters
+    ----------
+    make : callable
+    """
+
+    __slots__ = ("_made", "_make")
+
+    def __init__(self, make: Callable[[], "Result"]) -> None:
+        self._make: Callable[[], Result] | None = make
+        self._made: Result | None = None
+
+    def __call__(self) -> "Result":
+        """Return the result."""
+        if self._made is None:
+            make = self._make
+            assert make is not None
+            self._made = make()
+        return self._made
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Go to another process made."""
+        return _as_later, (self(),)
+
+
+def _as_later(result: "Result") -> Later:
+    return Later(lambda: result)
 
 
 class Proof:
@@ -163,8 +194,57 @@ class Proven:
         return self
 
 
+class Decided:
+    """The proof of outputs that were found without states; what is more comes with the states.
+
+    Parameters
+    ----------
+    output : (..., rows, cols) float
+    later : Later
+        The whole result.
+    """
+
+    __slots__ = ("_later", "_output")
+
+    def __init__(self, output: Floats, later: Later) -> None:
+        self._output, self._later = output, later
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Go to another process with the whole result."""
+        return Decided, (self._output, self._later)
+
+    @property
+    def certified(self) -> NDArray[np.str_]:
+        """How each frame's error is known."""
+        return self._later().certified
+
+    @property
+    def stability(self) -> NDArray[np.str_]:
+        """The stability of the equilibrium at each frame's state."""
+        return self._later().stability
+
+    @property
+    def decision(self) -> Decision:
+        """What is proven of every cell: its output, which stays."""
+        y = self._output
+        lower = np.where(y > -1.0, np.nextafter(y, -np.inf), -np.inf)
+        upper = np.where(y < 1.0, np.nextafter(y, np.inf), np.inf)
+        return Decision(
+            np.where(y == 1.0, 1.0, lower),
+            np.where(y == -1.0, -1.0, upper),
+            np.ones(y.shape[:-2], dtype=bool),
+        )
+
+    def made(self) -> "Decided":
+        """Return the proof."""
+        return self
+
+
 ROLES = ("input", "previous", "state", "bias", "mask")
 """Of the maps of a run, in the order in which they are given."""
+
+LATER = ("state", "time", "steps", "settled", "error")
+"""Parts of a result that are made when they are read, where its output is known without them."""
 
 FEW = 6
 """Times that a picture shows."""
@@ -195,13 +275,17 @@ class Result(ByContent):
         known: for fixed steps and discrete time without `estimate=True`, for forced steps, for
         runs with a delay to one of several equilibria, and where an estimate exceeds 1e30.
     method : str
+        Where it is "decision", the output was found in one pass over the input, and it is proven
+        (`decision`). State, time, steps, settled and error are made by the run itself when one of
+        them is first read.
     reason : str
         Why this method was chosen: why the array is solved exactly, or about how many evaluations
         of the rates it takes compared with others. The `reference` engine solves far below the
         tolerance instead, unless the answer is exact or the steps were requested.
     ways : tuple of str
         How the run was taken, from the outermost way to the innermost: "chip", "batch", "times",
-        "prepared", "wavefront", "compared", "settling", "halved", "implicit", "linear" and "plain".
+        "decided", "prepared", "wavefront", "compared", "settling", "halved", "implicit", "linear"
+        and "plain".
     """
 
     output: Floats
@@ -213,14 +297,40 @@ class Result(ByContent):
     method: str
     reason: str
     times: tuple[float, ...] = ()
-    proof: Proof | Proven | None = field(default=None, repr=False, compare=False)
+    proof: Proof | Proven | Decided | None = field(default=None, repr=False, compare=False)
     ways: tuple[str, ...] = field(default=(), repr=False, compare=False)
+    later: Later | None = field(default=None, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         """Make the arrays read-only, as those of all values that compare by content are."""
         for array in (self.output, self.state, self.time, self.steps, self.settled, self.error):
             if isinstance(cast(object, array), np.ndarray):  # not a number, which NumPy may give
                 array.flags.writeable = False
+
+    @classmethod
+    def of_output(
+        cls, output: Floats, method: str, reason: str, later: Later, proof: Decided
+    ) -> "Result":
+        """Return a result whose output is known, and all else comes later."""
+        output.flags.writeable = False
+        result = cls.__new__(cls)
+        known = {"output": output, "method": method, "reason": reason, "times": (), "ways": ()}
+        for name, value in (known | {"later": later, "proof": proof}).items():
+            object.__setattr__(result, name, value)
+        return result
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any:
+            """Make the parts that come later when the first of them is read."""
+            if name in LATER:
+                if self.later is not None:
+                    made = self.later()
+                    for part in LATER:
+                        object.__setattr__(self, part, getattr(made, part))
+                    object.__setattr__(self, "later", None)
+                return object.__getattribute__(self, name)
+            raise AttributeError(f"'Result' object has no attribute '{name}'")
 
     @property
     def certified(self) -> NDArray[np.str_]:

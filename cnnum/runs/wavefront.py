@@ -83,7 +83,10 @@ def monotone(template: object) -> Monotone | None:
     places = (np.array([tap.row for tap in others]), np.array([tap.col for tap in others]))
     weights = np.array([tap.weight for tap in others])
     control = taps(template.B, 0) if template.inputs else ()
-    return Monotone(centre, (*places, weights), control, _rim(template.boundary))
+    kind, value = rim_of(template.boundary)
+    # cells see outputs
+    rim = (kind, min(max(value, -1.0), 1.0))
+    return Monotone(centre, (*places, weights), control, rim)
 
 
 def begins_saturated(template: Template, arrays: Sequence[object]) -> bool:
@@ -268,9 +271,10 @@ def _rest(
     return state, time * float(template.tau[0]), own, largest, keeps
 
 
-def _rim(boundary: Boundary) -> tuple[int, float]:
+def rim_of(boundary: Boundary) -> tuple[int, float]:
+    """Return a boundary as compiled loops take it: kind and constant, as the boundary has it."""
     if boundary.constant is not None:
-        return 0, min(max(float(boundary.constant), -1.0), 1.0)
+        return 0, float(boundary.constant)
     return (1, 0.0) if boundary.pad_mode == "symmetric" else (2, 0.0)
 
 

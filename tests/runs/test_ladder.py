@@ -30,6 +30,7 @@ CASES = {
     "chip": ("EDGE", {"input": X, "chip": cnnum.Chip()}),
     "batch": (BATCH, {"input": X}),
     "times": ("HOLE", {"input": X, "state": X, "at": [0.5, 1.0]}),
+    "decided": ("EDGE", {"input": np.sign(X), "method": "decision"}),
     "prepared": ("HOLE", {"input": X, "state": X, "duration": 2.0}),
     "wavefront": ("HOLE", {"input": np.sign(X)}),
     "compared": (GROWING, {"state": 1e-6 * X}),

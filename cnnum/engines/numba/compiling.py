@@ -5,8 +5,8 @@ compile at once can mix up their files. Here each compiled form of a function is
 cache of cnnum. It is found by all that it depends on, and used only if it is whole.
 
 Only functions that Python calls are kept, each with all that it calls in it. Their last parameter
-is `ROOM`, a number of the contents of this room: their callees may lie in another file. It is part
-of their key.
+has the default `ROOM`, a number of the contents of this room: their callees may lie in another
+file. Calls leave it out, so that its value, and not its type alone, is part of their key.
 """
 
 import hashlib
@@ -68,6 +68,7 @@ class KeptForms(NullCache):
         SHELF.put(_name(key), _NUMBA.dumps((key, cres._reduce())))
 
     def _key(self, sig: Any, codegen: Any) -> str:
+        assert f"default={ROOM}" in str(sig), "a call must leave `ROOM` to its default"
         return repr((*self._about, str(sig), codegen.magic_tuple()))
 
 
@@ -118,7 +119,8 @@ def compiled_parallel(function: Callable[_P, _R]) -> Callable[_P, _R]:
 
 
 def kept(function: Callable[_P, _R]) -> Callable[_P, _R]:
-    """Compile a function when it is first called, and keep it: its last parameter is `ROOM`."""
+    """Compile a function when it is first called, and keep it: its last default is `ROOM`."""
+    assert (function.__defaults__ or (None,))[-1] == ROOM
     form: Any = _compile(function)
     form._cache = KeptForms(function)
     return cast(Callable[_P, _R], form)
@@ -128,3 +130,9 @@ def cores() -> int:
     """Return the number of cores that compiled functions may use; asking starts their threads."""
     note_threads()
     return int(numba.get_num_threads())
+
+
+def most_cores() -> int:
+    """Return the number of cores for threads of Python; asking starts none."""
+    config: Any = numba.config
+    return int(config.NUMBA_NUM_THREADS)

@@ -61,7 +61,7 @@ def front(
     state : (rows, cols) float
         The equilibrium that the array comes to.
     """
-    return _front(start, held, drive, *feedback, centre, *rim, sign, margin, alone, ROOM)
+    return _front(start, held, drive, *feedback, centre, *rim, sign, margin, alone)
 
 
 @inlined
@@ -120,7 +120,7 @@ def _front(
     sign: float,
     margin: float,
     alone: bool,
-    room: int,
+    room: int = ROOM,
 ) -> tuple[int, float, Floats]:
     rows, cols = start.shape
     couplings = weights.size

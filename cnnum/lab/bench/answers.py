@@ -70,11 +70,14 @@ class Case:
         (..., rows, cols) of the picture.
     peers : mapping of str to callable
         Each prepares its own form of the pictures, and returns the call that gives the answer.
+    gray : bool
+        Whether the picture is gray, and so is the answer.
     """
 
     template: str
     shape: tuple[int, ...]
     peers: Mapping[str, Prepare]
+    gray: bool = False
 
     @property
     def name(self) -> str:
@@ -122,6 +125,27 @@ def _scipy_recall(black: Blacks, marks: Blacks) -> Callable[[], Any]:
     return lambda: ndimage.binary_propagation(marks, SQUARE, mask=black)
 
 
+def _opencv_median(picture: Any, _: Blacks) -> Callable[[], Any]:
+    return partial(_opencv().medianBlur, picture, 3)
+
+
+def _scipy_median(picture: Any, _: Blacks) -> Callable[[], Any]:
+    return partial(ndimage.median_filter, picture, 3, mode="nearest")
+
+
+def _scipy_maximum(picture: Any, _: Blacks) -> Callable[[], Any]:
+    return partial(ndimage.maximum_filter, picture, 3, mode="nearest")
+
+
+def _opencv_maximum(picture: Any, _: Blacks) -> Callable[[], Any]:
+    return partial(_opencv().dilate, picture, np.ones((3, 3), np.uint8))
+
+
+STEP = 0.01
+"""By which the table of the library's MEDIAN shifts its answer."""
+
+MEDIANS: Mapping[str, Prepare] = {"OpenCV": _opencv_median, "SciPy": _scipy_median}
+MAXIMA: Mapping[str, Prepare] = {"OpenCV": _opencv_maximum, "SciPy": _scipy_maximum}
 EDGES: Mapping[str, Prepare] = {"OpenCV": _opencv_edge, "SciPy": _scipy_edge}
 HOLES: Mapping[str, Prepare] = {"SciPy": _scipy_holes}
 RECALL: Mapping[str, Prepare] = {"SciPy": _scipy_recall}
@@ -131,6 +155,8 @@ CASES = (
     Case("EDGE", (1024, 1024), EDGES),
     *(Case("HOLE", (size, size), HOLES) for size in (64, 256, 1024)),
     *(Case("RECALL", (size, size), RECALL) for size in (64, 256, 1024)),
+    *(Case("MEDIAN", (size, size), MEDIANS, gray=True) for size in (256, 1024)),
+    Case("MAX", (256, 256), MAXIMA, gray=True),
 )
 
 COUNT = sum(len(case.peers) for case in CASES)
@@ -178,14 +204,19 @@ def measure(
         s for the turns of both.
     """
     black, marks = pictures(case)
-    theirs = prepare(black, marks)
-    picture = np.where(black, np.float32(1.0), np.float32(-1.0))
+    picture: Any = np.where(black, np.float32(1.0), np.float32(-1.0))
+    if case.gray:
+        picture = np.random.default_rng(12).uniform(-1.0, 1.0, case.shape).astype(np.float32)
+    theirs = prepare(picture if case.gray else black, marks)
     maps: dict[str, Any] = {"input": picture}
     if case.template == "RECALL":
         maps["state"] = np.where(marks, np.float32(1.0), np.float32(-1.0))
     ours = partial(engine.run, case.template, **maps)
     found = ours()
-    wrong = int(((found.output > 0.0) != (np.asarray(theirs()) > 0)).sum())
+    if case.gray:
+        wrong = int((np.abs(found.output - theirs()) > STEP + 1e-6).sum())
+    else:
+        wrong = int(((found.output > 0.0) != (np.asarray(theirs()) > 0)).sum())
     peer_time, own = interleaved([theirs, ours], budget=budget, runs=31)
     return Answer(
         case=case.name,
