@@ -15,32 +15,28 @@ PAGE = Path(__file__).parents[1] / "template-library.md"
 
 HEAD = """# The template library
 
-The library has {count} templates: the classic ones of the CNN Software Library, MatCNN, CNNSim and
-other sources, and those of this project. The classic ones have their published numbers, which were
-read in the files that each template names; HORSKELR and VERSKELB differ in one sign, and their
-notes say so.
+The library has {count} templates: those of the CNN Software Library, MatCNN, CNNSim and other
+sources with their published numbers, and those of this project. HORSKELR and VERSKELB differ from
+the published ones in one sign, as their notes say.
 
-The tables below give the purpose of each template. `cnnum templates show NAME` prints everything
-else: the full definition, the numbers, the source, the boundary, what input and state mean, the
-check that the template must pass, how long it takes to settle on squares of 8, 12 and 16 cells,
-and how much the bias may change before a cell is wrong. These figures hold for the pictures of the
-check. A wave that has further to go takes longer.
+`cnnum templates show NAME` prints everything about a template: the definition, the source, what
+input and state mean, the check, how long it takes to settle on squares of 8, 12 and 16 cells, and
+how much the bias may change before a cell is wrong. These figures hold for the pictures of the
+check; a wave that has further to go takes longer. The other commands of `cnnum templates`:
 
-* `cnnum templates find` searches the library by words or by an example.
-* `cnnum templates gallery` writes one searchable page with pictures of every template during its
-  run.
-* `cnnum templates check` runs the checks on all engines. It also takes files and folders of your
-  own.
-* `cnnum templates audit` counts the wrong cells under the boundaries 0, -1 and zero-flux.
-* `cnnum templates design NAME --weights` shows how far each weight may move.
-
-## What a check detects
+| command | what it does |
+|---|---|
+| `find` | searches the library by words or by an example |
+| `gallery` | writes one searchable page with pictures of every template during its run |
+| `check` | runs the checks on all engines, also those of your own files and folders |
+| `audit` | counts the wrong cells under the boundaries 0, -1 and zero-flux |
+| `design NAME --weights` | shows how far each weight may move |
 
 A check compares the function of the template, its mean end state, its margin and settling time,
-and a digest of its numbers. The function alone is a weak test, because changing one weight by 20 %
-seldom turns a cell: of 1,272 black-and-white templates with one number multiplied by 1.2, 992
-still compute the same function. 544 of them also keep their end state, 68 keep margin and settling
-time as well, and none keeps the digest (`python -m docs.figures.changed_weights`).
+and a digest of its numbers. The function alone would be a weak test: of 1,272 black-and-white
+templates with one number multiplied by 1.2, 992 still compute the same function, but only 68 also
+keep end state, margin and settling time, and none keeps the digest (`python -m
+docs.figures.changed_weights`).
 
 ## Experimental templates
 
@@ -62,7 +58,7 @@ def page() -> str:
     for name, entry in entries.items():
         groups[template_path(name).parent.name].append(entry)
         if entry.about.experimental:
-            why = re.split(r"[.] ", _line(entry.about.experimental), maxsplit=1)[0].rstrip(".")
+            why = re.split(r"[.:] | [(]|[.]$", _line(entry.about.experimental), maxsplit=1)[0]
             doubtful[why].append(name)
     count = sum(map(len, doubtful.values()))
     head = HEAD.format(
@@ -89,13 +85,11 @@ def _group(folder: str, entries: list[Entry]) -> str:
 
 
 def _purpose(entry: Entry) -> str:
-    """Return the first clause of a description that says enough; `cnnum templates show` has all."""
-    text = _line(entry.template.description)
-    for ends in (r"[,.:;] |[.]$", r"[.:;] |[.]$", r"[.;] |[.]$"):
-        clause = re.split(ends, text, maxsplit=1)[0]
-        if len(clause.split()) > 4:
-            break
-    return re.sub(r"^Step (\d) of 8\b", "One of eight steps", clause)
+    """Return the first clause of a description; `cnnum templates show` has all of it."""
+    text = re.sub(r" \([^()]*\)(?!/)| from any state.*", "", _line(entry.template.description))
+    text = re.sub(r"^Step (\d) of 8\b", "One of eight steps", text)
+    ends = [found.start() for found in re.finditer(r"[,.:;] |[.]$|(?<!from) where ", text)]
+    return next((text[:end] for end in ends if " " in text[:end]), text).rstrip(",")
 
 
 def _line(text: str) -> str:
