@@ -161,7 +161,7 @@ HELD = {
     "docs/bench/README.md-0": an_estimate_costs_evaluations,
     "docs/engines.md-1": steps_are_those_of_the_table,
     "docs/how-to/learn.md-0": learned_outlines_are_those_of_edge,
-    "docs/methods.md-2": the_step_is_two_over_the_fastest_rate,
+    "docs/methods.md-3": the_step_is_two_over_the_fastest_rate,
     "docs/microcontrollers.md-1": noise_is_no_slip_in_whole_numbers,
     "docs/microcontrollers.md-2": a_chip_is_off_by_its_noise_and_its_mismatch,
     "docs/microcontrollers.md-3": noise_on_a_chip_is_no_twist,
