@@ -109,7 +109,35 @@ SEPARATORS = (";", "\t", "|", " ")
 """Signs between fields other than the comma."""
 
 MISSING = frozenset(
-    "na n/a #n/a <na> nan -nan null none nil - -- ? 1.#qnan 1.#ind -1.#ind #num! #div/0!".split()  # noqa: SIM905
+    [
+        *(
+            "na",
+            "n/a",
+            "#n/a",
+            "<na>",
+            "nan",
+            "-nan",
+            "null",
+            "none",
+            "nil",
+            "undefined",
+            "missing",
+            "-",
+        ),
+        *(
+            "--",
+            "?",
+            "1.#qnan",
+            "1.#ind",
+            "-1.#ind",
+            "#num!",
+            "#div/0!",
+            "#value!",
+            "#ref!",
+            "#name?",
+            "#null!",
+        ),
+    ]
 )
 """Words for a missing value, in small letters: of R, Python, JavaScript, Excel and Windows."""
 

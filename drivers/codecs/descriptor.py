@@ -263,6 +263,9 @@ def read_descriptor(path: Path, shape: Shape | None = None) -> Descriptor:
     return read_options_file(Descriptor, "The descriptor", path, changes)
 
 
+FAULTY = 3
+"""Packets in a row with the same fault from which it is said: chance makes one of damaged bytes."""
+
 MICROS = {"us": 1, "ms": 1000}
 
 
@@ -278,10 +281,13 @@ class FixedSize:
     ----------
     size : int
         Bytes of a packet.
+    trouble : str
+        What is wrong with packets that are whole but for their numbers; "" where nothing is.
     """
 
     def __init__(self, descriptor: Descriptor) -> None:
         d = self._descriptor = descriptor
+        self.trouble, self._faulty = "", 0
         self._header, self._tail = bytes.fromhex(d.header), bytes.fromhex(d.tail)
         self._counter = len(self._header)
         self._time = self._counter + bytes_of(d.counter)
@@ -309,10 +315,14 @@ class FixedSize:
             return Skip(1, bad=True)
         values = self._values(packet)
         if values is None:
+            self._faulty += 1
+            if self._faulty >= FAULTY:
+                self.trouble = self._fault(packet)
             return Skip(1, bad=True)
         seen = self._believed(data, locked=locked, ended=ended)
         if not isinstance(seen, Found):
             return seen
+        self.trouble, self._faulty = "", 0
         return Found(self.size, self._scan(packet, values), seen.alone)
 
     def _to_tail(self, data: bytearray, *, locked: bool) -> Skip:
@@ -359,8 +369,25 @@ class FixedSize:
             return Found(self.size, alone=True)
         return MORE
 
+    def _fault(self, packet: bytes) -> str:
+        """Return a sentence on the numbers of a packet that has its header and its tail."""
+        rows, cols, _ = self._descriptor.whole
+        lost = int((~np.isfinite(self._numbers(packet))).any(axis=2).sum())
+        if not lost:
+            return "Packets have the form of the protocol, but numbers beyond its limits."
+        return (
+            f"Packets have the form of the protocol, but {lost} of their {rows * cols} taxels send "
+            "NaN or infinity: check these chips and their wiring."
+        )
+
     def _values(self, packet: bytes) -> Floats | None:
         """Return the raw numbers, or None where they are out of range."""
+        d, raw = self._descriptor, self._numbers(packet)
+        # a check believes the packet: a number outside is then a taxel's fault
+        inside = d.check != "none" or within(raw, d.limits)
+        return raw if inside and numbers_or_none(raw) else None
+
+    def _numbers(self, packet: bytes) -> Floats:
         d = self._descriptor
         cells = np.frombuffer(packet, self._dtype, self._count, self._cells)
         with np.errstate(invalid="ignore"):  # damage makes signalling NaNs, too
@@ -368,10 +395,7 @@ class FixedSize:
         rows, cols, axes = d.whole
         if d.planes:
             raw = raw.reshape(axes, rows, cols).transpose(1, 2, 0)
-        raw = raw.reshape(rows, cols, axes)
-        # a check believes the packet: a number outside is then a taxel's fault
-        inside = d.check != "none" or within(raw, d.limits)
-        return raw if inside and numbers_or_none(raw) else None
+        return raw.reshape(rows, cols, axes)
 
     def _scan(self, packet: bytes, values: Floats) -> Scan:
         d, order = self._descriptor, self._descriptor.byte_order

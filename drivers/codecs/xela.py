@@ -120,8 +120,7 @@ def scan_of(message: dict[str, object], shape: Shape | None = None) -> Scan:
     counter = message["message"]
     if not isinstance(counter, int) or counter < 0:
         raise CodecError("The counter of a message is a number from 0 up.")
-    own = [pad for pad in pads if pad.shape[:2] == shape]
-    values = tiled(own if len(own) == 1 < len(pads) else pads, shape)
+    values = tiled(pads, shape)
     at_end = np.asarray(((values >= TOP) | (values <= 0)).any(axis=-1))
     saturated = not calibrated and bool(at_end.any())
     return Scan(
@@ -152,31 +151,45 @@ def _pad(sensor: dict[str, Any], *, calibrated: bool) -> Floats:
 def tiled(pads: list[Floats], shape: Shape | None) -> NDArray[np.float64]:
     """Return pads as one array: side by side, or row by row in a shape.
 
+    Of pads of several sizes these are all those of the one size that fills the shape.
+
     Raises
     ------
     CodecError
         If they are not alike, or do not fill the shape.
     """
     sizes = list(dict.fromkeys(pad.shape[:2] for pad in pads))
+    alike = [[pad for pad in pads if pad.shape[:2] == size] for size in sizes]
     if len(sizes) > 1:
-        seen = " and ".join(f"{rows}×{cols}" for rows, cols in sizes)
-        raise CodecError(
-            f"The server has pads of {seen} taxels, which do not form one array: set 'shape' "
-            f"to the size of the pad to read, as in shape = {list(sizes[0])}, if it is the "
-            "only one of that size, or give each size a server of its own."
-        )
+        fit = [some for some in alike if shape is not None and _across(some, shape)]
+        if len(fit) != 1:
+            seen = " and ".join(f"{rows}×{cols}" for rows, cols in sizes)
+            count, (rows, cols) = len(alike[0]), sizes[0]
+            what = f"{count} pads of {rows}×{cols} side by side" if count > 1 else "the first"
+            raise CodecError(
+                f"The server has pads of {seen} taxels, which do not form one array: set 'shape' "
+                f"to that of the pads of one size, as in shape = {[rows, cols * count]} for "
+                f"{what}, or give each size a server of its own."
+            )
+        pads = fit[0]
     rows, cols = pads[0].shape[:2]
     whole = shape or (rows, cols * len(pads))
-    down, across = whole[0] // rows, whole[1] // cols
-    fills = (down * rows, across * cols) == whole and down * across == len(pads)
-    if not fills:
+    across = _across(pads, whole)
+    if not across:
         raise CodecError(
             f"{len(pads)} pads of {rows}×{cols} taxels do not fill an array of "
             f"{whole[0]}×{whole[1]}."
         )
     return np.concatenate(
-        [np.concatenate(pads[n * across : (n + 1) * across], axis=1) for n in range(down)]
+        [np.concatenate(pads[n : n + across], axis=1) for n in range(0, len(pads), across)]
     )
+
+
+def _across(pads: list[Floats], shape: Shape) -> int:
+    """Return how many pads of one size lie side by side in a shape; 0 where they do not fill it."""
+    rows, cols = pads[0].shape[:2]
+    down, across = shape[0] // rows, shape[1] // cols
+    return across if (down * rows, across * cols, down * across) == (*shape, len(pads)) else 0
 
 
 def encode(scan: Scan) -> bytes:

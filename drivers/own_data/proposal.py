@@ -70,7 +70,7 @@ WORDS: Mapping[str, tuple[str, ...]] = {
 """Words for the three axes of a taxel in the names of columns."""
 
 TIME = re.compile(
-    r"(?:^|[^a-z])(?:ts|time|stamp|timestamp|clock|seconds|secs?)(?:$|[^a-z])"
+    r"(?:^|[^a-z])(?:ts|times?|stamps?|timestamps?|clock|seconds|secs?)(?:$|[^a-z])"
     r"|^t(?:$|[ _\[(.])",
     re.IGNORECASE,
 )
@@ -80,6 +80,9 @@ COUNTER = re.compile(r"^(?:|index|frame|frame.?(?:no|nr|id|index|number)|seq|seq
 UNITS = {"N": "N", "n": "N", "kpa": "kPa", "pa": "Pa", "v": "V", "mv": "mV", "psi": "psi"}
 PAD = re.compile(r"shape = \[(\d+), (\d+)\]")
 """The shape that a decoder asks for where it finds pads of several."""
+
+MOSTLY = 0.9
+"""Part of a column's fields that are numbers, from which another word in it is a fault."""
 
 LIKELY = re.compile(r"tact|taxel|touch|skin|press|force|sensor|xela|values|data|grid", re.I)
 TIME_UNITS = ("s", "ms", "us", "ns")
@@ -333,9 +336,10 @@ def _of_arrays(path: Path, shapes: Mapping[str, tuple[tuple[int, ...], str]]) ->
         count, inner = shape[-1], shape[:-1]  # the frames are last
     _of_axes(proposal, inner)
     if count != shape[0]:
-        order = str(proposal.table.pop("order", ""))
-        if order:
-            proposal.table["order"] = "channels rows cols frames"
+        first = bool(proposal.table.pop("order", ""))
+        if len(cast("tuple[str, ...]", proposal.table["channels"])) > 1:
+            order = "channels rows cols frames" if first else "rows cols channels frames"
+            proposal.table["order"] = order
     if path.suffix.lower() != ".npy":
         proposal.table = {"values": name, **proposal.table}
     proposal.seen.append(f"{count} frames in '{name}' {shape}" if name else f"{count} frames")
@@ -614,12 +618,13 @@ def _columns(
     values: dict[str, Floats] = {}
     clock = ""
     for name, texts in columns.items():
-        if all(_number(text, decimal) for text in texts):
+        known = [_number(text, decimal) for text in texts]
+        if sum(known) > MOSTLY * len(texts):  # its reader names the line of another word
             made = [
                 np.nan
-                if text.strip().lower() in (*MISSING, "")
+                if not good or text.strip().lower() in (*MISSING, "")
                 else float(text.replace(decimal, "."))
-                for text in texts
+                for text, good in zip(texts, known, strict=True)
             ]
             values[name] = np.array(made)
         elif not clock and nanoseconds(texts[0]) is not None:

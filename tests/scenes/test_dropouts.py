@@ -441,6 +441,12 @@ def test_pads_of_two_sizes_are_named_or_one_is_chosen():
     twice = wire("xela", Asked(shape=(4, 4))).decoder()
     assert twice.feed(message(0, 16, 16, 24)) == []
     assert "do not form one array" in twice.trouble
+    # pads of one size among others are side by side, or as the shape has them
+    assert "shape = [4, 8] for 2 pads of 4×4" in twice.trouble
+    for shape in ((4, 8), (8, 4)):
+        chosen = wire("xela", Asked(shape=shape)).decoder()
+        (scan,) = chosen.feed(message(0, 16, 24, 16))
+        assert scan.values.shape == (*shape, 3)
 
 
 @pytest.mark.parametrize("name", ["anyskin", "anyskin-text"])
@@ -453,3 +459,23 @@ def test_a_chip_that_has_its_temperature_alone_costs_no_frame(name):
         got += decoder.feed(known.encode(Scan(values, known.form.channels, "uT")))
     assert len(got) >= 28
     assert np.isnan(got[0].values[0, 2, 1:]).all()
+
+
+@pytest.mark.parametrize(("value", "lost"), [(np.nan, 4), (np.inf, 1)])
+def test_packets_of_no_numbers_name_their_chips(value, lost):
+    """Before, no frame came, and the sentence blamed the baud rate."""
+    known = wire("anyskin")
+    decoder = known.decoder()
+    for n in range(10):
+        values = np.random.default_rng(n).normal(20.0, 5.0, (1, 5, 4))
+        values[0, :lost] = value
+        assert decoder.feed(known.encode(Scan(values, known.form.channels, "uT"))) == []
+    assert f"{lost} of their 5 taxels send NaN or infinity" in decoder.trouble
+    values = np.full((1, 5, 4), 20.0)
+    got = [
+        scan
+        for _ in range(5)
+        for scan in decoder.feed(known.encode(Scan(values, known.form.channels, "uT")))
+    ]
+    assert got
+    assert decoder.trouble == ""

@@ -97,7 +97,8 @@ def moved(recording: "Recording", number: int) -> "Floats":
 
     rest = recording.values[: max(3, round(recording.rate)), ..., -1]
     with np.errstate(all="ignore"):
-        return np.nan_to_num(recording.values[number, ..., -1] - np.nanmedian(rest, axis=0))
+        away = recording.values[number, ..., -1] - np.nanmedian(rest, axis=0)
+        return np.where(np.isfinite(away), away, 0.0)
 
 
 def most_moved(recording: "Recording") -> int:
@@ -107,7 +108,8 @@ def most_moved(recording: "Recording") -> int:
     rest = recording.values[: max(3, round(recording.rate)), ..., -1]
     with np.errstate(all="ignore"):
         away = np.abs(recording.values[..., -1] - np.nanmedian(rest, axis=0))
-    return int(np.argmax(np.nan_to_num(away).reshape(len(away), -1).sum(axis=1)))
+    away = np.where(np.isfinite(away), away, 0.0)
+    return int(np.argmax(away.reshape(len(away), -1).sum(axis=1)))
 
 
 def drawn(values: "Floats") -> str:

@@ -24,22 +24,27 @@ _ASSIGNED = re.compile(
     _FIELD + r"[ \t]*(?:\(([^()\n]*)\))?\s*=\s*([^;\n\[]*)(\[[^\]]*\])?([^;\n\[]*)"
 )
 _CONTROL = re.compile(
-    r"^[ \t]*(if|for|while|switch|try|parfor|function|return|eval|evalin|load|clear)\b",
+    r"(?:^|[;,])[ \t]*(if|for|while|do|until|switch|try|parfor|spmd|unwind_protect|function|"
+    r"classdef|return|break|continue|error|exit|quit|eval|evalin|evalc|feval|assignin|run|source|"
+    r"load|clear)\b",
     re.MULTILINE,
 )
+"""Words of MATLAB and Octave at the start of a statement."""
 _OTHERWISE = re.compile(
     _FIELD + r"[ \t]*(?:\([^()\n]*\))?[ \t]*(?:[-+*/^&|]=|\+\+|--|\{)[^;\n]*"
+    r"|" + _FIELD + r"[ \t]*\.[ \t]*[A-Za-z(][^=;\n]*=[^=;\n]*"
     r"|^[ \t]*\[[^\]\n=]*\][ \t]*=[^=;\n]*",
     re.MULTILINE,
 )
-"""Assignments to parts of matrices, or by operators: `A(2, 2) += 1`, `A{1} = 2`, `[A, B] = f()`."""
-_BLOCK = re.compile(r"^[ \t]*%\{[ \t]*$.*?^[ \t]*%\}[ \t]*$", re.MULTILINE | re.DOTALL)
+"""Assignments to parts of matrices, or by operators: `A(2, 2) += 1`, `A{1} = 2`, `A.b = 2`,
+`[A, B] = f()`."""
+_BLOCK = re.compile(r"^[ \t]*[%#]\{[ \t]*$.*?^[ \t]*[%#]\}[ \t]*$", re.MULTILINE | re.DOTALL)
 _CONTINUED = re.compile(r"\.\.\.[^\n]*\n")
 _NAMED = re.compile(_FIELD)
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d{1,3})?"
 _BEFORE = re.compile(rf"({_NUMBER})\s*(?:/\s*({_NUMBER})\s*)?\*")
 _AFTER = re.compile(rf"([*/])\s*({_NUMBER})")
-_COMMENT = re.compile(r"%[^\n]*")
+_COMMENT = re.compile(r"[%#][^\n]*")
 _LARGEST = 1e30
 
 Fields = dict[str, Floats]

@@ -25,7 +25,7 @@ KEYWORDS = frozenset(
         *("DELAYED_FEEDBACK", "DELAYED_CONTROL", "LABEL", "TEMPLATE", "NEW", "LOOP"),
     ]
 )
-_SETTING = re.compile(r"(Input|IniState|Boundary|BiasMap)\s*:\s*([^,]*)", re.IGNORECASE)
+_SETTING = re.compile(r"(Input|Ini\s*State|Boundary|Bias\s*Map)\s*:\s*([^,]*)", re.IGNORECASE)
 _HEADER = re.compile(r"%\s*(Function|TemLibName|CNNModel|Setting)\s*:\s*(.*)", re.IGNORECASE)
 
 
@@ -145,11 +145,16 @@ def _of_line(code: str, number: int) -> Iterator[Token]:
 def _settings(comment: str) -> dict[str, str]:
     match = _HEADER.match(comment)
     if match is None:
-        return {key.lower(): value.strip() for key, value in _SETTING.findall(comment)}
+        return _named(comment)
     key, value = match[1].lower(), match[2].strip()
     if key != "setting":
         return {key: value}
-    return {name.lower(): text.strip() for name, text in _SETTING.findall(value)}
+    return _named(value)
+
+
+def _named(text: str) -> dict[str, str]:
+    found: list[tuple[str, str]] = _SETTING.findall(text)
+    return {"".join(name.split()).lower(): value.strip() for name, value in found}
 
 
 class _Letters:

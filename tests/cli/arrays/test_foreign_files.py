@@ -253,3 +253,54 @@ def test_blocks_of_xsensor_are_read_without_an_edit(call, records, tmp_path, kin
     first, *_ = records(call("replay", path, "--scene", scene, "--json").stdout)
     assert first["kind"] == "onset"
     assert PRESSED < first["t"] < PRESSED + 0.1
+
+
+def columns(path, cells, names, head="t"):
+    heads = [head, *(f"r{r}_c{c}_{name}" for r in range(4) for c in range(4) for name in names)]
+    path.write_text("\n".join([",".join(heads), *(",".join(row) for row in cells)]) + "\n")
+
+
+def test_a_column_with_a_word_is_a_column(call, tmp_path):
+    """One of an error of Excel was left out, and 47 columns were a row of 47 taxels."""
+    values, path = press(4, 4), tmp_path / "a.csv"
+    cells = [
+        [f"{n / RATE:.3f}", *(f"{v:.0f}" for v in row.ravel())] for n, row in enumerate(values)
+    ]
+    for n, word in enumerate(("#VALUE!", "undefined", "inf", "-Inf")):
+        cells[100 + n][5 + n] = word
+    columns(path, cells, "xyz")
+    done = call("layout", path, "--write")
+    assert done.exit_code == 0, done.stderr
+    recording = cnnum.load_recording(path)
+    assert (recording.shape, len(recording.channels)) == ((4, 4), 3)
+    assert [int((~np.isfinite(one)).sum()) for one in recording.values[100:104]] == [1] * 4
+    cells[50][9] = "broken"  # a word that nobody knows has its line
+    columns(path, cells, "xyz")
+    done = call("layout", path, "--write", "--force")
+    assert done.exit_code == 2
+    assert "line 52" in done.stderr
+    assert "broken" in done.stderr
+
+
+def test_names_of_channels_of_two_words_are_names_of_channels(call, tmp_path):
+    """The normal channel was left out beside "shear_x" and "shear_y"."""
+    values, path = press(4, 4), tmp_path / "a.csv"
+    cells = [
+        [f"{10.0 * n:.0f}", *(f"{v:.0f}" for v in row.ravel())] for n, row in enumerate(values)
+    ]
+    columns(path, cells, ("shear_x", "shear_y", "normal"), "time (ms)")
+    done = call("layout", path, "--write")
+    assert done.exit_code == 0, done.stderr
+    recording = cnnum.load_recording(path)
+    assert recording.channels == cnnum.frame.FORCE_AXES
+    assert recording.rate == pytest.approx(RATE)
+    np.testing.assert_allclose(recording.values, np.round(values), atol=0.51)
+
+
+def test_taxels_before_channels_and_frames_last_are_read(call, tmp_path):
+    values, path = press(4, 4), tmp_path / "a.npz"
+    stamps = np.arange(len(values)) / RATE
+    np.savez(path, tactile=np.moveaxis(values.reshape(-1, 16, 3), 0, -1), stamps=stamps)
+    done = call("layout", path, "--write")
+    assert done.exit_code == 0, done.stderr
+    np.testing.assert_array_equal(cnnum.load_recording(path).values, values)

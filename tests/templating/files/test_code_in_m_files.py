@@ -25,6 +25,9 @@ def read(tmp_path, text, name="lib.m"):
         "switch x\ncase 1\nEDGE_I = 1;\nend\n",
         "function y = f(x)\n",
         "eval('EDGE_I = 3');\n",
+        "x = 3; if x > 4, EDGE_I = -7; end\n",
+        "do\nEDGE_I = -7;\nuntil true\n",
+        "disp(1), exit\n",
     ],
 )
 def test_code_is_refused_with_its_line(tmp_path, code):
@@ -34,6 +37,8 @@ def test_code_is_refused_with_its_line(tmp_path, code):
 
 def test_comments_hold_no_values(tmp_path):
     block = "%{\nEDGE_I = -7;\nif false\n%}\n% EDGE_I = 5;\n"
+    octave = read(tmp_path, EDGE + block.replace("%", "#"), "octave.m")
+    assert octave.z.tolist() == [-1.0]
     template = read(tmp_path, EDGE + block)
     assert template.z.tolist() == [-1.0]
     with pytest.raises(TemplateError, match="line 9"):
@@ -61,7 +66,7 @@ def test_an_element_that_is_set_counts(tmp_path, line, part, place, value):
     ["EDGE_A(4,2) = 2;", "EDGE_A(0,1) = 2;", "EDGE_A(2) = 2;", "EDGE_A(:,1) = 2;",
      "EDGE_A(2,2) = [1 2];",
      "OTHER_A(1,1) = 2;", "EDGE_A(end,1) = 2;", "EDGE_A(2,2) += 1;", "EDGE_A{2,2} = 9;",
-     "EDGE_A *= 2;", "EDGE_I++;", "[EDGE_A, x] = deal(2);"],
+     "EDGE_A *= 2;", "EDGE_I++;", "EDGE_A.x = 7;", "[EDGE_A, x] = deal(2);"],
 )  # fmt: skip
 def test_elements_that_cannot_be_set_are_refused(tmp_path, line):
     with pytest.raises(TemplateError, match="line 4"):
@@ -76,8 +81,9 @@ def test_a_line_that_goes_on_is_one(tmp_path):
     np.testing.assert_array_equal(template.A[0, 0], [[0, 0, 0], [0, 1, 0], [0, 0, 0]])
 
 
-def test_a_bias_map_that_a_header_asks_for_is_told(tmp_path):
-    text = "%Setting: Input:-, IniState:P1, Boundary:Zero-flux, BiasMap:P2\nneighborhood: 1\n"
+@pytest.mark.parametrize("key", ["BiasMap", "Bias Map", "bias map", "BIASMAP"])
+def test_a_bias_map_that_a_header_asks_for_is_told(tmp_path, key):
+    text = f"%Setting: Input:-, IniState:P1, Boundary:Zero-flux, {key}:P2\nneighborhood: 1\n"
     path = tmp_path / "own.tem"
     path.write_text(text + "feedback:\n0 1 0\n1 0 1\n0 1 0\ncurrent: 0\n")
     assert "bias map: P2" in load_entry(path).template.description
