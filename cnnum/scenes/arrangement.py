@@ -18,7 +18,7 @@ from cnnum.programs.parameters import PITCH, RATE, in_own_units, takes_pitch
 from cnnum.safety.values import LONGEST, shown
 from cnnum.scenes.events import EVENT_RULES
 from cnnum.scenes.scene_file import EVERYTHING, SceneSpec
-from cnnum.tactile.bump_loads import DEEPEST
+from cnnum.tactile.bump_loads import DEEPEST, SHARP_UP_TO
 from cnnum.tactile.cover import BumpCover, FlatCover, LayerCover
 
 COUNT = "count"
@@ -238,13 +238,19 @@ def _differ(said: object, there: object) -> bool:
     return abs(said / there - 1.0) > TELLS
 
 
-def warn_of_other_cover(program: Program, spec: SceneSpec, driver: Driver) -> None:
-    """Say on the logger "cnnum" that a program takes the array's cover for another one."""
+def warn_of_other_cover(program: Program, spec: SceneSpec, driver: Driver, unit: str) -> None:
+    """Say on the logger "cnnum" that a program takes the array's cover for another one.
+
+    `unit` is that of the values that the program sees, as in `bound`. A cover that is too thick for
+    a part of the program is said of any array.
+    """
+    _warn_of_lost_edges(program, spec)
     pitch = cast(float | None, getattr(driver, "pitch", None))
     cover, known = getattr(driver, "cover", None), inspect.signature(program.function).parameters
     asks = next((name for name in ("depth", "thickness") if name in known), None)
     if cover is None or asks is None or pitch is None or not _wants_cover(program, spec):
         return
+    facts = _of_cover(driver, known, dict(program.parameters), pitch, unit)
     if not isinstance(cover, FlatCover):
         kind = "a layer on a rigid base" if isinstance(cover, LayerCover) else "a cover with bumps"
         cure = "set 'array.cover' to \"flat\""
@@ -256,7 +262,7 @@ def warn_of_other_cover(program: Program, spec: SceneSpec, driver: Driver) -> No
             f"the cover of the array is {cover.depth / pitch:.3g} pitches thick, and nothing below "
             f"{DEEPEST:g} shows through: take a thinner one"
         )
-    elif contradiction := _contradicted(program, spec, cover, pitch):
+    elif contradiction := _contradicted(program, spec, cover, pitch, facts.get("unit")):
         why = contradiction
     else:
         return
@@ -267,20 +273,41 @@ def warn_of_other_cover(program: Program, spec: SceneSpec, driver: Driver) -> No
     )  # fmt: skip
 
 
-def _contradicted(program: Program, spec: SceneSpec, cover: FlatCover, pitch: float) -> str:
-    """Return what a scene says of the cover that is not the array's."""
+def _warn_of_lost_edges(program: Program, spec: SceneSpec) -> None:
+    depth = dict(program.parameters).get("depth")
+    asked = any(want.startswith("edge") or want == EVERYTHING for want in spec.needs)
+    if asked and isinstance(depth, float) and depth > SHARP_UP_TO:
+        logging.getLogger("cnnum").warning(
+            "Scene '%s': under %.3g pitches of cover the program '%s' misses edges, as nothing "
+            "sharp shows through more than %g: take 'edge_enhancement', which finds outlines "
+            "through any cover.",
+            spec.name, depth, spec.program_name, SHARP_UP_TO,
+        )  # fmt: skip
+
+
+def _contradicted(
+    program: Program, spec: SceneSpec, cover: FlatCover, pitch: float, newtons: object
+) -> str:
+    """Return what a scene, or a program unless told otherwise, takes the array's cover for.
+
+    `newtons` is the load of a taxel that reads 1, None where it is not known.
+    """
     there = {"depth": cover.depth / pitch, "thickness": cover.depth,
              "youngs_modulus": cover.youngs_modulus}  # fmt: skip
     known = inspect.signature(program.function).parameters
-    # who asks for newtons asks for the cover's depth, too
-    usual = {name: each.default for name, each in known.items() if "unit" in spec.parameters}
-    bound_to = {**usual, **dict(program.parameters)}
+    bound_to = {**{name: each.default for name, each in known.items()}, **dict(program.parameters)}
+    if bound_to.get("reads") == "force":  # each taxel carries its own share, whatever the cover
+        return ""
     for name, own in there.items():
         said = bound_to.get(name)
         if _differ(said, own):
+            unset = "" if name in spec.parameters else " unless it is set"
+            more = ""
+            if "unit" not in spec.parameters and isinstance(newtons, float):
+                more = f", and 'program.parameters.unit' to {newtons:.4g} for newtons"
             return (
-                f"'program.parameters.{name}' is {said:.4g}, and {own:.4g} by the array: set it to "
-                "that"
+                f"'program.parameters.{name}' is {said:.4g}{unset}, and {own:.4g} by the array: "
+                f"set it to that{more}"
             )
     return ""
 

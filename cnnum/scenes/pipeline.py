@@ -330,7 +330,7 @@ class Scene(OfThisProcess):
             channels = (*conversion.channels, *([CHANNEL] if _reads_marks(traced) else []))
             wants = _needs(spec, outputs, events_of_everything(driver))
             warn_of_no_bumps(spec, driver)
-            warn_of_other_cover(program, spec, driver)
+            warn_of_other_cover(program, spec, driver, measured)
             rules = with_units(_rules(spec, wants, outputs), program, measured)
             fields = tuple(w for w in wants if w not in EVENT_RULES and w not in spec.own)
             needs = tuple(dict.fromkeys((*(n for rule in rules for n in rule.needs), *fields)))

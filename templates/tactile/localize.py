@@ -136,12 +136,13 @@ def localize(
         `bump_contact` (logic map), `bump_count`, `bump_load_x`, `bump_load_y`, `bump_load_normal`
         (maps of each bump's own load, 0 where it is not touched), `bump_shear_known` (logic map:
         touched, and neither its taxel nor one at its sides is at an end of its range; elsewhere
-        the shear, whose sign could be wrong, is 0), `bump_x`, `bump_y`, `bump_normal` (their sums;
-        of shear 0 unless it is known under all touched bumps), `bump_row`, `bump_column` (centroid
-        of the normal load, cells; afterwards, where it was last), `bump_patches` (number of
-        contacts: touched bumps that are neighbours, diagonal ones too, make one), `bump_patch`
-        (map: which contact, 0 for none), `bump_patch_row`, `bump_patch_column` (maps: in each
-        bump of a contact the centroid of its normal load, cells).
+        the shear, whose sign could be wrong, is 0), `bump_x`, `bump_y`, `bump_normal` (sums over
+        all bumps whose load is clear of the noise; of shear 0 unless it is known under all of
+        these), `bump_row`, `bump_column` (centroid of the normal load of these, cells; afterwards,
+        where it was last), `bump_patches` (number of contacts: touched bumps that are neighbours,
+        diagonal ones too, make one), `bump_patch` (map: which contact, 0 for none),
+        `bump_patch_row`, `bump_patch_column` (maps: in each bump of a contact the centroid of its
+        normal load, cells).
 
     Raises
     ------
@@ -164,11 +165,15 @@ def localize(
     noise = float(gain) * sqrt(loads.normal_noise)
     touched = loads.contact & (normal > maximum(share * normal.max(), LIFT * noise))
     patches = patches_of(frame, touched, normal)
-    known = touched if frame.at_end is None else touched & ~near_the_end(frame.at_end)
+    # sums have smaller loads, too, down to the noise: together they are up to a tenth of the whole
+    carries = loads.contact & (normal > LIFT * noise)
+    carried = where(carries, normal, 0.0)
+    sure = carries if frame.at_end is None else carries & ~near_the_end(frame.at_end)
+    whole = sure.count() > carries.count() - 0.5
+    known = touched & sure
     own_x, own_y = (where(known, part, 0.0) for part in (x, y))
     own_normal = where(touched, normal, 0.0)
-    whole = known.count() > touched.count() - 0.5
-    row, column = frame.centroid(own_normal)
+    row, column = frame.centroid(carried)
     any_touched = touched.any()
     return {
         "bump_contact": touched,
@@ -177,9 +182,9 @@ def localize(
         "bump_load_y": own_y,
         "bump_load_normal": own_normal,
         "bump_shear_known": known,
-        "bump_x": where(whole, own_x.sum(), 0.0),
-        "bump_y": where(whole, own_y.sum(), 0.0),
-        "bump_normal": own_normal.sum(),
+        "bump_x": where(whole & carries, x, 0.0).sum(),
+        "bump_y": where(whole & carries, y, 0.0).sum(),
+        "bump_normal": carried.sum(),
         "bump_row": frame.memory("last bump row", scalar=True).hold(row, any_touched),
         "bump_column": frame.memory("last bump column", scalar=True).hold(column, any_touched),
         "bump_patches": patches.count,

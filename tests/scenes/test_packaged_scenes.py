@@ -7,12 +7,14 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
+from cnnum.drivers.registry import open_driver
 from cnnum.drivers.simulated.bodies import outline_of
 from cnnum.drivers.simulated.cover import CELLS, MARGIN
 from cnnum.errors import PhysicsError, RecordingError, SceneError
 from cnnum.lab.bench.programs.edge_errors import found_places, met, off_outline
+from cnnum.scenes.arrangement import events_of_everything, warn_of_no_bumps
 from cnnum.scenes.pipeline import load_scene
-from cnnum.scenes.scene_file import scene_names
+from cnnum.scenes.scene_file import read_scene, scene_names
 from cnnum.scenes.scene_record import SceneRecord
 from cnnum.tactile.texture import texture as friction_and_roughness
 
@@ -49,11 +51,13 @@ def loads_on_bumps(array):
 
 def test_localize_gives_the_load_on_every_bump():
     """In newtons, with the sign of the pull, at rest and while it slides."""
-    scene, moments, truths = played("localize")
+    wants = ["bump", "bump_contact", *(f"bump_load_{axis}" for axis in ("x", "y", "normal")),
+             "bump_x", "bump_y", "bump_normal", "bump_row", "bump_column"]  # fmt: skip
+    scene, moments, truths = played("localize", needs=wants, **{"array.rate": 50.0})
     own = loads_on_bumps(scene.driver)
     held = [n for n, truth in enumerate(truths) if truth["normal_force"] > 0.05]
-    assert len(held) > 400
-    for n in held[::10]:
+    assert len(held) > 100
+    for n in held[::3]:
         out, top = moments[n].outputs, own[n, ..., 2].max()
         touched = out["bump_contact"] > 0
         # a bump counts from a tenth of the largest load on; noise is 1 % of that
@@ -66,12 +70,17 @@ def test_localize_gives_the_load_on_every_bump():
         pull = np.array([truths[n]["shear_x"], truths[n]["shear_y"]]) / truths[n]["normal_force"]
         found = np.array([out[f"bump_load_{axis}"].sum() for axis in "xy"])
         assert np.abs(found / out["bump_load_normal"].sum() - pull).max() < 0.02
+        # without the loads below a tenth of the largest the sum was 8 % low, and the shear 0.05
+        whole = float(out["bump_normal"])
+        assert whole == pytest.approx(truths[n]["normal_force"], rel=0.015)
+        assert np.abs(np.array([out["bump_x"], out["bump_y"]]) / whole - pull).max() < 0.02
     events = [event for moment in moments for event in moment.events]
     assert [event.kind for event in events] == ["bump", "bump_release"]
     touching = [n for n, truth in enumerate(truths) if truth["contact"]]
-    # load begins as t^1.5: 6 standard deviations of the noise are reached in 20 ms
-    assert 0 <= events[0].time - moments[touching[0]].frame.time < 0.03
-    assert abs(events[1].time - moments[touching[-1]].frame.time) < 0.03
+    # load begins as t^1.5: 6 standard deviations of the noise are reached in 20 ms, and two frames
+    # are asked for
+    assert 0 <= events[0].time - moments[touching[0]].frame.time < 0.05
+    assert abs(events[1].time - moments[touching[-1]].frame.time) < 0.05
     assert events[0].unit == "N"
     first = moments[events[0].frame].outputs
     assert events[0].where == (float(first["bump_row"]), float(first["bump_column"]))
@@ -84,7 +93,7 @@ def test_localize_states_no_shear_whose_sign_it_cannot_know(gain):
     """A bump's shear is 0 and not known where a taxel at it, or at its side, is at its end."""
     wants = ["bump_contact", "bump_shear_known", "bump_load_x", "bump_load_y", "bump_x", "bump_y",
              "bump_normal"]  # fmt: skip
-    scene = load_scene("localize", changes={"array.gain": gain, "needs": wants})
+    scene = load_scene("localize", changes={"array.gain": gain, "array.rate": 50.0, "needs": wants})
     marked = checked = 0
     own = loads_on_bumps(scene.driver)
     for moment, loads in zip(scene.results(), own, strict=True):
@@ -104,7 +113,7 @@ def test_localize_states_no_shear_whose_sign_it_cannot_know(gain):
             off = np.abs(out[f"bump_load_{axis}"] - loads[..., k])[known]
             # second neighbours at their end add 1 % each to what holds without any
             assert not off.size or off.max() < 0.1 * top
-        # what lies below a tenth of the largest load is left out, the rest is found too low
+        # what a taxel at its end cannot show is missing
         assert out["bump_normal"] < 1.01 * loads[..., 2].sum()
     assert checked
     assert marked
@@ -117,14 +126,17 @@ def test_bumps_too_close_to_be_told_apart_are_refused():
 
 def test_a_flat_cover_has_no_bumps_to_report(caplog):
     """No event by "everything"; bumps that are asked for are doubted."""
-    whole = load_scene("tactile")
-    assert not [rule for rule in whole.rules if rule.kind == "bump"]
-    assert not caplog.records
-    load_scene("contact", changes={"needs": ["bump_count"]})
-    assert "has no bumps" in caplog.text
-    caplog.clear()
-    load_scene("localize")
-    assert not caplog.records
+    for name, needs, doubted in (
+        ("tactile", ["everything"], False),
+        ("contact", ["bump_count"], True),
+        ("localize", ["bump"], False),
+    ):
+        spec = read_scene(name, changes={"needs": needs})
+        driver = open_driver(spec.driver, spec.driver_options)
+        assert ("bump" in events_of_everything(driver)) == (name == "localize")
+        warn_of_no_bumps(spec, driver)
+        assert ("has no bumps" in caplog.text) == doubted
+        caplog.clear()
 
 
 @pytest.mark.parametrize(("radius", "thickness"), [(0.2e-3, 0.3e-3), (0.15e-3, 0.15e-3)])
@@ -217,11 +229,15 @@ BODIES = {
 }
 
 
+UNDER = [*((body, 1e-3) for body in BODIES), ("bar", 0.75e-3), ("ring", 1.5e-3)]
+
+
 @pytest.mark.one_in(3)
-@pytest.mark.parametrize("body", BODIES)
-def test_edges_follows_the_outline_of_every_flat_body(body):
+@pytest.mark.parametrize(("body", "thickness"), UNDER)
+def test_edges_follows_the_outline_of_every_flat_body(body, thickness):
     needs = ["edge", "edges", "edge_to_right", "edge_to_below"]
-    scene, moments, truths = played("edges", needs=needs, **{"array.body": body}, **BODIES[body])
+    changes = {"array.body": body, "array.thickness": thickness, **BODIES[body]}
+    scene, moments, truths = played("edges", needs=needs, **changes)
     assert kinds_of(moments) == ["edge"]
     first = next(event for moment in moments for event in moment.events)
     # where it touches it has its edge, as soon as the load is clear of the noise, for 0.1 s
@@ -237,13 +253,40 @@ def test_edges_follows_the_outline_of_every_flat_body(body):
         assert (moments[n].outputs["edges"] > 0).sum() >= 6
 
 
-@pytest.mark.parametrize(("body", "rate"), [("ring", 200.0), ("sphere", 50.0)])
+LETS_GO = [
+    ("sphere", 50.0),
+    ("ring", 50.0),
+    ("two bodies", 10.0),
+    pytest.param("ring", 200.0, marks=pytest.mark.one_in(2)),
+    # a short run takes none of these
+    pytest.param("sphere", 1000.0, marks=pytest.mark.one_in(7)),
+    pytest.param("ring", 1000.0, marks=pytest.mark.one_in(7)),
+    pytest.param("two bodies", 1000.0, marks=pytest.mark.one_in(7)),
+]
+
+
+@pytest.mark.parametrize(("body", "rate"), LETS_GO)
 def test_a_body_that_lets_go_has_no_edge_that_comes_and_goes(body, rate):
-    """While it is lifted, the flag flickered for 5 to 85 ms at a time."""
-    _, moments, _ = played("edges", **{"array.body": body, "array.rate": rate})
+    """While it is lifted, the flag flickers for 5 to 85 ms at a time."""
+    script = [
+        {"kind": "hold", "duration": 0.9},  # 8 frames at 10 Hz
+        {"kind": "press", "duration": 0.3, "load": 1.0},
+        {"kind": "pull", "duration": 0.8, "speed": 0.8e-3, "direction": 0.5},
+        {"kind": "release", "duration": 0.4},
+        {"kind": "hold", "duration": 0.2},
+    ]
+    changes = {"array.body": body, "array.rate": rate, "array.script": script}
+    if body == "two bodies":
+        changes["array.width"] = 4.5e-3
+    _, moments, truths = played("edges", **changes)
+    events = [event for moment in moments for event in moment.events]
+    assert [event.kind for event in events] == ([] if body == "sphere" else ["edge"])
+    for event in events:
+        # 0.1 s, and at 10 Hz the frame after it
+        assert 0.1 <= event.time - onset(moments, truths, "contact") < 0.15 + 1.0 / rate
     flags = np.array([m.outputs["edge_count"] > 0 for m in moments])
-    assert (np.diff(flags.astype(int)) > 0).sum() == {"ring": 4, "sphere": 1}[body]
-    assert kinds_of(moments) == {"ring": ["edge"], "sphere": []}[body]
+    # the rule, and not a silent flag, is under test
+    assert flags.any() or body == "sphere"
 
 
 def test_edges_is_silent_on_a_wide_sphere():
@@ -463,8 +506,11 @@ def test_on_off_tells_what_comes_from_what_goes():
     assert max(held_still[f"{sign}_transient"].max() for sign in ("on", "off")) < noise
 
 
-def test_active_contour_keeps_to_a_body_that_is_dragged():
-    scene, moments, truths = played("active_contour")
+@pytest.mark.one_in(3)
+@pytest.mark.parametrize(("thickness", "modulus"), [(1e-3, 0.87e6), (0.5e-3, 3e6), (3e-3, 0.5e6)])
+def test_active_contour_keeps_to_a_body_that_is_dragged(thickness, modulus):
+    cover = {"array.thickness": thickness, "array.youngs_modulus": modulus}
+    scene, moments, truths = played("active_contour", **cover)
     events = [event for moment in moments for event in moment.events]
     assert [event.kind for event in events] == ["outline", "outline_lost"]
     held = [m.frame.time for m, t in zip(moments, truths, strict=True) if t["contact"]]

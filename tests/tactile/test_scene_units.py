@@ -1,5 +1,6 @@
 """The scenes of the simulated array give newtons: they know its cover."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -7,7 +8,7 @@ import pytest
 
 import cnnum.scenes
 from cnnum.drivers.registry import driver_options, open_driver
-from cnnum.scenes.arrangement import bound, program_of
+from cnnum.scenes.arrangement import bound, program_of, warn_of_other_cover
 from cnnum.scenes.pipeline import load_scene
 from cnnum.scenes.scene_file import read_scene
 
@@ -113,12 +114,22 @@ def test_loads_are_newtons_under_other_flat_covers(cover, caplog):
 )
 def test_what_a_program_cannot_know_of_a_cover_is_said(changes, why, caplog):
     """Once, when the scene is loaded; slip and twist ask nothing of the cover, and nothing is."""
-    pressed(**changes).close()
-    assert caplog.text.count("loads, places and shapes by the program 'tactile' are not") == 1
+    assert (
+        told(caplog, "contact", **changes).count("and shapes by the program 'tactile' are not") == 1
+    )
     assert why in caplog.text
+    assert not told(caplog, "slip", **changes)
+
+
+def told(caplog, name, **changes):
+    """Return what a scene says of its cover before anything is compiled."""
     caplog.clear()
-    load_scene("slip", changes=changes).close()
-    assert not caplog.text
+    spec = read_scene(name, changes=changes)
+    driver = open_driver(spec.driver, spec.driver_options)
+    warn_of_other_cover(
+        bound(program_of(spec), spec, driver, unit="strain"), spec, driver, "strain"
+    )
+    return caplog.text
 
 
 def test_a_scene_of_ones_own_keeps_its_word(caplog):
@@ -128,7 +139,39 @@ def test_a_scene_of_ones_own_keeps_its_word(caplog):
     table = {"name": "contact", "parameters": {"unit": 1.0}}
     assert "depth" not in dict(bound_of({"program": table, "array.thickness": 0.5e-3}))
     pressed(program=table).close()
-    assert "'program.parameters.depth' is 0.5, and 0.6667 by the array" in caplog.text
+    assert "depth' is 0.5 unless it is set, and 0.6667 by the array: set it to that" in caplog.text
+    assert "newtons" not in caplog.text  # it has said its unit
+
+
+@pytest.mark.parametrize(("thickness", "modulus"), [(1e-3, 0.87e6), (0.6e-3, 2.1e6)])
+def test_a_scene_that_says_nothing_of_its_cover_is_told_what_is_missing(thickness, modulus, caplog):
+    """The sentence has both numbers; a scene that takes them gives newtons, and hears nothing."""
+    changes = {"array.thickness": thickness, "array.youngs_modulus": modulus}
+    told(caplog, "contact", program={"name": "contact"}, **changes)
+    said = r"depth' is 0\.5 unless it is set, and (\S+) by the array: set it to that, and "
+    found = re.search(said + r"'program\.parameters\.unit' to (\S+) for newtons", caplog.text)
+    assert found
+    said = {"depth": float(found[1]), "unit": float(found[2])}
+    caplog.clear()
+    scene = pressed(program={"name": "contact", "parameters": said}, **changes)
+    held = [m for m in scene.results() if m.frame.truth["normal_force"] > 0.9]
+    assert held
+    for moment in held:
+        assert moment.outputs["load_normal"] == pytest.approx(1.0, abs=0.11)
+    assert not caplog.text
+
+
+def test_loads_that_taxels_carry_themselves_ask_for_no_cover(caplog):
+    table = {"name": "contact", "parameters": {"reads": "force"}}
+    assert not told(caplog, "contact", program=table)
+
+
+def test_edges_below_a_cover_that_hides_them_are_not_lost_in_silence(caplog):
+    """Of 1.33 pitches all is found, of 1.67 a third (`SHARP_UP_TO`)."""
+    for thickness, lost in ((2e-3, False), (2.5e-3, True)):
+        for name in ("edges", "contact", "edge_enhancement"):
+            text = told(caplog, name, **{"array.thickness": thickness})
+            assert ("misses edges" in text) == (lost and name == "edges")
 
 
 def bound_of(changes):

@@ -1,8 +1,9 @@
 """Fits of two bodies to a contact: a sphere, or a rigid flat punch that is round.
 
 The pressure under the cover's blur is compared with Hertz's, √(1 − ρ²/a²), and with Boussinesq's,
-1/√(1 − ρ²/a²), on the taxels' cells. The centre comes from the moments of the load, the radius from
-the best of some. A body is reported if it leaves little of the pressure, and clearly less than the
+1/√(1 − ρ²/a²), on the taxels' cells, each as it would come back through the filter that takes the
+blur off. The centre comes from the moments of the load, the radius from a parabola through the best
+of some. A body is reported if it leaves little of the pressure, and clearly less than the
 other one does: no bar, ring, square, uniform disc or pair of bodies is taken for either.
 """
 
@@ -11,11 +12,13 @@ from math import pi
 from typing import NamedTuple
 
 from cnnum.programs import program
-from cnnum.programs.fields import Field, maximum, mean, most, sqrt, square, where
+from cnnum.programs.fields import Field, maximum, mean, minimum, most, sqrt, square, where
 from cnnum.programs.machine import FrameFields
 from cnnum.programs.parameters import refuse_outside
+from cnnum.programs.transients import apply
+from cnnum.tactile.bump_loads import left_kernel
 from cnnum.tactile.indenters import Reads
-from cnnum.templates.tactile.cover_model.fields import DEPTH, READS
+from cnnum.templates.tactile.cover_model.fields import DEPTH, READS, filter_template
 from cnnum.templates.tactile.shared.loads import PUSH, loads_of
 from cnnum.templates.tactile.shared.pressure import pressed_of
 
@@ -25,15 +28,19 @@ SHARE = 0.1
 INSIDE = (-1 / 3, 0.0, 1 / 3)
 """Places in a cell, of its side, at which a pressure is averaged over it."""
 
-SCALES = (0.85, 0.925, 1.0, 1.075, 1.15)
-"""Radii that are tried, over that of the second moment: 2.5 ⟨ρ²⟩ = a² and 1.5 ⟨ρ²⟩ = a²."""
+SCALES, STEP = (0.85, 0.925, 1.0, 1.075, 1.15), 0.075
+"""Radii that are tried, over that of the second moment (2.5 ⟨ρ²⟩ = a² and 1.5 ⟨ρ²⟩ = a²), and
+their distance."""
 
-RIM = 0.1
-"""Least 1 − ρ²/a² of a punch, whose pressure has no bound at its rim."""
+RIM = 0.3
+"""1 − ρ²/a² up to which a punch, whose pressure has no bound at its rim, has the mean of that rim:
+2/√RIM of the pressure in its middle. The rim of a radius of 2 cells is then as wide as the places
+in a cell lie apart."""
 
-LEFT, CLEARLY = (0.13, 0.23), (0.75, 0.6)
+LEFT, CLEARLY = (0.095, 0.2), (0.75, 0.6)
 """Of a sphere and a punch: share of the pressure that it leaves at most, and over that of the other
-body. Spheres leave 0.05 to 0.13 and punches 0.14 to 0.2, what the filter and 1 % of noise leave."""
+body. With 1 % of noise spheres leave 0.02 to 0.08 and most punches 0.06 to 0.2; uniform discs of at
+least `NARROWEST` leave 0.1 or more of a sphere, and rings 0.2 or more of a punch."""
 
 NARROWEST = (1.92, 1.7)
 """Least contact radius of a sphere and a punch, cells: below, they and an even load look alike."""
@@ -84,8 +91,16 @@ def body_fit(
         for x in INSIDE
     ]
     spread = maximum((weight * away[4]).sum() / load, 1e-6)
-    sphere = _best(weight, away, sqrt(2.5 * spread), _hertz)
-    flat = _best(weight, away, sqrt(1.5 * spread), _punch)
+    kernel = left_kernel(float(depth), reads)
+    left = filter_template(f"left {reads} {depth:g}", kernel, "The residual of unblur.")
+
+    def seen(radius: Field, shape: Callable[[Field], Field]) -> Field:
+        body = mean([shape(1.0 - each / square(radius)) for each in away])
+        back = body - apply(left, input=body)
+        return where(back > SHARE * back.max(), back, 0.0)
+
+    sphere = _best(weight, sqrt(2.5 * spread), lambda radius: seen(radius, _hertz))
+    flat = _best(weight, sqrt(1.5 * spread), lambda radius: seen(radius, _punch))
     whole = frame.within_range(loads.contact)  # a clipped pressure has another body's shape
     is_sphere, is_flat = whole & _fits(sphere, flat, 0), whole & _fits(flat, sphere, 1)
     found = is_sphere | is_flat
@@ -115,18 +130,30 @@ def _fits(body: _Fit, other: _Fit, kind: int) -> Field:
     return little & (body.radius > NARROWEST[kind])
 
 
-def _best(weight: Field, away: list[Field], radius: Field, shape: Callable[[Field], Field]) -> _Fit:
-    """Return the fit of the radius that leaves least."""
-    fits = list[tuple[Field, ...]]()
+def _best(weight: Field, radius: Field, seen: Callable[[Field], Field]) -> _Fit:
+    """Return the fit that leaves least, by a parabola through the radii that are tried."""
     whole = maximum(square(weight).sum(), 1e-30)
-    for scale in SCALES:
-        tried = scale * radius
-        body = mean([shape(1.0 - each / square(tried)) for each in away])
+
+    def fit(tried: Field) -> tuple[Field, Field]:
+        body = seen(tried)
         peak = (weight * body).sum() / maximum(square(body).sum(), 1e-30)
-        left = sqrt(square(weight - peak * body).sum() / whole)
-        fits.append((-left, tried, peak))
-    least, best, peak = most(fits)
-    return _Fit(-least, best, peak)
+        return square(weight - peak * body).sum() / whole, peak
+
+    left = [fit(scale * radius)[0] for scale in SCALES]
+    best = radius * most([(-each, _lowest(left, n)) for n, each in enumerate(left)])[1]
+    least, peak = fit(best)
+    return _Fit(sqrt(least), best, peak)
+
+
+def _lowest(left: list[Field], n: int) -> Field:
+    """Return the scale at the lowest point of the parabola through three, near the middle one."""
+    here = left[n]
+    scale = 0.0 * here + SCALES[n]
+    if not 0 < n < len(left) - 1:
+        return scale
+    before, behind = left[n - 1], left[n + 1]
+    off = 0.5 * (before - behind) / maximum(before - 2.0 * here + behind, 1e-30)
+    return scale + STEP * minimum(maximum(off, -0.5), 0.5)
 
 
 def _hertz(inside: Field) -> Field:
@@ -134,4 +161,5 @@ def _hertz(inside: Field) -> Field:
 
 
 def _punch(inside: Field) -> Field:
-    return where(inside > 0.0, 1.0 / sqrt(maximum(inside, RIM)), 0.0)
+    within = where(inside > RIM, 1.0 / sqrt(maximum(inside, RIM)), 2.0 / RIM**0.5)
+    return where(inside > 0.0, within, 0.0)
