@@ -20,7 +20,7 @@ QUICK := $(addprefix tests/,cli/commands/test_devices.py cli/commands/test_run.p
     scenes/test_scene.py)
 SITUATION := sh -c '$(BIN)/cnnum devices --no-measure && $(BIN)/cnnum demo --out cnnum-demo.html --force && $(PYTEST) $(QUICK)'
 
-.PHONY: demo test test-full situations faults arrays embedded gpu fuzz mutate platforms docs lint style mypy pyright bench lock audit clean
+.PHONY: demo test test-full situations faults arrays embedded gpu portability fuzz mutate platforms docs lint style mypy pyright bench lock audit clean
 
 demo: $(VENV)/run.stamp
 	$(BIN)/cnnum demo --out cnnum-demo.html --force
@@ -76,7 +76,11 @@ embedded: $(VENV)/dev.stamp
 
 # the engine on a graphics processor, in at most five minutes: `make gpu`, or `make gpu GPU=NAME`
 gpu: $(VENV)/dev.stamp
-	$(BIN)/python tests/situations/gpu.py $(GPU)
+	$(BIN)/python tests/situations/other_opencl.py gpu $(GPU)
+
+# the engine's tests on Oclgrind, on Mesa's rusticl and on Intel's runtime, where they are installed
+portability: $(VENV)/dev.stamp
+	$(BIN)/python tests/situations/other_opencl.py portability
 
 # faults put into a copy of the code, one at a time: the tests must catch each (tests/mutations)
 mutate: $(VENV)/dev.stamp

@@ -18,6 +18,7 @@ import subprocess
 import sys
 from collections import Counter
 from collections.abc import Generator, Iterator, Sequence
+from contextlib import contextmanager
 from typing import TypeVar
 from zlib import crc32
 
@@ -25,7 +26,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 from cnnum import Engine
-from cnnum.errors import NoOpenCLError
+from cnnum.errors import DeviceError, NoOpenCLError
 
 Case = TypeVar("Case")
 FULL = os.environ.get("CNNUM_FAULTS") == "full"
@@ -96,7 +97,6 @@ def only(wanted: str) -> None:
     """
     from cnnum.engines.devices import listing, selection
     from cnnum.engines.devices import peak as measure
-    from cnnum.errors import DeviceError
 
     listed = listing.list_devices
     # their own names for it are kept: they count devices as the processes that they start do
@@ -113,20 +113,28 @@ def only(wanted: str) -> None:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_setup(item: pytest.Item) -> Generator[None, object, object]:
-    """Skip a test whose fixtures ask for OpenCL where there is none."""
-    try:
+    """Skip a test whose fixtures ask for what OpenCL does not have here."""
+    with _skipped():
         return (yield)
-    except NoOpenCLError as error:
-        pytest.skip(f"this test is about OpenCL: {error.reason}")
 
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_call(item: pytest.Item) -> Generator[None, object, object]:
-    """Skip a test that asks for OpenCL by name where there is none."""
-    try:
+    """Skip a test that asks for what OpenCL does not have here."""
+    with _skipped():
         return (yield)
+
+
+@contextmanager
+def _skipped() -> Iterator[None]:
+    try:
+        yield
     except NoOpenCLError as error:
         pytest.skip(f"this test is about OpenCL: {error.reason}")
+    except DeviceError as error:
+        if not (os.environ.get("CNNUM_TEST_DEVICE") and "double precision" in str(error)):
+            raise
+        pytest.skip(str(error))
 
 
 @pytest.fixture(scope="session")

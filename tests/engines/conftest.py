@@ -8,6 +8,7 @@ import os
 import pytest
 
 from cnnum.engine import Engine
+from cnnum.engines.devices.selection import choose_device
 
 OUTSIDE = os.environ.get("CNNUM_TEST_ENGINE", "numba")
 NAMES = ("opencl-float32", "opencl-float64", "numba-float32", "numba-float64")
@@ -25,7 +26,10 @@ class Engines(dict[str, Engine]):
 @pytest.fixture(scope="session")
 def engines(fast: Engine) -> Engines:
     """Engines that tests choose from by name and precision; the reference stands apart."""
-    here = [label for label in NAMES if fast.name == "opencl" or label.startswith("numba")]
+    here = [label for label in NAMES if label.startswith("numba")]
+    if fast.name == "opencl":
+        double = choose_device(None).double
+        here = [label for label in NAMES if double or label != "opencl-float64"]
     made = ((label, label.split("-")) for label in here)
     return Engines({label: _made(name, precision) for label, (name, precision) in made})
 

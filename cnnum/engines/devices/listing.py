@@ -16,6 +16,7 @@ from dataclasses import dataclass
 
 import pyopencl as cl
 
+from cnnum.engines.devices.intel import offered
 from cnnum.engines.devices.pocl import given_a_folder
 from cnnum.engines.forks import note_opencl, refuse_after_fork
 from cnnum.engines.notices import how_to_get_opencl
@@ -134,7 +135,7 @@ def list_devices() -> tuple[Device, ...]:
     refuse_after_fork()
     note_opencl()
     try:
-        with given_a_folder(), asked_for():
+        with given_a_folder(), asked_for(), offered():
             listed = [(platform, _devices_of(platform)) for platform in cl.get_platforms()]
     except cl.Error:
         raise NoOpenCLError(NONE, how_to_get_opencl()) from None
