@@ -21,8 +21,8 @@ Real = TypeVar("Real", np.float32, np.float64)
 BLOCK = 32
 """Rows that are copied before they are looked at: they stay in a core's cache."""
 
-GROUP = 1024
-"""Numbers of rows that are taken together, since a row may be short: eight of them fit a cache."""
+GROUP = 768
+"""Numbers of rows that are taken together, since a row may be short; eight such fit a cache."""
 
 SHARED = 1 << 17
 """Cells from which all cores take part; to start a thread takes as long as some ten thousand."""

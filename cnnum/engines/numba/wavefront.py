@@ -186,8 +186,8 @@ def _front(
                 queue[count] = own + c
                 count += 1
                 level = max(level, total)
-    if mixed:
-        return MIXED, 0.0, drive
+        if mixed:
+            return MIXED, 0.0, drive
     largest = max(largest, centre + most)
     flat = downs * wide + rights
     lost = 2.0 * weights

@@ -125,6 +125,18 @@ def _scipy_recall(black: Blacks, marks: Blacks) -> Callable[[], Any]:
     return lambda: ndimage.binary_propagation(marks, SQUARE, mask=black)
 
 
+def _scipy_unmarked(black: Blacks, marks: Blacks) -> Callable[[], Any]:
+    return lambda: black & ~ndimage.binary_propagation(marks, CROSS, mask=black)
+
+
+def _scipy_erosion(black: Blacks, _: Blacks) -> Callable[[], Any]:
+    return partial(ndimage.binary_erosion, black, CROSS)
+
+
+def _scipy_dilation(black: Blacks, _: Blacks) -> Callable[[], Any]:
+    return partial(ndimage.binary_dilation, black, CROSS)
+
+
 def _opencv_median(picture: Any, _: Blacks) -> Callable[[], Any]:
     return partial(_opencv().medianBlur, picture, 3)
 
@@ -149,12 +161,16 @@ MAXIMA: Mapping[str, Prepare] = {"OpenCV": _opencv_maximum, "SciPy": _scipy_maxi
 EDGES: Mapping[str, Prepare] = {"OpenCV": _opencv_edge, "SciPy": _scipy_edge}
 HOLES: Mapping[str, Prepare] = {"SciPy": _scipy_holes}
 RECALL: Mapping[str, Prepare] = {"SciPy": _scipy_recall}
+UNMARKED: Mapping[str, Prepare] = {"SciPy": _scipy_unmarked}
 
 CASES = (
     Case("EDGE", (1000, 64, 64), EDGES),
     Case("EDGE", (1024, 1024), EDGES),
     *(Case("HOLE", (size, size), HOLES) for size in (64, 256, 1024)),
     *(Case("RECALL", (size, size), RECALL) for size in (64, 256, 1024)),
+    *(Case("CONNECTI", (size, size), UNMARKED) for size in (64, 256, 1024)),
+    Case("CHUA_EROSION", (1024, 1024), {"SciPy": _scipy_erosion}),
+    Case("CHUA_DILATION", (1024, 1024), {"SciPy": _scipy_dilation}),
     *(Case("MEDIAN", (size, size), MEDIANS, gray=True) for size in (256, 1024)),
     Case("MAX", (256, 256), MAXIMA, gray=True),
 )
@@ -209,8 +225,9 @@ def measure(
         picture = np.random.default_rng(12).uniform(-1.0, 1.0, case.shape).astype(np.float32)
     theirs = prepare(picture if case.gray else black, marks)
     maps: dict[str, Any] = {"input": picture}
-    if case.template == "RECALL":
-        maps["state"] = np.where(marks, np.float32(1.0), np.float32(-1.0))
+    if case.template in ("RECALL", "CONNECTI"):
+        begun = marks if case.template == "RECALL" else black & ~marks
+        maps["state"] = np.where(begun, np.float32(1.0), np.float32(-1.0))
     ours = partial(engine.run, case.template, **maps)
     found = ours()
     if case.gray:
