@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from cnnum.arrays import Floats, Shape
 from cnnum.errors import ProgramError, name_error
 from cnnum.graph.nodes import FirstFrame, Graph, Input, Memory, Node, Read
-from cnnum.programs.fields import Field, constant, sqrt, square, total, where
+from cnnum.programs.fields import Field, constant, most, sqrt, square, total, where
 from cnnum.safety.values import checked_name
 
 Made = TypeVar("Made")
@@ -336,6 +336,32 @@ def blocks(frame: FrameFields, rows: int, cols: int) -> list[Block]:
     shares = [1.0 * (number == n) for n in range(rows * cols)]
     cells = number.size // len(shares)
     return [Block(cells, one, _over(frame, one), _over(frame, one * alone)) for one in shares]
+
+
+def place_on(frame: FrameFields, weight: Field, pads: int) -> tuple[Field, Field]:
+    """Return row and column of the centre of a weight, on the pad that has most of it.
+
+    Parameters
+    ----------
+    frame : FrameFields
+    weight : Field
+        Map, 0 or above.
+    pads : int
+        Pads next to one another in the columns.
+
+    Raises
+    ------
+    ProgramError
+        If the columns do not divide into them.
+    """
+    if pads == 1:
+        return frame.centroid(weight)
+    rows: list[tuple[Field, ...]] = []
+    for pad in blocks(frame, 1, pads):
+        part = weight * frame.constant(pad.share)
+        rows.append((part.sum(), *frame.centroid(part)))
+    _, row, column = most(rows)
+    return row, column
 
 
 def root_sum(sums: Sums, maps: Iterable[Field]) -> Field:

@@ -13,7 +13,13 @@ HOLD = 0.5
 """Share of its level below which a report may end."""
 
 
-def level_of(false_reports: float, levels: Sequence[tuple[float, float]]) -> float:
+LOWEST = 0.1
+"""Share of the lowest measured level that a level has at least."""
+
+
+def level_of(
+    false_reports: float, levels: Sequence[tuple[float, float]], level: float = 0.0
+) -> float:
     """Return the level of a strength that leads to a rate of false reports.
 
     Parameters
@@ -21,17 +27,26 @@ def level_of(false_reports: float, levels: Sequence[tuple[float, float]]) -> flo
     false_reports : float, 1/10 min
     levels : sequence of (float, float)
         Rates that were measured, from few to many, each with its level. Between two of them a level
-        is straight over the rate's logarithm.
+        is straight over the rate's logarithm. Beyond them, where no rate was measured, the line
+        through the first or the last two goes on.
+    level : float
+        The level itself, where it is above 0: the rate then does not count.
 
     Raises
     ------
     ProgramError
-        If the rate is outside those that were measured.
+        If the rate is not positive, or the level below 0.
     """
-    refuse_outside(false_reports=(false_reports, levels[0][0], levels[-1][0]))
-    rates = [log(rate) for rate, _ in levels]
-    found = np.interp(np.array([log(false_reports)]), rates, [level for _, level in levels])
-    return float(found[0])
+    refuse_outside(false_reports=(false_reports, 1e-6, 1e6), level=(level, 0.0, 1e6))
+    if level > 0.0:
+        return float(level)
+    rates, known = np.log([rate for rate, _ in levels]), [own for _, own in levels]
+    at = log(false_reports)
+    ends = slice(0, 2) if at < rates[0] else slice(-2, None)
+    if rates[0] <= at <= rates[-1] or len(levels) < 2:
+        return float(np.interp(at, rates, known))
+    slope, start = np.polyfit(rates[ends], known[ends], 1)
+    return max(float(start + slope * at), LOWEST * min(known))
 
 
 def report(frame: FrameFields, strength: Field, level: float, frames: float) -> Field:

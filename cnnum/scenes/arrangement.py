@@ -2,21 +2,32 @@
 
 import inspect
 import logging
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
 from typing import cast
 
+from cnnum.arrays import Shape
 from cnnum.drivers.driver import Driver
 from cnnum.drivers.geometry import Grid
 from cnnum.drivers.registry import module_of
-from cnnum.errors import ArrayError, SceneError, UnknownNameError, name_error
-from cnnum.frame import differ, limits_of
+from cnnum.errors import (
+    ArrayError,
+    CnnumError,
+    ProgramError,
+    SceneError,
+    UnknownNameError,
+    name_error,
+)
+from cnnum.frame import FORCE_AXES, differ, limits_of
+from cnnum.graph.nodes import Graph
 from cnnum.programs import Program
-from cnnum.programs.library import get_program, load_program
+from cnnum.programs.library import get_program, load_program, program_names
+from cnnum.programs.machine import SATURATED
 from cnnum.programs.parameters import PITCH, RATE, in_own_units, takes_pitch
 from cnnum.safety.values import LONGEST, shown
-from cnnum.scenes.events import EVENT_RULES
+from cnnum.scenes.events import EVENT_RULES, rules_that_fit
 from cnnum.scenes.scene_file import EVERYTHING, SceneSpec
 from cnnum.tactile.bump_loads import DEEPEST, SHARP_UP_TO
 from cnnum.tactile.cover import BumpCover, FlatCover, LayerCover
@@ -356,6 +367,119 @@ def _refuse_pads(program: Program, spec: SceneSpec, driver: Driver) -> None:
         f"Scene '{spec.name}': 'pads' = {pads} on an array of {rows}×{cols} taxels, which is "
         f"{seen}: set 'program.parameters.pads' to the pads that lie side by side."
     )
+
+
+def traced(program: Program, spec: SceneSpec, shape: Shape, channels: Sequence[str]) -> Graph:
+    """Return the operations of a program on an array.
+
+    Raises
+    ------
+    SceneError
+        If the program reads an axis that the array does not.
+    """
+    try:
+        return program.trace(shape, channels)
+    except (UnknownNameError, ProgramError):
+        missing = missing_axes(channels)
+        if not missing or not _runs(program, shape, (*channels, *missing)):
+            raise
+    raise SceneError(
+        f"Scene '{spec.name}': the program '{spec.program_name}' needs {_listed(missing)}, which "
+        f"the array does not read (it reads {', '.join(c for c in channels if c != SATURATED)}): "
+        "take another program; 'cnnum plan' lists what such an array can give."
+    ) from None
+
+
+def missing_axes(channels: Collection[str]) -> tuple[str, ...]:
+    """Return the force axes that an array does not read; none of one that reads no axis at all."""
+    if not any(axis in channels for axis in FORCE_AXES):
+        return ()
+    return tuple(axis for axis in FORCE_AXES if axis not in channels)
+
+
+def refuse_missing_axes(
+    program: Program,
+    spec: SceneSpec,
+    shape: Shape,
+    channels: Sequence[str],
+    outputs: Collection[str],
+) -> None:
+    """Raise SceneError if a scene wants what its program gives of three axes and not of these."""
+    missing = missing_axes(channels)
+    lost = [
+        want
+        for want in spec.needs
+        if missing and want not in outputs and not rules_that_fit([want], outputs)
+        and want not in spec.own and want != EVERYTHING
+    ]  # fmt: skip
+    if not lost:
+        return
+    whole = _outputs(program, shape, (*channels, *missing))
+    for want in lost:
+        if want in whole or rules_that_fit([want], whole):
+            raise SceneError(
+                f"Scene '{spec.name}': '{want}' of the program '{spec.program_name}' needs "
+                f"{_listed(missing)}, which the array does not read (it reads "
+                f"{', '.join(channels)}): leave it out; 'cnnum plan' lists what such an array can "
+                "give."
+            )
+
+
+@dataclass(frozen=True, slots=True)
+class Given:
+    """An event that some program of the library gives from three axes.
+
+    Attributes
+    ----------
+    event : str
+    programs : tuple of str
+        Those that give it on this array.
+    missing : tuple of str
+        Axes that the array lacks for it; empty where a program gives it.
+    """
+
+    event: str
+    programs: tuple[str, ...]
+    missing: tuple[str, ...]
+
+
+def given_by(shape: Shape, channels: Sequence[str]) -> tuple[Given, ...]:
+    """Return what the library can report of an array with these channels, event by event."""
+    missing = missing_axes(channels)
+    if not any(axis in channels for axis in FORCE_AXES):
+        return ()
+    able: dict[str, list[str]] = {event: [] for event in EVENT_RULES}
+    named = dict.fromkeys(able, False)
+    rooms = (*program_names("tactile"), *program_names("tactile.contact_mechanics"))
+    for name in (one for one in rooms if one != ALL):
+        program = get_program(name)
+        whole = _outputs(program, shape, (*channels, *missing))
+        here = _outputs(program, shape, channels) if missing else whole
+        for event in able:
+            named[event] = named[event] or bool(rules_that_fit([event], whole))
+            if rules_that_fit([event], here):
+                able[event].append(name)
+    return tuple(
+        Given(event, tuple(found), () if found else missing)
+        for event, found in able.items()
+        if named[event]
+    )
+
+
+def _outputs(program: Program, shape: Shape, channels: Sequence[str]) -> tuple[str, ...]:
+    return tuple(program.trace(shape, channels).outputs) if _runs(program, shape, channels) else ()
+
+
+def _runs(program: Program, shape: Shape, channels: Sequence[str]) -> bool:
+    try:
+        program.trace(shape, channels)
+    except CnnumError:
+        return False
+    return True
+
+
+def _listed(names: Sequence[str]) -> str:
+    return " and ".join(f"'{name}'" for name in names)
 
 
 def unknown_want(spec: SceneSpec, want: str, outputs: Collection[str]) -> UnknownNameError:

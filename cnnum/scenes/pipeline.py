@@ -39,8 +39,10 @@ from cnnum.scenes.arrangement import (
     events_of_everything,
     grid_of,
     program_of,
+    refuse_missing_axes,
     refuse_other_limits,
     refuse_unfit,
+    traced,
     unknown_want,
     warn_of_no_bumps,
     warn_of_other_cover,
@@ -325,9 +327,10 @@ class Scene(OfThisProcess):
             program = bound(program_of(spec), spec, driver, grid, measured)
             refuse_unfit(program, spec, driver, measured)
             shape = driver.shape if grid is None else grid.shape
-            traced = program.trace(shape, (*conversion.channels, CHANNEL))
-            outputs = traced.outputs
-            channels = (*conversion.channels, *([CHANNEL] if _reads_marks(traced) else []))
+            graph = traced(program, spec, shape, (*conversion.channels, CHANNEL))
+            outputs = graph.outputs
+            channels = (*conversion.channels, *([CHANNEL] if _reads_marks(graph) else []))
+            refuse_missing_axes(program, spec, shape, conversion.channels, outputs)
             wants = _needs(spec, outputs, events_of_everything(driver))
             warn_of_no_bumps(spec, driver)
             warn_of_other_cover(program, spec, driver, measured)

@@ -143,7 +143,9 @@ Taxels = Literal["strain", "stress", "pad"]
 
 
 @cache
-def bump_inverse(taxels: Taxels, pitch: float, depth: float, spacing: float = 1.5) -> Array:
+def bump_inverse(
+    taxels: Taxels, pitch: float, depth: float, spacing: float = 1.5, *, shear: bool = True
+) -> Array:
     """Return the weights that turn readings into loads.
 
     Parameters
@@ -154,10 +156,12 @@ def bump_inverse(taxels: Taxels, pitch: float, depth: float, spacing: float = 1.
         From bump to bump, and of the taxels below their feet, in bump radii.
     spacing : float
         Spacing of a pad's taxels, in bump radii.
+    shear : bool
+        Whether the shear is read, too. Without it the loads are taken to be pushes alone.
 
     Returns
     -------
-    (3, 3, 7, 7) float
+    (3, 3, 7, 7) float, or (1, 1, 7, 7) without shear
         [load, reading, row, column], of (Q_x, Q_y, P) over E r² for strain and over r² for stress
         and pads. Readings are pushes: −ε or −σ of the three-axial taxels, and the outputs of `Pad`.
 
@@ -168,6 +172,7 @@ def bump_inverse(taxels: Taxels, pitch: float, depth: float, spacing: float = 1.
     """
     axis = np.arange(WAVES) - WAVES // 2
     influence = _influence(taxels, pitch, depth, spacing, axis)
+    influence = influence if shear else influence[2:, 2:]
     waves = np.fft.fft2(np.fft.ifftshift(influence, axes=(2, 3)))
     matrix = np.moveaxis(waves, (0, 1), (-2, -1))
     undone = np.moveaxis(np.linalg.inv(matrix), (-2, -1), (0, 1))
@@ -176,7 +181,7 @@ def bump_inverse(taxels: Taxels, pitch: float, depth: float, spacing: float = 1.
     cut = np.zeros_like(whole)
     cut[..., middle, middle] = whole[..., middle, middle]
     left = np.fft.ifft2(np.einsum("ijab,jkab->ikab", _waves(cut), waves)).real
-    left[:, :, 0, 0] -= np.eye(3)
+    left[:, :, 0, 0] -= np.eye(len(left))
     if np.abs(left).max() > LEFT:
         raise PhysicsError(
             f"Bumps {pitch:g} radii apart over taxels {depth:g} radii deep cannot be separated: "

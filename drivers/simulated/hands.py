@@ -6,6 +6,7 @@ from math import pi
 import numpy as np
 
 from cnnum.drivers.simulated.grips import (
+    REST,
     SWINGS,
     Array,
     Arrays,
@@ -120,3 +121,38 @@ def rolls(draw: Draw) -> Phases:
 def _weight(draw: Draw, low: float, high: float) -> Phases:
     lasts = draw.bounds.travel(draw.uniform(low, high)) / draw.speed
     return (Phase("pull", lasts, speed=draw.speed, direction=draw.direction),)
+
+
+def oblique(frequency: float) -> Make:
+    """Return scenes of touches that come and go together with their shear, and stick.
+
+    Under a load and a pull that grow in proportion, both as of a sphere, all of the contact sticks
+    as long as the pull is below friction's limit (Mindlin and Deresiewicz).
+
+    Parameters
+    ----------
+    frequency : float, Hz
+        Of the touches.
+    """
+
+    def make(arrays: Arrays, family: str, seed: int) -> Trial:
+        draw = Draw.of(family, seed, Array())
+        bounds, lasts = draw.bounds, 1.0 / frequency
+        along = np.array([np.cos(draw.direction), np.sin(draw.direction)])
+        hand, count = list[Command](), draw.scans(SECONDS)
+        idle = [Command(load=0.0)] * draw.scans(REST)
+        while len(idle) + len(hand) < count:
+            # to the depth of the first load, or more or less; the pull is a share of its limit
+            high, share = draw.uniform(0.7, 1.2), draw.uniform(0.2, 0.7)
+            rises = np.arange(1, draw.scans(0.3 * lasts) + 1) / draw.scans(0.3 * lasts)
+            holds, air = np.ones(draw.scans(0.2 * lasts)), np.zeros(draw.scans(0.2 * lasts))
+            deep = high * np.concatenate([rises, holds, rises[::-1], air])
+            moves = np.diff(share * bounds.travel() * deep, prepend=0.0)
+            hand += [
+                Command(load=float(load), move=(float(step[0]), float(step[1])))
+                for load, step in zip(bounds.load * deep**1.5, moves[:, None] * along, strict=True)
+            ]
+        array = arrays.made(draw, Array())
+        return trial_of(array, draw, Skin(), family, list(array.follow([*idle, *hand][:count])))
+
+    return make

@@ -26,9 +26,9 @@ from cnnum.programs.fields import Field, maximum, minimum, where
 from cnnum.programs.machine import FrameFields
 from cnnum.programs.parameters import refuse_outside
 from cnnum.programs.transients import shift, transient
-from cnnum.templates.tactile.cover_model.fields import DEPTH, READS
+from cnnum.templates.tactile.cover_model.fields import DEPTH, READS, Carries
 from cnnum.templates.tactile.shared.loads import PUSH, loads_of
-from cnnum.templates.tactile.shared.pressure import Carries, pressed_of
+from cnnum.templates.tactile.shared.pressure import pressed_of
 from cnnum.templating.library import get_template
 
 

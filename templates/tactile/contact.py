@@ -4,10 +4,10 @@ from collections.abc import Mapping
 
 from cnnum.programs import program
 from cnnum.programs.fields import Field, length, where
-from cnnum.programs.machine import FrameFields
-from cnnum.templates.tactile.cover_model.fields import DEPTH, READS
+from cnnum.programs.machine import FrameFields, place_on
+from cnnum.templates.tactile.cover_model.fields import DEPTH, READS, Carries
 from cnnum.templates.tactile.shared.loads import PUSH, loads_of
-from cnnum.templates.tactile.shared.pressure import Carries, pressed_of
+from cnnum.templates.tactile.shared.pressure import pressed_of
 
 SHARE = 0.1
 """Share of the peak pressure from which a taxel counts as touched: the rest of the cover's blur
@@ -24,6 +24,7 @@ def contact(
     reads: Carries = READS,
     normal_gain: float = 1.0,
     unit: float = 1.0,
+    pads: int = 1,
 ) -> Mapping[str, Field]:
     """Contact and its loads.
 
@@ -33,7 +34,8 @@ def contact(
     Parameters
     ----------
     frame : FrameFields
-        Strain, stress or calibrated signals, in any unit.
+        Strain, stress or calibrated signals, in any unit. Where only `normal` is read, the pull's
+        part of it cannot be taken off, and the last four outputs but `load_normal` are missing.
     push : float
         −1 for strain and stress, which count tension as positive; +1 for signals and counts that
         rise under a push.
@@ -47,6 +49,8 @@ def contact(
         Normal load over the reading of the normal channel, in the shear channels' unit.
     unit : float
         Unit of the loads: 2/3 E pitch² for strain, pitch² for stress gives newtons.
+    pads : int
+        Pads that lie next to one another in the columns; the place is on the one with most load.
 
     Returns
     -------
@@ -66,19 +70,22 @@ def contact(
     """
     loads = frame.once(loads_of, push=push)
     load = pressed_of(loads, share, depth, reads, normal_gain)
-    row, column = frame.centroid(load.weight)
+    row, column = place_on(frame, load.weight, pads)
     touches = load.touched.any()
-    known = frame.within_range(touches)
-    normal, x, y = (where(touches, unit * part, 0.0) for part in (load.normal, load.x, load.y))
+    normal, *pulls = (where(touches, unit * part, 0.0) for part in (load.normal, *load.pulls))
+    frictions = {}
+    if pulls:
+        frictions = {
+            "friction_used": where(touches, length(pulls) / normal, 0.0),
+            "shear_known": frame.within_range(touches),
+        }
     return {
         "contact": loads.contact,
         "contact_map": load.touched,
         "contact_area": load.touched.count(),
         "contact_row": frame.memory("last row", scalar=True).hold(row, touches),
         "contact_column": frame.memory("last column", scalar=True).hold(column, touches),
-        "load_x": x,
-        "load_y": y,
+        **dict(zip(("load_x", "load_y"), pulls, strict=bool(pulls))),
         "load_normal": normal,
-        "friction_used": where(touches, length([x, y]) / normal, 0.0),
-        "shear_known": known,
+        **frictions,
     }

@@ -23,10 +23,10 @@ from cnnum.programs import program
 from cnnum.programs.fields import Field, maximum, minimum, sqrt, total, where
 from cnnum.programs.machine import FrameFields
 from cnnum.programs.transients import apply, shift
-from cnnum.tactile.indenters import Reads
 from cnnum.templates.tactile.cover_model.fields import (
     DEPTH,
     READS,
+    Carries,
     noise_gain,
     surface_load,
 )
@@ -67,7 +67,7 @@ def edges(
     *,
     push: float = PUSH,
     depth: float = DEPTH,
-    reads: Reads = READS,
+    reads: Carries = READS,
     sharp: float = SHARP,
 ) -> Mapping[str, Field]:
     """Edges, from the surface load that the cover has blurred.
@@ -82,8 +82,8 @@ def edges(
         rise under a push.
     depth : float
         Cover above the taxels, in pitches; up to 1 in the measurements of `docs/programs/edges.md`.
-    reads : "strain" or "stress"
-        The measured quantity.
+    reads : "strain", "stress" or "force"
+        The measured quantity; "force" for taxels that each carry their own share of the load.
     sharp : float
         Share of its fall that a load takes within a cell, from which its end is an edge: more
         finds fewer edges, and takes fewer smooth contacts for them.

@@ -116,7 +116,8 @@ def localize(
     ----------
     frame : FrameFields
         One cell a bump: strain or stress of the taxel under it. For a pad of pressure taxels (with
-        push = 1) it is the output of `Pad`.
+        push = 1) it is the output of `Pad`. Where only `normal` is read, loads are taken to be
+        pushes, and the outputs of shear are missing.
     push : float
         −1 for strain and stress, which count tension as positive; +1 for signals and counts that
         rise under a push.
@@ -158,10 +159,10 @@ def localize(
         unit=(unit, 1e-30, 1e30),
     )
     loads = frame.once(loads_of, push=push)
-    alone = unmix(taxels, bump_pitch, bump_depth, bump_spacing)
-    own = transient(alone, input=[loads.shear_x, loads.shear_y, loads.normal]).outputs
-    x, y, normal = (unit * part for part in own)
-    gain = unit * np.sqrt((alone.B[2, 2] ** 2).sum())
+    alone = unmix(taxels, bump_pitch, bump_depth, bump_spacing, shear=bool(loads.shear))
+    own = transient(alone, input=[*loads.shear, loads.normal]).outputs
+    *sheared, normal = (unit * part for part in own)
+    gain = unit * np.sqrt((alone.B[-1, -1] ** 2).sum())
     noise = float(gain) * sqrt(loads.normal_noise)
     touched = loads.contact & (normal > maximum(share * normal.max(), LIFT * noise))
     patches = patches_of(frame, touched, normal)
@@ -171,19 +172,18 @@ def localize(
     sure = carries if frame.at_end is None else carries & ~near_the_end(frame.at_end)
     whole = sure.count() > carries.count() - 0.5
     known = touched & sure
-    own_x, own_y = (where(known, part, 0.0) for part in (x, y))
+    own_shear = [where(known, part, 0.0) for part in sheared]
     own_normal = where(touched, normal, 0.0)
+    sums = [where(whole & carries, part, 0.0).sum() for part in sheared]
     row, column = frame.centroid(carried)
     any_touched = touched.any()
     return {
         "bump_contact": touched,
         "bump_count": touched.count(),
-        "bump_load_x": own_x,
-        "bump_load_y": own_y,
+        **dict(zip(("bump_load_x", "bump_load_y"), own_shear, strict=bool(own_shear))),
         "bump_load_normal": own_normal,
-        "bump_shear_known": known,
-        "bump_x": where(whole & carries, x, 0.0).sum(),
-        "bump_y": where(whole & carries, y, 0.0).sum(),
+        **({"bump_shear_known": known} if own_shear else {}),
+        **dict(zip(("bump_x", "bump_y"), sums, strict=bool(own_shear))),
         "bump_normal": carried.sum(),
         "bump_row": frame.memory("last bump row", scalar=True).hold(row, any_touched),
         "bump_column": frame.memory("last bump column", scalar=True).hold(column, any_touched),
@@ -208,8 +208,10 @@ def unmix(
     pitch: float = PITCH,
     depth: float = DEPTH,
     spacing: float = SPACING,
+    *,
+    shear: bool = True,
 ) -> Template:
-    """Return the template of three layers that takes neighbours' loads off, see `bump_inverse`.
+    """Return the template that takes neighbours' loads off, one layer an axis: see `bump_inverse`.
 
     Raises
     ------
@@ -220,10 +222,11 @@ def unmix(
     """
     if taxels not in get_args(Taxels):
         raise name_error("kind of taxels", taxels, get_args(Taxels))
+    axes = 3 if shear else 1
     return Template(
         "unmix",
-        np.zeros((3, 3, 1, 1)),
-        bump_inverse(taxels, float(pitch), float(depth), float(spacing)),
+        np.zeros((axes, axes, 1, 1)),
+        bump_inverse(taxels, float(pitch), float(depth), float(spacing), shear=shear),
         boundary=0.0,
         duration="settle",
         output="linear",

@@ -5,11 +5,15 @@ move a pattern, too: a load that changes, and a ratio of shear to normal load th
 counts as far as it exceeds their effect, once less than half of the contact sticks:
 
     strength = (pattern_speed² · incoherent_shear)^⅓ · ratio
-               / (still + |trend| + swing · load_rate + pull · ratio_rate)
+               / (still + trend + swing · load_rate + pull · ratio_rate)
 
 All of these are rates in 1/s, but for `ratio`, which is shear over normal load. Where the axes are
 known, the strength is weighed by how far the pattern moves along the shear. It is weighed, too, by
-whether the shear lies where the contact presses.
+whether the shear lies where the contact presses. Of several pads the one with the largest strength
+counts.
+
+An array that reads shear alone, as a field of markers does, has its magnitude for a load. One that
+reads no shear cannot tell a slide: a touch, a grip and a roll move the pattern of the load as much.
 """
 
 from collections.abc import Mapping
@@ -32,12 +36,18 @@ TOUCHED, STICKS = 0.1, 0.5  # load of a cell in contact, over the largest; share
 ALONG = 0.75  # weight of a motion over 1 plus its cosine to the shear: 1 at a third
 WAVE = RunSpec(method="euler")  # of a time constant: no cell turns back, so the picture is the same
 ALIGNED = 0.3  # cosine of the shear's map to the load's, from which a shear can be that of a slip
+SIGNS = (
+    "pattern_speed", "incoherent_shear", "trend", "load_rate", "ratio_rate", "stick_share"
+)  # fmt: skip
+AXIAL = ("motion_cosine", "alignment")  # read-outs that are shown, the latter with known axes
 LEVELS = (
     (0.5, 0.60), (1.2, 0.50), (2.0, 0.40), (3.2, 0.36), (4.7, 0.32), (5.9, 0.28), (6.4, 0.25),
     (11.6, 0.20),
 )  # fmt: skip
 """False reports in ten minutes, and the level of the strength that leads to them: upper bounds
 (90 %) from simulated hands without slip or rolling (`docs/figures/false_reports.py`)."""
+SHEAR_LEVELS = ((1.5, 0.60), (2.5, 0.50), (6.8, 0.40), (15.0, 0.28), (31.0, 0.20))
+"""The same where shear alone is read."""
 
 
 @program
@@ -54,8 +64,9 @@ def slip(
     floor: float = 240.0,
     still: float = 0.2,
     pull: float = 0.6,
-    swing: float = 0.3,
+    swing: float = 0.6,
     false_reports: float = 2.0,
+    level: float = 0.0,
     hold_time: float = 0.1,
 ) -> Mapping[str, Field]:
     """Slip of an object that is touched or held.
@@ -79,38 +90,62 @@ def slip(
     still, pull, swing : float, 1/s, none, none
         Slowest movement that counts, in contact sizes a second. Weights of a ratio that still
         grows, and of a load that swings.
-    false_reports, hold_time : float, 1/10 min, s
-        Accepted rate, which sets the level of a report; it ends once below half of that for a time.
+    false_reports, level : float, 1/10 min, none
+        Accepted rate, which sets the level of the strength from which slip is reported; or that
+        level, where it is above 0.
+    hold_time : float, s
+        A report ends once the strength was below half the level for that time.
 
     Returns
     -------
     mapping
-        `gross_slip` (flag), `slip_x`, `slip_y` (unit vector of the shear), `slip_strength`.
+        `gross_slip` (flag), `slip_x`, `slip_y` (unit vector of the shear), `slip_strength`, and
+        what it is made of: `slip_level`, and of the pad that counts `slip_pattern_speed`,
+        `slip_incoherent_shear`, `slip_trend`, `slip_load_rate`, `slip_ratio_rate` (1/s),
+        `slip_ratio`, `slip_stick_share`, and with known axes `slip_motion_cosine`,
+        `slip_alignment`; 0 during the rest.
     """
     refuse_outside(load=(load, 1e-6, 1e6), hold_time=(hold_time, 0.0, 1e6))
     recent = frame.once(
         RecentLoads, push=push, shear_gain=shear_gain, pads=pads, rest=rest, look=look,
         floor=floor,
     )  # fmt: skip
-    signs = frame.once(read_outs, recent=recent, load=load)
-    _, x, y = most([(pad.ratio * pad.load, pad.x, pad.y) for pad in recent.pads])
-    # decision
-    explained = abs(signs["trend"]) + swing * recent.load_rate + pull * signs["ratio_rate"]
-    speed = signs["pattern_speed"]
-    strength = (speed * speed * signs["incoherent_shear"]) ** (1 / 3) * recent.ratio
-    strength = where(signs["stick_share"] < STICKS, strength / (still + explained), 0.0)
-    if axes:  # an object slides along its shear, which is μ times the load
-        counts = ALONG * maximum(1.0 + signs["motion_cosine"], 0.0)
-        strength = strength * (
-            counts * counts * minimum(maximum(signs["alignment"], 0.0) / ALIGNED, 1.0)
-        )
+    signs_of_pads = frame.once(read_outs, recent=recent, load=load)
+    # decision: a hand's load changes under all of its fingers, an object may slip under one alone
+    explained = mean(
+        [
+            each["trend"] + swing * each["load_rate"] + pull * each["ratio_rate"]
+            for each in signs_of_pads
+        ]
+    )
+    (ratio,) = most([[signs["ratio"]] for signs in signs_of_pads])
+    names = SIGNS + AXIAL if axes else SIGNS
+    rows: list[list[Field]] = []
+    for signs in signs_of_pads:
+        speed = signs["pattern_speed"]
+        strength = (speed * speed * signs["incoherent_shear"]) ** (1 / 3) * ratio
+        strength = where(signs["stick_share"] < STICKS, strength / (still + explained), 0.0)
+        if axes:  # an object slides along its shear, which is μ times the load
+            counts = ALONG * maximum(1.0 + signs["motion_cosine"], 0.0)
+            strength = strength * (
+                counts * counts * minimum(maximum(signs["alignment"], 0.0) / ALIGNED, 1.0)
+            )
+        rows.append([strength, *(signs[name] for name in ("pull_x", "pull_y", *names))])
+    strength, x, y, *others = most(rows)
     shown = recent.shown(slip_x=x, slip_y=y, slip_strength=strength)
-    level, frames = level_of(false_reports, LEVELS), hold_time * frame.rate
-    return {"gross_slip": report(frame, shown["slip_strength"], level, frames), **shown}
+    needed = level_of(false_reports, LEVELS if recent.pressed else SHEAR_LEVELS, level)
+    flag = report(frame, shown["slip_strength"], needed, hold_time * frame.rate)
+    made_of = {f"slip_{name}": value for name, value in zip(names, others, strict=True)}
+    return {
+        "gross_slip": flag,
+        **shown,
+        "slip_level": frame.constant(needed),
+        **recent.shown(**made_of, slip_ratio=ratio),
+    }
 
 
-def read_outs(frame: FrameFields, *, recent: RecentLoads, load: float) -> dict[str, Field]:
-    """Return the signs of slip, means over the pads, and the load's trend, 1/s."""
+def read_outs(frame: FrameFields, *, recent: RecentLoads, load: float) -> list[dict[str, Field]]:
+    """Return the signs of slip of each pad."""
     # templates: the change of the shear, its local mean, and the region that sticks
     changes = [recent.per_s * (s - o) for s, o in zip(recent.shear, recent.old_shear, strict=True)]
     spreads = get_template("tactile_diffusion")
@@ -118,11 +153,11 @@ def read_outs(frame: FrameFields, *, recent: RecentLoads, load: float) -> dict[s
     rests = [each - local for each, local in zip(changes, around, strict=True)]
     stick = stick_region(recent, rests, around)
     # read-outs
-    pads = [_of_pad(recent, pad, rests, stick) for pad in recent.pads]
-    growth = recent.rate * (recent.load - frame.previous(recent.load)) / recent.load
-    growth, share = where(recent.resting, 0.0, growth), 1.0 - exp(-1.0 / (recent.rate * load))
-    trend = frame.memory("trend", scalar=True).mean(growth, share)
-    return {"trend": trend, **{name: mean([each[name] for each in pads]) for name in pads[0]}}
+    share = 1.0 - exp(-1.0 / (recent.rate * load))
+    return [
+        {**_of_load(recent, pad, share), **_of_pad(recent, pad, rests, stick)}
+        for pad in recent.pads
+    ]
 
 
 def stick_region(recent: RecentLoads, rests: list[Field], around: list[Field]) -> Field:
@@ -143,21 +178,43 @@ def stick_region(recent: RecentLoads, rests: list[Field], around: list[Field]) -
     return contact & ~loose
 
 
+def _of_load(recent: RecentLoads, pad: Pad, share: float) -> dict[str, Field]:
+    """Return the trend of a pad's load, as large as it lately was, and its last change, 1/s.
+
+    A touch that comes and goes has no trend at its turn, but it is no load at rest there.
+    """
+    frame = recent.frame
+    growth = recent.rate * (pad.load - frame.previous(pad.load)) / pad.load
+    growth = where(recent.resting, 0.0, growth)
+    trend = abs(frame.memory("trend", scalar=True).mean(growth, share))
+    largest = frame.memory("largest trend", scalar=True)
+    trend = maximum(trend, (1.0 - share) * largest.value)
+    largest.store(trend)
+    return {
+        "trend": trend,
+        "load_rate": recent.per_s * abs(pad.load - pad.before) / pad.load,
+        "ratio": pad.ratio,
+    }
+
+
 def _of_pad(recent: RecentLoads, pad: Pad, rests: list[Field], stick: Field) -> dict[str, Field]:
     # templates: slopes of the load's pattern
     now, old = recent.z / pad.load, recent.old_z / pad.before
     right, down = (apply(get_template(f"gradient_{axis}"), input=mean([now, old])) for axis in "xy")
     # read-outs
     motion, size = root_sum(pad.total, [now - old]), sqrt(pad.power + pad.even)
-    along = pad.inner((old - now) * (pad.x * right + pad.y * down))
-    shear = pad.x * recent.shear[0] + pad.y * recent.shear[1]
+    x, y = pad.pull
+    along = pad.inner((old - now) * (x * right + y * down))
+    shear = x * recent.shear[0] + y * recent.shear[1]
     was = [pad.total(each) / pad.before for each in recent.old_shear]
-    x, y = pad.ratio * pad.x - was[0], pad.ratio * pad.y - was[1]
+    ways = [pad.ratio * part - before for part, before in zip(pad.pull, was, strict=True)]
     return {
+        "pull_x": x,
+        "pull_y": y,
         "pattern_speed": recent.per_s * motion * pad.load / size,
         "incoherent_shear": root_sum(pad.total, rests) / size,
         "stick_share": pad.total(where(stick, recent.z, 0.0)) / pad.load,
-        "ratio_rate": recent.per_s * length([x, y]),
+        "ratio_rate": recent.per_s * length(ways),
         "motion_cosine": along / (motion * root_sum(pad.inner, [right, down])),
         "alignment": pad.total(recent.z * shear) / (sqrt(pad.power) * root_sum(pad.total, [shear])),
     }

@@ -2,13 +2,13 @@
 
 from collections.abc import Mapping
 
+from cnnum.frame import FORCE_AXES, NORMAL
 from cnnum.programs import program
 from cnnum.programs.fields import Field
 from cnnum.programs.machine import FrameFields
 from cnnum.programs.parameters import refuse_outside
-from cnnum.tactile.indenters import Reads
 from cnnum.templates.tactile.contact import contact
-from cnnum.templates.tactile.cover_model.fields import DEPTH, READS
+from cnnum.templates.tactile.cover_model.fields import DEPTH, READS, Carries
 from cnnum.templates.tactile.edges import edges
 from cnnum.templates.tactile.localize import DEPTH as BUMP_DEPTH
 from cnnum.templates.tactile.localize import PITCH as BUMP_PITCH
@@ -24,27 +24,33 @@ def tactile(
     *,
     push: float = PUSH,
     depth: float = DEPTH,
-    reads: Reads = READS,
+    reads: Carries = READS,
     unit: float = 1.0,
     bump_pitch: float = BUMP_PITCH,
     bump_depth: float = BUMP_DEPTH,
     bump_unit: float = 1.0,
     rest: float = 0.4,
+    shear_gain: float = 1.0,
+    pads: int = 1,
     slip_false_reports: float = 2.0,
     twist_false_reports: float = 0.3,
 ) -> Mapping[str, Field]:
     """Contact, slip, twist, edges and bumps; compile it with the outputs that are needed.
 
-    The stream must begin without contact: its first frames define rest.
+    The stream must begin without contact: its first frames define rest. Of an array that reads
+    fewer than three axes it has the outputs that those give: without shear neither slip nor twist,
+    and without a normal load neither contact nor edges nor bumps.
 
     Parameters
     ----------
     frame, push, depth, reads, unit
-        As in `contact`; taxels that each carry their own load have no edges.
+        As in `contact`.
     bump_pitch, bump_depth, bump_unit
         As `bump_pitch`, `bump_depth` and `unit` of `localize`.
     rest : float, s
         The time at the start without contact, for `slip` and `twist`.
+    shear_gain, pads
+        As in `slip`; the place of a contact or a twist is the one on the pad that has most of it.
     slip_false_reports, twist_false_reports : float, 1/10 min
         Accepted rates, as `false_reports` of `slip` and `twist`.
 
@@ -54,13 +60,18 @@ def tactile(
         All outputs of `contact`, `slip`, `twist`, `edges` and `localize`.
     """
     refuse_outside(depth=(depth, 1e-6, 1e6))
+    sheared = all(name in frame.channels for name in FORCE_AXES[:2])
+    pushed = NORMAL in frame.channels or not sheared  # of neither, the error names the load
     cover = {"push": push, "depth": depth, "reads": reads}
     bumps = {"bump_pitch": bump_pitch, "bump_depth": bump_depth, "unit": bump_unit}
-    times = {"push": push, "rest": rest}
-    return {
-        **contact.bind(**cover, unit=unit)(frame),
-        **slip.bind(**times, false_reports=slip_false_reports)(frame),
-        **twist.bind(**times, false_reports=twist_false_reports)(frame),
-        **edges.bind(**cover)(frame),
-        **localize.bind(push=push, **bumps)(frame),
-    }
+    moves = {"push": push, "rest": rest, "shear_gain": shear_gain, "pads": pads}
+    found: dict[str, Field] = {}
+    if pushed:
+        found |= contact.bind(**cover, unit=unit, normal_gain=1.0 / shear_gain, pads=pads)(frame)
+    if sheared:
+        found |= slip.bind(**moves, false_reports=slip_false_reports)(frame)
+        found |= twist.bind(**moves, false_reports=twist_false_reports)(frame)
+    if pushed:
+        found |= edges.bind(**cover)(frame)
+        found |= localize.bind(push=push, **bumps)(frame)
+    return found

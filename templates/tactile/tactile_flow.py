@@ -29,9 +29,9 @@ from cnnum.programs.machine import FrameFields
 from cnnum.programs.parameters import refuse_outside
 from cnnum.programs.reports import report
 from cnnum.programs.transients import apply
-from cnnum.templates.tactile.cover_model.fields import DEPTH, READS
+from cnnum.templates.tactile.cover_model.fields import DEPTH, READS, Carries
 from cnnum.templates.tactile.shared.loads import PUSH, Loads, loads_of
-from cnnum.templates.tactile.shared.pressure import Carries, pressed_of
+from cnnum.templates.tactile.shared.pressure import pressed_of
 from cnnum.templates.tactile.shared.rest import TINY, Clock, with_corners
 from cnnum.templating.library import get_template
 from cnnum.templating.template import Template

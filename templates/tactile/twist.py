@@ -17,6 +17,7 @@ from cnnum.templating.library import get_template
 
 DIVERGING = 0.2  # curl at least, over the divergence, beyond the ratio of shear to normal load
 LEVELS = ((0.3, 0.1), (0.5, 0.03), (0.7, 0.02), (5.0, 0.01))
+SHEAR_LEVELS = ((1.2, 0.03), (4.6, 0.01))
 """As in `slip`."""
 
 
@@ -32,13 +33,14 @@ def twist(
     floor: float = 240.0,
     still: float = 0.25,
     false_reports: float = 0.3,
+    level: float = 0.0,
     hold_time: float = 0.1,
 ) -> Mapping[str, Field]:
     """Twist of an object that is touched or held.
 
     Parameters
     ----------
-    frame, push, shear_gain, pads, rest, floor, false_reports, hold_time
+    frame, push, shear_gain, pads, rest, floor, false_reports, level, hold_time
         As in `slip`.
     look : float, s
         Time constant of the delayed maps.
@@ -49,23 +51,27 @@ def twist(
     -------
     mapping
         `twist` (flag), `twist_sense` (+1 from x to y, −1, 0 without), `twist_strength` (curl over
-        normal load), `twist_row`, `twist_column` (centre of the load, cells).
+        normal load), `twist_row`, `twist_column` (centre of the load of the pad that turns most,
+        cells), and what the flag is made of: `twist_level`, `twist_ratio` (of that pad) and
+        `twist_divergence`.
     """
     recent = frame.once(
         RecentLoads, push=push, shear_gain=shear_gain, pads=pads, rest=rest, look=look,
         floor=floor,
     )  # fmt: skip
     signs = frame.once(read_outs, recent=recent, still=still)
-    row, column = frame.centroid(square(recent.z))
     # decision
     strength, curl = abs(signs["curl"]), signs["curl"]
-    counts = ~recent.resting & (strength > recent.ratio + DIVERGING * signs["divergence"])
-    level, frames = level_of(false_reports, LEVELS), hold_time * frame.rate
-    flag = report(frame, where(counts, strength, 0.0), level, frames)
+    counts = ~recent.resting & (strength > signs["ratio"] + DIVERGING * signs["divergence"])
+    needed = level_of(false_reports, LEVELS if recent.pressed else SHEAR_LEVELS, level)
+    flag = report(frame, where(counts, strength, 0.0), needed, hold_time * frame.rate)
     return {
         "twist": flag,
         "twist_sense": where(flag, where(curl > 0.0, 1.0, -1.0), 0.0),
-        **recent.shown(twist_strength=strength, twist_row=row, twist_column=column),
+        **recent.shown(twist_strength=strength, twist_row=signs["row"]),
+        **recent.shown(twist_column=signs["column"]),
+        "twist_level": frame.constant(needed),
+        **recent.shown(twist_ratio=signs["ratio"], twist_divergence=signs["divergence"]),
     }
 
 
@@ -82,8 +88,20 @@ def read_outs(frame: FrameFields, *, recent: RecentLoads, still: float) -> dict[
     changes = recent.load_rate > still
     turns = [_since(recent, "curl", each, changes) for each in curls]
     parts = [abs(_since(recent, "divergence", each, changes)) for each in parts]
-    _, turn, part = most([(abs(one), one, other) for one, other in zip(turns, parts, strict=True)])
-    return {"curl": turn, "divergence": part}
+    rows = [
+        (abs(turn), turn, part, pad.ratio, *_centre(recent, pad))
+        for turn, part, pad in zip(turns, parts, recent.pads, strict=True)
+    ]
+    return dict(
+        zip(("size", "curl", "divergence", "ratio", "row", "column"), most(rows), strict=True)
+    )
+
+
+def _centre(recent: RecentLoads, pad: Pad) -> tuple[Field, Field]:
+    """Return the centre of a pad's load, each cell by its square."""
+    frame, weight = recent.frame, square(recent.z)
+    row, column = (pad.total(weight * place) / pad.power for place in (frame.row, frame.column))
+    return row, column
 
 
 def _over_load(recent: RecentLoads, pad: Pad, slope: Field) -> Field:

@@ -54,7 +54,8 @@ def both(rates=None, **settings):
     def fitting(part):
         known = inspect.signature(part.function).parameters
         names = {name for name in settings if name in ("rate", *known)} - {
-            part is twist and "still"
+            "level",
+            part is twist and "still",
         }
         bound = part.bind(**{name: settings[name] for name in names})
         return bound.bind(false_reports=rates[part.name]) if rates else bound

@@ -10,8 +10,11 @@ from cnnum.cli.options import Changes, completed, json_option, scene_options, tr
 from cnnum.cli.output import Output, facts, quantity, table
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from cnnum.plan import Explanation, Plan
     from cnnum.runs.planning import OpGroup
+    from cnnum.scenes.arrangement import Given
 
 
 @click.command("plan")
@@ -36,20 +39,24 @@ def command(
     """Show which operations SCENE runs per frame, which it leaves out, and what that saves."""
     if lines and not ops:
         raise click.UsageError("--lines requires --ops.")
+    from cnnum.scenes.arrangement import given_by
     from cnnum.scenes.pipeline import load_scene
 
     output = Output(as_json)
     opened = load_scene(scene, changes=changes, trust=trust)
     with opened.driver:
         explanation, text = opened.plan.explain(), opened.plan.source if source else ""
+        gives = () if ops or source else given_by(opened.shape, opened.conversion.channels)
     if ops:
         _show_ops(output, opened.plan, lines)
         return
     if source:
         output.record({"scene": opened.spec.name, "source": text}, text)
         return
-    output.record(_record(opened.spec.name, opened.spec.needs, explanation))
+    record = _record(opened.spec.name, opened.spec.needs, explanation)
+    output.record({**record, "gives": [asdict(one) for one in gives]})
     _show(output, opened.spec.name, opened.spec.needs, explanation)
+    _show_given(output, gives)
 
 
 def _show_ops(output: Output, plan: "Plan", lines: bool) -> None:
@@ -132,6 +139,19 @@ def _show(output: Output, scene: str, wants: tuple[str, ...], plan: "Explanation
     output.show(*(part for part in (runs, gone) if part.row_count))
     if not plan.left_out:
         output.show("Nothing is left out.")
+
+
+def _show_given(output: Output, gives: "Sequence[Given]") -> None:
+    """Say which events programs can give of the array's axes, and which it lacks an axis for."""
+    if not any(one.missing for one in gives):
+        return
+    made = table("This array", "programs, or what is missing")
+    for one in gives:
+        if one.missing:
+            made.add_row(f"cannot give {one.event}", f"reads no {' and no '.join(one.missing)}")
+        else:
+            made.add_row(f"can give {one.event}", ", ".join(one.programs))
+    output.show(made)
 
 
 def _most(plan: "Explanation") -> tuple[tuple[str, str], ...]:

@@ -17,8 +17,7 @@ from cnnum.programs.machine import FrameFields
 from cnnum.programs.parameters import refuse_outside
 from cnnum.programs.transients import apply
 from cnnum.tactile.bump_loads import left_kernel
-from cnnum.tactile.indenters import Reads
-from cnnum.templates.tactile.cover_model.fields import DEPTH, READS, filter_template
+from cnnum.templates.tactile.cover_model.fields import DEPTH, READS, Carries, filter_template
 from cnnum.templates.tactile.shared.loads import PUSH, loads_of
 from cnnum.templates.tactile.shared.pressure import pressed_of
 
@@ -52,7 +51,7 @@ def body_fit(
     *,
     push: float = PUSH,
     depth: float = DEPTH,
-    reads: Reads = READS,
+    reads: Carries = READS,
     modulus: float = 2.0,
 ) -> Mapping[str, Field]:
     """Fit a sphere and a round flat punch to the contact.

@@ -12,8 +12,7 @@ from cnnum.programs import program
 from cnnum.programs.fields import Field, length, maximum, square, where
 from cnnum.programs.machine import FrameFields
 from cnnum.programs.parameters import refuse_outside
-from cnnum.tactile.indenters import Reads
-from cnnum.templates.tactile.cover_model.fields import DEPTH, READS
+from cnnum.templates.tactile.cover_model.fields import DEPTH, READS, Carries
 from cnnum.templates.tactile.shared.loads import PUSH, Loads, loads_of
 from cnnum.templates.tactile.shared.pressure import Pressed, pressed_of
 from cnnum.templates.tactile.slip import slip
@@ -47,7 +46,7 @@ def mindlin_slip(
     friction: float = 0.5,
     push: float = PUSH,
     depth: float = DEPTH,
-    reads: Reads = READS,
+    reads: Carries = READS,
     rest: float = 0.4,
     false_reports: float = 2.0,
 ) -> Mapping[str, Field]:
@@ -84,7 +83,7 @@ def mindlin_slip(
     pressed = pressed_of(loads, SHARE, depth, reads, 1.0)
     slides = slip.bind(push=push, rest=rest, false_reports=false_reports)(frame)
     gross = slides["gross_slip"]
-    pull = length([pressed.x, pressed.y])
+    pull = length(pressed.pulls)
     used = where(loads.contact, pull / (friction * maximum(pressed.normal, 1e-30)), 0.0)
     fitted = frame.memory("frames that fit", scalar=True)
     whole = frame.within_range(loads.contact)  # a clipped load has too much pull

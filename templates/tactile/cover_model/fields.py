@@ -8,7 +8,7 @@ are the same, and stand here.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol, get_args
+from typing import Literal, Protocol, get_args
 
 import numpy as np
 
@@ -25,6 +25,9 @@ DEPTH = 0.5
 
 READS: Reads = "strain"
 """The quantity of a calibrated array (dissertation, 4.3.2)."""
+
+Carries = Literal["strain", "stress", "force"]
+"""The measured quantity; "force" is each taxel's own share of the load."""
 
 
 def unblur(depth: float = DEPTH, reads: Reads = READS) -> Template:
@@ -43,13 +46,22 @@ def unblur(depth: float = DEPTH, reads: Reads = READS) -> Template:
     return filter_template(f"unblur {reads} {depth:g}", unblur_kernel(float(depth), reads), text)
 
 
-def noise_gain(depth: float = DEPTH, reads: Reads = READS) -> float:
+def noise_gain(depth: float = DEPTH, reads: Carries = READS) -> float:
     """Return the noise of the load over that of a reading."""
+    if reads == "force":
+        return 1.0
     return float(np.sqrt((unblur_kernel(float(depth), reads) ** 2).sum()))
 
 
-def surface_load(normal: Field, depth: float = DEPTH, reads: Reads = READS) -> Field:
-    """Return the pressure on the surface, in the reading's unit for a unit pressure."""
+def surface_load(normal: Field, depth: float = DEPTH, reads: Carries = READS) -> Field:
+    """Return the pressure on the surface, in the reading's unit for a unit pressure.
+
+    Taxels that each carry their own share of the load read it themselves.
+    """
+    if reads not in get_args(Carries):
+        raise name_error("reading", reads, get_args(Carries))
+    if reads == "force":
+        return normal
     return apply(unblur(depth, reads), input=normal)
 
 

@@ -65,10 +65,14 @@ class Loads:
     Attributes
     ----------
     frame : FrameFields
-    shear_x, shear_y, normal : Field
-        Maps, in the frame's own unit.
-    shear_noise, normal_noise : Field
-        Variance of one reading, a number.
+    shear : tuple of Field
+        Maps along x and y, in the frame's own unit; empty where the array reads no shear.
+    normal : Field
+        Map, in the frame's own unit.
+    shear_variance : Field or None
+        Variance of one reading of shear, a number.
+    normal_noise : Field
+        Variance of one normal reading, a number.
     contact : Field
         Flag.
     sound, healthy : Field
@@ -79,15 +83,31 @@ class Loads:
     """
 
     frame: FrameFields
-    shear_x: Field
-    shear_y: Field
+    shear: tuple[Field, ...]
     normal: Field
-    shear_noise: Field
+    shear_variance: Field | None
     normal_noise: Field
     contact: Field
     sound: Field
     healthy: Field
     alive: Field
+
+    @property
+    def shear_x(self) -> Field:
+        """Map of the shear along x; a program that asks for it needs an array that reads it."""
+        return self.shear[0] if self.shear else self.frame.channel(FORCE_AXES[0])
+
+    @property
+    def shear_y(self) -> Field:
+        """Map of the shear along y; see `shear_x`."""
+        return self.shear[1] if self.shear else self.frame.channel(FORCE_AXES[1])
+
+    @property
+    def shear_noise(self) -> Field:
+        """Variance of one reading of shear, a number; see `shear_x`."""
+        if self.shear_variance is None:
+            return self.frame.channel(FORCE_AXES[0])
+        return self.shear_variance
 
 
 def loads_of(frame: FrameFields, push: float) -> Loads:
@@ -102,11 +122,12 @@ def loads_of(frame: FrameFields, push: float) -> Loads:
     """
     touched = frame.memory("touched", scalar=True, logic=True)
     rest = Rest(frame)
-    shear, normal = _Noise(frame, ("shear_x", "shear_y")), _Noise(frame, ("normal",))
+    axes = tuple(name for name in FORCE_AXES[:2] if name in frame.channels)
+    shear = _Noise(frame, axes) if axes else None
+    normal = _Noise(frame, ("normal",))
     above = push * (frame.normal - rest.known["normal"].value)
     broken = _broken(frame, touched.value, normal, abs(above), ~rest.begins & (above < 0.0))
     sound = normal.healthy & ~_astray(normal, rest.known["normal"].value) & ~broken
-    aside = abs(rest.known["shear_x"].value) + abs(rest.known["shear_y"].value)
     peak, low = where(sound, above, 0.0).max(), where(sound, above, 0.0).min()
     least = TOUCH**2 * normal.held
     high = ~rest.begins & (peak > 0.0) & (square(peak) > least)
@@ -120,17 +141,21 @@ def loads_of(frame: FrameFields, push: float) -> Loads:
     free = ~(high | far | touched.value)
     since = frame.memory("frames since a contact", scalar=True).count(~contact)
     still = rest.still((far & ~high | broken) & ~touched.value, least)
-    x, y, z = (push * rest.above(name, free & ~broken, still, since) for name in FORCE_AXES)
+    kept = free & ~broken
+    *sheared, z = (push * rest.above(name, kept, still, since) for name in (*axes, "normal"))
+    healthy = sound
+    if shear is not None:
+        aside = total(abs(rest.known[name].value) for name in axes)
+        healthy = sound & shear.healthy & ~_astray(shear, aside)
     return Loads(
         frame=frame,
-        shear_x=x,
-        shear_y=y,
+        shear=tuple(sheared),
         normal=z,
-        shear_noise=shear.follow(free, rest.begins, broken),
+        shear_variance=None if shear is None else shear.follow(free, rest.begins, broken),
         normal_noise=normal.follow(free, rest.begins, broken),
         contact=contact,
         sound=sound,
-        healthy=sound & shear.healthy & ~_astray(shear, aside),
+        healthy=healthy,
         alive=normal.alive | (abs(z) > 0.0),
     )
 
@@ -247,12 +272,15 @@ class Pad(NamedTuple):
     power: Field  # sum of the squares of the normal load
     even: Field  # the same of the least load, spread evenly
     ratio: Field  # shear over normal load
-    x: Field  # shear, as a unit vector
-    y: Field
+    pull: tuple[Field, ...]  # shear, as a unit vector
 
 
 class RecentLoads:
-    """Templates and read-outs that both programs need; parameters are those of `slip`."""
+    """Templates and read-outs that both programs need; parameters are those of `slip`.
+
+    An array that reads shear alone, as a field of markers does, has the magnitude of its shear for
+    a load: its ratio is the share of the shear that points one way.
+    """
 
     def __init__(
         self, frame: FrameFields, *, push: float, shear_gain: float, pads: int,
@@ -262,16 +290,25 @@ class RecentLoads:
         self.frame, self.rate = frame, frame.rate
         self._quiet = frame.frames_of(rest, FEW)
         self.resting = frame.age < float(self._quiet)
+        *axes, normal = FORCE_AXES
+        main, gain = normal if normal in frame.channels else axes[0], push * shear_gain
         # templates: above rest, smoothed, delayed
-        z, x, y = map(self._above_rest, (frame.normal, frame.shear_x, frame.shear_y))
-        above = maximum(push * z, 0.0), push * shear_gain * x, push * shear_gain * y
-        self.z, *self.shear = self._now = [self._leaky(each, FAST)[0] for each in above]
-        self.old_z, *self.old_shear = (self._leaky(each, look)[1] for each in self._now)
+        above = {
+            name: self._above_rest(frame.channel(name)) for name in dict.fromkeys([main, *axes])
+        }
+        self.shear = [self._leaky(gain * above[name], FAST)[0] for name in axes]
+        self.pressed = main == normal
+        if self.pressed:
+            self.z = self._leaky(maximum(push * above[main], 0.0), FAST)[0]
+        else:
+            self.z = length(self.shear)
+        self.old_z, *self.old_shear = (self._leaky(x, look)[1] for x in (self.z, *self.shear))
         # of a change by 1 since then
         self.per_s = self.rate * (1.0 - exp(-1.0 / (self.rate * look)))
         # read-outs
         self.noise = maximum(
-            self._noise(frame.normal), RECENT_ROUNDING * abs(frame.normal - z).max()
+            self._noise(frame.channel(main)),
+            RECENT_ROUNDING * abs(frame.channel(main) - above[main]).max(),
         )
         self.pads = [self._pad(floor * self.noise, block) for block in blocks(frame, 1, pads)]
         self.load, before = mean([p.load for p in self.pads]), mean([p.before for p in self.pads])
@@ -302,6 +339,7 @@ class RecentLoads:
         cells, _, total, inner = block
         least, power = maximum(noise * cells**0.5, LEAST_LOAD), total(self.z * self.z)
         load, before = total(self.z) + least, total(self.old_z) + least
-        x, y = (total(shear) for shear in self.shear)
-        force, even = length([x, y]), least * least / cells
-        return Pad(total, inner, load, before, power, even, force / load, x / force, y / force)
+        even, pulls = least * least / cells, [total(shear) for shear in self.shear]
+        force = length(pulls)
+        pull = tuple(each / force for each in pulls)
+        return Pad(total, inner, load, before, power, even, force / load, pull)

@@ -7,7 +7,7 @@ Cerruti's and Boussinesq's solutions, integrated over the cell.
 
 from dataclasses import dataclass
 from functools import cache
-from typing import Literal, get_args
+from typing import get_args
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from cnnum.tactile.checks import Array, positive
 from cnnum.tactile.halfspace import rectangle_strain, rectangle_stress
 from cnnum.tactile.indenters import Reads
 from cnnum.templates.tactile.cover_model.fields import (
+    Carries,
     filter_template,
     noise_gain,
     surface_load,
@@ -158,9 +159,6 @@ def _shear_seen_pulled(depth: float, reads: Reads, away: Array, side: float) -> 
     return pulled
 
 
-Carries = Literal["strain", "stress", "force"]
-"""The measured quantity; "force" is each taxel's own share of the load."""
-
 LEVEL = 0.1
 """Threshold of the template `contact_threshold`."""
 
@@ -195,15 +193,16 @@ class Pressed:
         Logic map.
     weight : Field
         Pressure of the taxels touched, 0 elsewhere, a map.
-    normal, x, y : Field
-        The whole load, numbers in the unit of a reading of unit pressure, times cells.
+    normal : Field
+        The whole load, a number in the unit of a reading of unit pressure, times cells.
+    pulls : tuple of Field
+        The same along x and y; empty where the array reads no shear.
     """
 
     touched: Field
     weight: Field
     normal: Field
-    x: Field
-    y: Field
+    pulls: tuple[Field, ...]
 
 
 def pressed_of(
@@ -245,8 +244,8 @@ class _Cover:
 def _carried(loads: Loads, normal: Field, noise: Field, share: float) -> Pressed:
     touched = touched_map(loads, normal, _level(normal, noise, share))
     weight = where(touched, normal, 0.0)
-    x, y = (where(touched, shear, 0.0).sum() for shear in (loads.shear_x, loads.shear_y))
-    return Pressed(touched, weight, weight.sum(), x, y)
+    pulls = tuple(where(touched, shear, 0.0).sum() for shear in loads.shear)
+    return Pressed(touched, weight, weight.sum(), pulls)
 
 
 def _under_cover(loads: Loads, normal: Field, noise: Field, cover: _Cover) -> Pressed:
@@ -267,15 +266,15 @@ def _under_cover(loads: Loads, normal: Field, noise: Field, cover: _Cover) -> Pr
     weight = where(touched, maximum(pressure, 0.0), 0.0)
     shape = _shared(weight)
     found = weight.sum() * _missed(pressure, weight, touched, cover)
-    x, y = _pulls(loads, shape, found, cover.depth)
-    return Pressed(touched, weight, found, x, y)
+    return Pressed(touched, weight, found, _pulls(loads, shape, found, cover.depth))
 
 
 def _pressure(loads: Loads, normal: Field, shape: Field, whole: Field, cover: _Cover) -> Field:
     """Return the pressure that is left of the readings when a pull of this shape is taken off."""
     pulls = _pulls(loads, shape, whole, cover.depth)
-    rest = normal - _pulled(loads.frame.shape, shape, pulls, cover)
-    return surface_load(rest, cover.depth, cover.reads)
+    if pulls:
+        normal = normal - _pulled(loads.frame.shape, shape, pulls, cover)
+    return surface_load(normal, cover.depth, cover.reads)
 
 
 def _start(loads: Loads, normal: Field) -> Field:
@@ -283,9 +282,10 @@ def _start(loads: Loads, normal: Field) -> Field:
 
     A pull shifts the square of the normal strain one way and that of the shear the other.
     """
-    sheared = square(loads.shear_x) + square(loads.shear_y)
-    power = square(normal) + where(loads.healthy, sheared, 0.0)
-    noise = loads.normal_noise + 2.0 * loads.shear_noise
+    power, noise = square(normal), loads.normal_noise
+    if loads.shear:
+        power = power + where(loads.healthy, total(map(square, loads.shear)), 0.0)
+        noise = noise + 2.0 * loads.shear_noise
     least = maximum(SEEN * power.max(), CLEAR**2 * noise)
     return _shared(maximum(power - least, 0.0))
 
@@ -294,9 +294,7 @@ def _shared(weight: Field) -> Field:
     return weight / maximum(weight.sum(), NOTHING)
 
 
-def _pulled(
-    array: tuple[int, int], shape: Field, pulls: tuple[Field, Field], cover: _Cover
-) -> Field:
+def _pulled(array: tuple[int, int], shape: Field, pulls: tuple[Field, ...], cover: _Cover) -> Field:
     """Return the normal reading of a pull that is laid out over the contact."""
     depth, reads, reach = cover.depth, cover.reads, max(array) - 1
     kernels = [("pulled", pulled_normal(depth, reads, min(reach, NEAR)), shape)]
@@ -313,7 +311,7 @@ def _pulled(
     return total(parts)
 
 
-def _pulls(loads: Loads, shape: Field, whole: Field, depth: float) -> tuple[Field, Field]:
+def _pulls(loads: Loads, shape: Field, whole: Field, depth: float) -> tuple[Field, ...]:
     """Return the tangential loads: the whole array's shear, with the part beyond the array.
 
     Shear strain and stress add up to the load on an endless array. On this one a cell's load adds
@@ -321,15 +319,13 @@ def _pulls(loads: Loads, shape: Field, whole: Field, depth: float) -> tuple[Fiel
     array, is taken off. Shear is taken to be spread as the pressure is.
     """
     seen = shear_seen(loads.frame.shape, depth)
+    ways = ((seen.own_x, seen.pushed_x), (seen.own_y, seen.pushed_y))
     found: list[Field] = []
-    for shear, own, pushed in (
-        (loads.shear_x, seen.own_x, seen.pushed_x),
-        (loads.shear_y, seen.own_y, seen.pushed_y),
-    ):
+    for shear, (own, pushed) in zip(loads.shear, ways, strict=bool(loads.shear)):
         total = where(loads.healthy, shear, 0.0).sum()
         share, tilt = ((shape * loads.frame.constant(each)).sum() for each in (own, pushed))
         found.append((total - whole * tilt) / maximum(share, NOTHING))
-    return found[0], found[1]
+    return tuple(found)
 
 
 def _missed(pressure: Field, weight: Field, touched: Field, cover: _Cover) -> Field:

@@ -148,7 +148,8 @@ class Rest:
         self._frame, self._count = frame, frame.age + 1.0
         self._follows = 1.0 / (FORGET * frame.rate)
         self.begins = frame.age < float(frame.frames_of(BEGINS, ENOUGH))
-        self.known = {name: frame.memory(f"{name} at rest") for name in FORCE_AXES}
+        axes = (name for name in FORCE_AXES if name in frame.channels)
+        self.known = {name: frame.memory(f"{name} at rest") for name in axes}
         self._lasts = frame.memory("frames without a move")
 
     def still(self, waits: Field, least: Field) -> Field:

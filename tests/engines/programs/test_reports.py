@@ -10,6 +10,7 @@ from cnnum.programs import program
 from cnnum.programs.library import get_program
 from cnnum.programs.reports import level_of, report
 from cnnum.templates.tactile.slip import LEVELS as SLIP
+from cnnum.templates.tactile.slip import SHEAR_LEVELS as SHEAR
 from cnnum.templates.tactile.twist import LEVELS as TWIST
 
 
@@ -22,9 +23,27 @@ def test_fewer_false_reports_need_a_higher_level(levels):
         assert high > low
 
 
-def test_a_rate_that_was_not_measured_is_refused():
-    with pytest.raises(ProgramError, match=r"'false_reports': expected 0\.5 to 11\.6, got 100"):
-        level_of(100.0, SLIP)
+@pytest.mark.parametrize("levels", [SLIP, TWIST, SHEAR])
+def test_any_rate_has_a_level(levels):
+    """Beyond the measured rates levels go on: lower for more, and never down to 0."""
+    rates = [1e-3, 0.01, 0.1, *(rate for rate, _ in levels), 100.0, 1e4]
+    found = [level_of(rate, levels) for rate in sorted(rates)]
+    assert all(few >= many > 0.0 for few, many in pairwise(found))
+    assert found[0] > levels[0][1]
+    with pytest.raises(ProgramError, match="'false_reports'"):
+        level_of(0.0, levels)
+
+
+def test_a_level_can_be_set_and_read(fast):
+    for name, level in (("slip", "slip_level"), ("twist", "twist_level")):
+        for given, expected in (({"level": 0.3}, 0.3), ({"false_reports": 0.5}, None)):
+            bound = get_program(name).bind(rate=100.0, **given)
+            plan = fast.compile(bound, (4, 4), [level])
+            read = float(plan.stream().push(np.zeros((4, 4, len(plan.schedule.channels))))[level])
+            table = SLIP if name == "slip" else TWIST
+            assert read == pytest.approx(expected or level_of(0.5, table), rel=1e-6)
+    with pytest.raises(ProgramError, match="'level'"):
+        get_program("slip").bind(level=-1.0, rate=100.0).trace((4, 4))
 
 
 def test_a_rate_may_have_a_unit():

@@ -27,7 +27,7 @@ from cnnum.drivers.simulated.grips import (
     pulled,
     twisted,
 )
-from cnnum.lab.scoring.families import faces
+from cnnum.lab.scoring.families import bristles, faces
 from cnnum.lab.scoring.families.faces import PRESSURE, Face, Shaping
 from cnnum.tactile.grid import Grid
 
@@ -195,5 +195,22 @@ FAMILIES = (
     Family("rolling", "held", held.held(held.rolls), "without a weight"),
     Family("rolling, weight", "held", held.held(held.rolls, weighs=True), "under a weight"),
     Family("grip, real taxels", "held", held.held(held.grips, skin=SHAKEN), "load changes"),
-)
+    *(
+        Family(f"oblique touch, {rate:g} Hz", "held", held.oblique(rate), "comes with its shear")
+        for rate in (3.0, 0.5)
+    ),
+    Family("bristles", "slip", bristles.scene(bristles.slide), "other mechanics"),
+    Family("bristles, rocking", "slip", bristles.scene(bristles.rocking), "speed and slope swing"),
+    Family(
+        "bristles, one of two pads", "slip", bristles.scene(bristles.slide, pads=2),
+        "the other holds",
+    ),
+    Family("bristles, pivot", "twist", bristles.scene(bristles.pivot), "other mechanics"),
+    Family("bristles, part pull", "held", bristles.scene(bristles.part_pulled), "other mechanics"),
+    Family(
+        "bristles, oblique touch, 3 Hz", "held", bristles.scene(bristles.oblique(3.0)),
+        "other mechanics",
+    ),
+    Family("bristles, swaying", "held", bristles.scene(bristles.swaying), "rocks, and sticks"),
+)  # fmt: skip
 """A table of results has them in this order."""

@@ -39,7 +39,7 @@ class Constants:
     floor: float = 240.0
     still: float = 0.2
     pull: float = 0.6
-    swing: float = 0.3
+    swing: float = 0.6
     level: float = 0.40
     turn: float = 0.1
     most_load_rate: float = 0.25
@@ -102,8 +102,9 @@ class MovingContact:
     maps: dict[str, Floats] = field(default_factory=dict[str, Floats])
     rest: Floats = field(default_factory=lambda: np.zeros(1))
     noise: float = 0.0
-    trend: float = 0.0
-    mass: float = 0.0
+    trends: Floats = field(default_factory=lambda: np.zeros(1))
+    largest: Floats = field(default_factory=lambda: np.zeros(1))
+    masses: Floats = field(default_factory=lambda: np.zeros(1))
     offsets: Floats = field(default_factory=lambda: np.zeros(1))
     opened: Floats = field(default_factory=lambda: np.zeros(1))
     loose: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(1, dtype=bool))
@@ -125,7 +126,8 @@ class MovingContact:
             self.maps[f"old {name}"] = old[name] + c.step(c.look) * (value - old[name])
         pads = self._read(now, old)
         if resting:
-            self.mass = float(np.mean([pad["mass"] for pad in pads]))
+            self.masses = np.array([pad["mass"] for pad in pads])
+            self.trends = self.largest = 0.0 * self.masses
             self.offsets = np.array([pad["curl"] for pad in pads])
             self.opened = np.array([pad["divergence"] for pad in pads])
             return dict.fromkeys(OUTPUTS, 0.0)
@@ -204,29 +206,43 @@ class MovingContact:
         self.loose = binary_propagation(begins, np.ones((3, 3), dtype=bool), may)
         return np.asarray(contact & ~self.loose)
 
+    def _strength(self, pad: dict[str, float], ratio: float, explained: float) -> float:
+        c, moves = self.c, np.cbrt(pad["pattern_speed"] ** 2 * pad["incoherent_shear"])
+        strength = moves * ratio / (c.still + explained)
+        strength *= pad["stick_share"] < STICKS
+        if c.axes:
+            strength *= (0.75 * max(0.0, 1.0 + pad["motion_cosine"])) ** 2
+            strength *= min(max(pad["alignment"], 0.0) / ALIGNED, 1.0)
+        return float(strength)
+
     def _decided(self, now: dict[str, Floats], pads: list[dict[str, float]]) -> dict[str, float]:
         c = self.c
         mean = {name: float(np.mean([pad[name] for pad in pads])) for name in pads[0]}
-        mass, load_rate = mean["mass"], abs(mean["load_rate"]) / mean["mass"]
-        growth = c.rate * (mass - self.mass) / mass
-        self.trend, self.mass = self.trend + c.step(c.load) * (growth - self.trend), mass
-        strength = np.cbrt(mean["pattern_speed"] ** 2 * mean["incoherent_shear"]) * mean["ratio"]
-        strength /= c.still + abs(self.trend) + c.swing * load_rate + c.pull * mean["ratio_rate"]
-        strength *= mean["stick_share"] < STICKS
-        if c.axes:
-            strength *= (0.75 * max(0.0, 1.0 + mean["motion_cosine"])) ** 2
-            strength *= min(max(mean["alignment"], 0.0) / ALIGNED, 1.0)
+        load_rate = abs(mean["load_rate"]) / mean["mass"]
+        masses = np.array([pad["mass"] for pad in pads])
+        self.trends += c.step(c.load) * (c.rate * (masses - self.masses) / masses - self.trends)
+        self.masses = masses
+        self.largest = np.maximum(np.abs(self.trends), (1.0 - c.step(c.load)) * self.largest)
+        ratio = max(pad["ratio"] for pad in pads)
+        explained = float(self.largest.mean()) + float(np.mean([
+            c.swing * abs(pad["load_rate"]) / pad["mass"] + c.pull * pad["ratio_rate"]
+            for pad in pads
+        ]))  # fmt: skip
+        strengths = [self._strength(pad, ratio, explained) for pad in pads]
+        strength, most = max(strengths), pads[int(np.argmax(strengths))]
         curls, parts = (np.array([pad[n] for pad in pads]) for n in ("curl", "divergence"))
         if load_rate > c.most_load_rate:
             self.offsets, self.opened = curls, parts
         where = int(np.argmax(np.abs(curls - self.offsets)))
         turned, apart = float((curls - self.offsets)[where]), float((parts - self.opened)[where])
         slips = self.slips.step(strength)
-        pulled = mean["ratio"] + DIVERGING * abs(apart)
+        pulled = pads[where]["ratio"] + DIVERGING * abs(apart)
         turns = self.turns.step(abs(turned) if abs(turned) > pulled else 0.0)
-        most = max(pads, key=lambda pad: float(np.hypot(pad["x"], pad["y"])))
         force = max(float(np.hypot(most["x"], most["y"])), 1e-300)
-        weight = now["z"] ** 2 / max((now["z"] ** 2).sum(), 1e-300)
+        wide = now["z"].shape[1] // c.pads
+        weight = 0.0 * now["z"]
+        weight[:, where * wide : (where + 1) * wide] = now["z"][:, where * wide :][:, :wide] ** 2
+        weight /= max(weight.sum(), 1e-300)
         row, column = (
             float(np.dot(weight.sum(axis=1 - axis), np.arange(cells, dtype=np.float64)))
             for axis, cells in enumerate(weight.shape)
