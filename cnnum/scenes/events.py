@@ -57,6 +57,9 @@ class Event:
         Whether the strength is a lower bound of a load, because a taxel was at an end of its range.
     saturated : bool
         Whether a taxel was at an end of its range: place, direction and strength may be wrong.
+    rest_held : bool
+        Whether the stream seems to have begun with the object held: what was held is missing from
+        loads and ratios, so the event may be wrong.
     """
 
     time: float
@@ -73,6 +76,7 @@ class Event:
     load_is_bound: bool = False
     place: tuple[float, float] | None = None
     saturated: bool = False
+    rest_held: bool = False
 
     @property
     def t(self) -> float:
@@ -102,6 +106,7 @@ class Event:
             "gap_end": None if self.gap_end is None else round(self.gap_end, 6),
             "load_is_bound": True if self.load_is_bound else None,
             "saturated": True if self.saturated else None,
+            "rest_held": True if self.rest_held else None,
         }
         return {name: value for name, value in values.items() if value is not None}
 
@@ -138,6 +143,8 @@ class Event:
             parts.append(f"after a gap of {self.after_gap:.3f} s")
         if self.saturated:
             parts.append("saturated")
+        if self.rest_held:
+            parts.append("the rest was held")
         return parts
 
 

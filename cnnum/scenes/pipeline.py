@@ -68,7 +68,7 @@ from cnnum.scenes.events import (
     with_units,
 )
 from cnnum.scenes.like_frames import like_frames
-from cnnum.scenes.push_watch import OrderWatch, PushWatch
+from cnnum.scenes.push_watch import HeldWatch, OrderWatch, PushWatch
 from cnnum.scenes.saturation import CHANNEL, Mask, Saturation, marked
 from cnnum.scenes.scene_file import EVERYTHING, SceneSpec, read_scene, scene_names
 from cnnum.scenes.scene_record import Histogram, SceneRecord, Summary
@@ -258,6 +258,8 @@ class Scene(OfThisProcess):
         Detects a rest that was not at rest, and pushes that read as pulls.
     orders : OrderWatch
         Detects axes in a wrong order or with a wrong sign.
+    holds : HeldWatch
+        Detects a stream that begins with the object held, whose release tares the scene.
     grid : Grid or None
         Square grid on which the program runs, for taxels that are not on one.
     bad : BadFrames
@@ -275,6 +277,7 @@ class Scene(OfThisProcess):
     offered: tuple[str, ...]
     push: PushWatch
     orders: OrderWatch
+    holds: HeldWatch
     grid: Grid | None = None
     bad: BadFrames = field(default_factory=BadFrames)
     _micros: Histogram = field(default_factory=Histogram)
@@ -359,10 +362,12 @@ class Scene(OfThisProcess):
         within = _range(spec, driver, conversion, used.precision)
         push = PushWatch(program, plan.schedule.channels_read)
         orders = OrderWatch(driver.channels, getattr(driver, "pads", None) or 1)
+        holds = HeldWatch(program, plan.schedule.channels_read)
         offered = tuple(outputs)
         return cls(
-            spec, used, driver, conversion, plan, rules, within, dead, offered, push, orders, grid
-        )
+            spec, used, driver, conversion, plan, rules, within, dead, offered, push, orders,
+            holds, grid,
+        )  # fmt: skip
 
     def results(self, begin: float = 0.0) -> Iterator[FrameResult]:
         """Yield every frame with its results, until the source ends or the caller stops.
@@ -392,11 +397,17 @@ class Scene(OfThisProcess):
                 if self._tare.is_set():
                     self._tare.clear()
                     self.push.begin()
+                    self.holds.begin()
                     way.tare()
                 if len(times) < TIMED:
                     times.append(frame.time)
                     self._check_times(times)
                 moment = way.step(number, frame)
+                if moment.values is not None and self.holds.look(moment.values, frame.time):
+                    self.tare()
+                if moment.events and self.holds.marks:
+                    marked_events = tuple(replace(one, rest_held=True) for one in moment.events)
+                    moment = moment._replace(events=marked_events)
                 if frame.time - first < begin - SAME_TIME:
                     self._before, self._last_before = self._before + 1, frame
                     self._seconds_before = frame.time - first
@@ -456,6 +467,7 @@ class Scene(OfThisProcess):
                 )
             self.push.begin()
             self.orders.begin()
+            self.holds.begin()
             self.bad, self._micros, self._late = BadFrames(), Histogram(), Histogram()
             self._begun = self._repeated = self._before = self._saturated = 0
             self._masked = self._dropouts = 0

@@ -1,0 +1,62 @@
+"""Streams that begin with the object held: what is said, marked, and learned again."""
+
+import logging
+
+import numpy as np
+import pytest
+
+import cnnum
+from cnnum.drivers.simulated.array import SimulatedOptions
+from cnnum.drivers.simulated.settings import Phase
+from cnnum.scenes.pipeline import load_scene
+
+SCRIPT = (
+    Phase("hold", 0.5),
+    Phase("press", 0.3, load=1.0),
+    Phase("hold", 1.0),
+    Phase("pull", 1.0, speed=1.5e-3, direction=0.5),
+    Phase("release", 0.3),
+    Phase("hold", 1.2),
+    Phase("press", 0.3, load=1.0),
+    Phase("hold", 0.4),
+    Phase("pull", 1.0, speed=1.5e-3, direction=0.5),
+)
+
+
+@pytest.fixture(scope="module")
+def strain():
+    with SimulatedOptions(script=SCRIPT, rate=100.0, seed=3).open() as array:
+        frames = list(array.frames())
+        return array.calibration.to_strain(np.stack([frame.values for frame in frames]))
+
+
+def played(values, caplog):
+    channels = ("shear_x", "shear_y", "normal")
+    recording = cnnum.Recording(values, rate=100.0, unit="strain", channels=channels)
+    changes = {"needs": ["slip"], "program.name": "slip", "program.parameters": {}}
+    engine = cnnum.Engine("numba")
+    with (
+        caplog.at_level(logging.WARNING, "cnnum"),
+        load_scene("contact", recording=recording, changes=changes, engine=engine) as scene,
+    ):
+        events = list(scene.events())
+    return events, [each for each in caplog.messages if "begin with the object held" in each]
+
+
+def test_a_stream_that_begins_in_the_air_has_no_mark(strain, caplog):
+    events, said = played(strain, caplog)
+    assert len(events) >= 2
+    assert not said
+    assert not any(event.rest_held for event in events)
+
+
+def test_events_of_a_held_start_are_marked_until_the_object_is_let_go(strain, caplog):
+    """From 0.6 s into the hold on; the object is free 1.7 s later, and touched again at 2.9 s."""
+    events, said = played(strain[120:], caplog)
+    assert len(said) == 1
+    late = [event for event in events if event.time > 3.2]
+    assert late
+    assert not any(event.rest_held for event in late)
+    assert all(event.rest_held for event in events if event.time < 1.9)
+    assert "the rest was held" in str(next(event for event in events if event.rest_held))
+    assert next(event for event in events if event.rest_held).record()["rest_held"] is True
