@@ -122,7 +122,7 @@ def start_of(traced: Traced) -> list[Drawn]:
         ("load a moment ago", traced.held([recent.old_z]), (1, 2), "templates"),
         ("noise at rest", nodes_of([recent.noise]), (0, 3), "read-outs"),
         ("load, least load", loads, (1, 3), "read-outs"),
-        ("ratio", nodes_of([recent.ratio]), (2, 3), "read-outs"),
+        ("ratio", nodes_of([pad.ratio]), (2, 3), "read-outs"),
     ]
 
 
@@ -131,13 +131,13 @@ def slip_flow() -> tuple[Traced, list[Drawn]]:
     traced = Traced.of(slip_file.slip)
     recent, (pad,) = traced.recent, traced.recent.pads
     load = inspect.signature(slip_file.slip.function).parameters["load"].default
-    made = recent.frame.once(slip_file.read_outs, recent=recent, load=load)
+    (made,) = recent.frame.once(slip_file.read_outs, recent=recent, load=load)
     signs = {name: [field.node] for name, field in made.items()}
-    changes = [*nodes_of([recent.load_rate]), *traced.memory("trend")]
+    changes = [*signs["load_rate"], *signs["trend"], *traced.memory("trend")]
     return traced, [
         *start_of(traced),
         ("shear a moment ago", traced.held(recent.old_shear), (4, 2), "templates"),
-        ("slip_x, slip_y", nodes_of([pad.x, pad.y]), (3, 3), "read-outs"),
+        ("slip_x, slip_y", nodes_of(pad.pull), (3, 3), "read-outs"),
         ("ratio rate", signs["ratio_rate"], (4, 3), "read-outs"),
         ("largest load", nodes_of([recent.z.max()]), (5, 3), "read-outs"),
         ("slopes of the load", traced.run_by("gradient_x", "gradient_y"), (1, 4), "templates"),

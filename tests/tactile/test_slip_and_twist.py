@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 from scipy.ndimage import binary_propagation
 
+from cnnum.drivers.simulated.grips import Arrays
+from cnnum.drivers.simulated.hands import oblique
 from cnnum.drivers.uskin_csv import UskinCsvOptions
 from cnnum.errors import ProgramError
 from cnnum.programs import program
@@ -114,6 +116,22 @@ def test_noise_slides_and_turns(fast, run, four):
     assert not slips[:GO, SLIDES].any()  # a pull that sticks is none
     assert twists[-1, [TURNS, BACK]].all()
     assert got["twist_sense"][-1].tolist() == [0.0, 0.0, 1.0, -1.0]
+
+
+@pytest.mark.parametrize("frequency", [3.0, 0.5])
+def test_touches_that_come_with_their_shear_are_no_slips(run, numba, frequency):
+    trial = oblique(frequency)(Arrays(), f"oblique {frequency:g}", 610_000)
+    got = run(numba, slip.bind(rate=trial.rate), trial.frames, ["gross_slip"])
+    assert not got["gross_slip"][trial.scored].any()
+
+
+def test_a_slip_under_one_of_two_pads_is_as_strong(fast, run, four):
+    """The other pad has noise alone."""
+    alone = run(fast, slip.bind(**BOUND), four[:, SLIDES], ["slip_strength"])["slip_strength"]
+    both_pads = np.concatenate([four[:, NOISE], four[:, SLIDES]], axis=-2)
+    wide = slip.bind(**BOUND, pads=2)
+    beside = run(fast, wide, both_pads, ["slip_strength"])["slip_strength"]
+    assert beside[GO + 10 :].max() > 0.9 * alone[GO + 10 :].max() > 0.0
 
 
 def test_direction_is_that_of_the_slide(fast, run):

@@ -312,7 +312,6 @@ class RecentLoads:
         )
         self.pads = [self._pad(floor * self.noise, block) for block in blocks(frame, 1, pads)]
         self.load, before = mean([p.load for p in self.pads]), mean([p.before for p in self.pads])
-        self.ratio = mean([pad.ratio for pad in self.pads])
         self.load_rate = self.per_s * abs(self.load - before) / self.load  # 1/s
 
     def shown(self, **outputs: Field) -> dict[str, Field]:
