@@ -122,7 +122,7 @@ def loads_of(frame: FrameFields, push: float) -> Loads:
     """
     touched = frame.memory("touched", scalar=True, logic=True)
     rest = Rest(frame)
-    axes = tuple(name for name in FORCE_AXES[:2] if name in frame.channels)
+    axes = FORCE_AXES[:2] if set(FORCE_AXES[:2]) <= set(frame.channels) else ()
     shear = _Noise(frame, axes) if axes else None
     normal = _Noise(frame, ("normal",))
     above = push * (frame.normal - rest.known["normal"].value)
