@@ -60,6 +60,8 @@ class Trial:
         Row of the log that each frame came from.
     setting : mapping
         Facts of the array for a program, as its parameters.
+    turning : (frames,) float, degrees/s, optional
+        How fast the object turns, where a camera has seen it; NaN where it has not.
     """
 
     family: str
@@ -74,6 +76,7 @@ class Trial:
     direction: float
     rows: NDArray[np.int64]
     setting: Mapping[str, float | bool] = field(default_factory=dict[str, "float | bool"])
+    turning: Floats | None = None
 
     @property
     def shape(self) -> Shape:

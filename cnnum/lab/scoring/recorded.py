@@ -5,10 +5,11 @@ follows a marker on the object. So the marker's motion is the motion in the hand
 """
 
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from cnnum.arrays import Floats
 from cnnum.drivers.simulated.grips import Flags, Trial, first, runs
@@ -101,7 +102,8 @@ def flat_trial(folder: Folder) -> Trial:
     rows = np.array([row for row, _ in frames])
     values = np.stack([frame.values for _, frame in frames])
     slips = labels(speeds(marker, rate))[rows]
-    return _trial(folder, frames, slips, held(values))
+    turned = turning(marker, table.numbers([f"marker1_quaternion_{axis}" for axis in "xyzw"]), rate)
+    return replace(_trial(folder, frames, slips, held(values)), turning=turned[rows])
 
 
 def speeds(places: Floats, rate: float) -> Floats:
@@ -125,6 +127,34 @@ def speeds(places: Floats, rate: float) -> Floats:
         if len(used) >= SEEN * len(near):
             time = (used - used.mean()) / rate
             found[n] = np.linalg.norm((time[:, None] * places[used]).sum(axis=0) / (time @ time))
+    return found
+
+
+def turning(places: Floats, turned: Floats, rate: float) -> Floats:
+    """Return how fast a marker turns, degrees/s: the slope of its turn in a window.
+
+    Parameters
+    ----------
+    places : (rows, 3) float, m
+    turned : (rows, 4) float
+        Quaternions, the real part last.
+    rate : float, Hz
+
+    Returns
+    -------
+    (rows,) float
+        NaN where the marker is seen too rarely.
+    """
+    seen = (np.abs(places - LOST).max(axis=1) > 1e-6) & (np.abs(turned).sum(axis=1) > 0.5)
+    half, found = max(2, round(WINDOW * rate)), np.full(len(places), np.nan)
+    for n in np.flatnonzero(seen):
+        near = np.arange(max(0, n - half), min(len(places), n + half + 1))
+        used = near[seen[near]]
+        if len(used) >= SEEN * len(near):
+            away = Rotation.from_quat(turned[n]).inv() * Rotation.from_quat(turned[used])
+            time = (used - used.mean()) / rate
+            slope = (time[:, None] * away.as_rotvec()).sum(axis=0) / (time @ time)
+            found[n] = np.degrees(np.linalg.norm(slope))
     return found
 
 

@@ -31,11 +31,14 @@ WINDOWS = (1, 5)
 
 LEARNED_WINDOWS = (1, 2, 5)
 
+FAINT = 20.0
+"""Counts, added to the load that something is divided by."""
+
 RIDGE = 0.1
 """Inverse weight of the regression's penalty."""
 
 
-def shear_change(trial: Trial, window: int, *, incoherent: bool) -> Floats:
+def shear_change(trial: Trial, window: int, *, incoherent: bool, over_load: bool = False) -> Floats:
     """Return the mean change of shear from frame to frame, over the last frames.
 
     Parameters
@@ -46,6 +49,8 @@ def shear_change(trial: Trial, window: int, *, incoherent: bool) -> Floats:
         Frames.
     incoherent : bool
         Whether the pad's mean change is taken off.
+    over_load : bool
+        Whether it is divided by the mean load of a taxel.
 
     Returns
     -------
@@ -53,19 +58,27 @@ def shear_change(trial: Trial, window: int, *, incoherent: bool) -> Floats:
     """
     change = _change_of_frames(trial)[..., :2]
     change = change - change.mean(axis=(2, 3), keepdims=True) if incoherent else change
-    return _averaged(np.sqrt((change**2).sum(axis=-1).mean(axis=(1, 2, 3))), window)
+    found = _averaged(np.sqrt((change**2).sum(axis=-1).mean(axis=(1, 2, 3))), window)
+    return found / (_load(trial) + FAINT) if over_load else found
+
+
+def _load(trial: Trial) -> Floats:
+    """Return the mean load of a taxel above the first frames."""
+    pads = _pads(trial)
+    found: Floats = np.abs((pads - pads[:4].mean(axis=0))[..., 2].mean(axis=(2, 3))).mean(axis=1)
+    return found
 
 
 def features(trial: Trial) -> Floats:
     """Return logarithms of changes, load and friction in use, (frames, features)."""
     pads = _pads(trial)
-    load = np.abs((pads - pads[:4].mean(axis=0))[..., 2].mean(axis=(2, 3))).mean(axis=1)
+    load = _load(trial)
     shear = (pads - pads[:4].mean(axis=0))[..., :2].mean(axis=(2, 3))
     pull = np.sqrt((shear**2).sum(axis=-1)).mean(axis=1)
     normal = _change_of_frames(trial)[..., 2]
     mean = normal.mean(axis=(2, 3), keepdims=True)
     grows, shifts = np.abs(mean).mean(axis=(1, 2, 3)), np.abs(normal - mean).mean(axis=(1, 2, 3))
-    columns = [np.log(load + 20.0), np.log(pull + 3.0) - np.log(load + 20.0)]
+    columns = [np.log(load + FAINT), np.log(pull + 3.0) - np.log(load + FAINT)]
     for window in LEARNED_WINDOWS:
         columns += [
             np.log(shear_change(trial, window, incoherent=False) + 0.5),
@@ -213,7 +226,8 @@ def score_table(engine: Engine, recorded: Recorded, *, tunes: bool = True) -> Ta
 
 
 CHANGES = {
-    f"{name}, {window} frame{'s' * (window > 1)}": (window, incoherent)
+    f"{name}{' over load' * over}, {window} frame{'s' * (window > 1)}": (window, incoherent, over)
+    for over in (False, True)
     for name, incoherent in (("mean change of shear", False), ("incoherent change", True))
     for window in WINDOWS
 }
@@ -225,12 +239,64 @@ def _shipped(recorded: Recorded) -> dict[str, tuple[list[Floats], list[Floats]]]
     return {SHIPPED: (flat, uskin)}
 
 
-def _change(recorded: Recorded, window: int, incoherent: bool) -> tuple[list[Floats], list[Floats]]:
+def _change(
+    recorded: Recorded, window: int, incoherent: bool, over_load: bool
+) -> tuple[list[Floats], list[Floats]]:
     flat, uskin = (
-        [shear_change(trial, window, incoherent=incoherent) for trial in trials]
+        [
+            shear_change(trial, window, incoherent=incoherent, over_load=over_load)
+            for trial in trials
+        ]
         for trials in (recorded.flat, recorded.uskin)
     )
     return flat, uskin
+
+
+TURNS, SLIDES = 20.0, 8.0
+"""Degrees/s from which a slip is a pivot, and below which it is a slide."""
+
+
+def turn_table(recorded: Recorded) -> Table:
+    """Return the areas under the curve of slides and of pivots apart, and of one against the other.
+
+    A trial counts for itself where it has both slips and rest of six frames or more.
+    """
+    rows = {name: scores for name, (scores, _) in _shipped(recorded).items()}
+    rows |= {name: _change(recorded, *how)[0] for name, how in CHANGES.items()}
+    columns = (
+        Column("score", "score"),
+        Column("slides", f"slides (< {SLIDES:g}°/s) against none", 3),
+        Column("pivots", f"pivots (> {TURNS:g}°/s) against none", 3),
+        Column("apart", "pivots against slides", 3),
+        Column("apart_of_all", "pivots against all other slips", 3),
+        Column("within", "slips within a trial", 3),
+    )
+    note = "Of the flat data set, all objects together, by the turning of the marker."
+    made = [_turn_row(name, recorded.flat, scores) for name, scores in rows.items()]
+    return Table("turns", "Slides and pivots apart", note, columns, made)
+
+
+def _turn_row(name: str, trials: Sequence[Trial], scores: Sequence[Floats]) -> Row:
+    parts: dict[str, list[Floats]] = {key: [] for key in ("none", "slide", "pivot", "between")}
+    within = list[float]()
+    for trial, score in zip(trials, scores, strict=True):
+        turning = np.full(len(score), np.nan) if trial.turning is None else trial.turning
+        slips, none = trial.scored & (trial.slips == 1), trial.scored & (trial.slips == 0)
+        pivot, slide = slips & (turning > TURNS), slips & (turning < SLIDES)
+        between = slips & (turning >= SLIDES) & (turning <= TURNS)
+        for key, flags in zip(parts, (none, slide, pivot, between), strict=True):
+            parts[key].append(score[flags])
+        if min(slips.sum(), none.sum()) > 5:
+            within.append(float(auc(score[slips], score[none])))
+    none, slide, pivot, between = (np.concatenate(some) for some in parts.values())
+    return {
+        "score": name,
+        "slides": auc(slide, none),
+        "pivots": auc(pivot, none),
+        "apart": auc(pivot, slide),
+        "apart_of_all": auc(pivot, np.concatenate([slide, between])),
+        "within": float(np.mean(within)) if within else float("nan"),
+    }
 
 
 def _chosen(engine: Engine, trials: Sequence[Trial]) -> list[Floats]:

@@ -18,7 +18,7 @@ from cnnum.lab.scoring.judged_programs import Answers, Subject, reports, shipped
 from cnnum.lab.scoring.left_out import GRID, choices, left_out_table
 from cnnum.lab.scoring.levels import LEVELS, level_table
 from cnnum.lab.scoring.recorded import flat_folders, uskin_folders
-from cnnum.lab.scoring.recordings import Recorded, read, score_table
+from cnnum.lab.scoring.recordings import Recorded, read, score_table, turn_table
 from cnnum.lab.scoring.table import Column, Row, Table
 from cnnum.programs import Program
 
@@ -309,7 +309,7 @@ def _recordings(
         report_table(groups),
     ]
     if flat:
-        made.append(recorded_levels(flat, recorded.flat_answers))
+        made += [turn_table(recorded), recorded_levels(flat, recorded.flat_answers)]
     if uskin:
         made.append(trial_table(uskin, recorded.uskin_answers))
     return made
