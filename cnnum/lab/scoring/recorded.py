@@ -102,8 +102,11 @@ def flat_trial(folder: Folder) -> Trial:
     rows = np.array([row for row, _ in frames])
     values = np.stack([frame.values for _, frame in frames])
     slips = labels(speeds(marker, rate))[rows]
-    turned = turning(marker, table.numbers([f"marker1_quaternion_{axis}" for axis in "xyzw"]), rate)
-    return replace(_trial(folder, frames, slips, held(values)), turning=turned[rows])
+    trial = _trial(folder, frames, slips, held(values))
+    turns = [f"marker1_quaternion_{axis}" for axis in "xyzw"]
+    if not set(turns) <= set(table.header):
+        return trial
+    return replace(trial, turning=turning(marker, table.numbers(turns), rate)[rows])
 
 
 def speeds(places: Floats, rate: float) -> Floats:

@@ -5,12 +5,13 @@ from itertools import product
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from cnnum.drivers.simulated.grips import Trial, runs
 from cnnum.lab.scoring.judge import auc, judge, latched, median, per_ten_minutes, sense_right
 from cnnum.lab.scoring.left_out import Choice, chosen, reached
 from cnnum.lab.scoring.levels import Outcome, rate_of
-from cnnum.lab.scoring.recorded import held, labels, speeds
+from cnnum.lab.scoring.recorded import LOST, held, labels, speeds, turning
 from cnnum.lab.scoring.recordings import can_learn, folds, pooled, regression, shear_change
 from cnnum.lab.scoring.suites import onsets, report_table
 from cnnum.lab.scoring.table import Column, Table
@@ -231,6 +232,18 @@ def test_a_marker_s_speed_is_that_of_its_motion():
     gone = np.isnan(speeds(places, rate))
     assert gone[104:116].all()
     assert not gone[:95].any()
+
+
+def test_a_marker_s_turn_is_that_of_its_motion():
+    """A turn at 30°/s about a slanted axis; the marker is lost in between."""
+    time = np.arange(60) / 50.0
+    axis = np.array([1.0, 2.0, 2.0]) / 3.0
+    turned = Rotation.from_rotvec(np.radians(30.0) * time[:, None] * axis).as_quat()
+    places = np.zeros((60, 3))
+    places[20:40] = LOST
+    found = turning(places, turned, 50.0)
+    np.testing.assert_allclose(found[:16], 30.0, rtol=1e-6)
+    assert np.isnan(found[20:40]).all()
 
 
 def test_labels_leave_out_what_is_in_between():
