@@ -150,7 +150,7 @@ def turning(places: Floats, turned: Floats, rate: float) -> Floats:
     """
     seen = (np.abs(places - LOST).max(axis=1) > 1e-6) & (np.abs(turned).sum(axis=1) > 0.5)
     half, found = max(2, round(WINDOW * rate)), np.full(len(places), np.nan)
-    for n in np.flatnonzero(seen):
+    for n in map(int, np.flatnonzero(seen)):
         near = np.arange(max(0, n - half), min(len(places), n + half + 1))
         used = near[seen[near]]
         if len(used) >= SEEN * len(near):

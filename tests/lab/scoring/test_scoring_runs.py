@@ -265,7 +265,8 @@ def test_a_grasp_is_read_with_labels_from_its_marker(flat):
 def test_recordings_are_scored_with_each_object_left_out(flat, engine, monkeypatch):
     monkeypatch.setattr(recordings, "GRID", recordings.GRID[::8])
     made = score(Request(("recordings",), recordings=flat), engine)
-    scores, found, levels = made
+    scores, found, turns, levels = made
+    assert all(row["slides"] is not None and row["within"] > 0.5 for row in turns.rows[:1])
     assert [column.key for column in scores.columns][2:4] == ["object_5", "object_7"]
     rows = {row["score"]: row for row in scores.rows}
     assert rows["incoherent change, 1 frame"]["pooled"] > 0.9
