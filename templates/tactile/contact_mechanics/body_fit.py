@@ -17,6 +17,7 @@ from cnnum.programs.machine import FrameFields
 from cnnum.programs.parameters import refuse_outside
 from cnnum.programs.transients import apply
 from cnnum.tactile.bump_loads import left_kernel
+from cnnum.tactile.indenters import Reads
 from cnnum.templates.tactile.cover_model.fields import DEPTH, READS, Carries, filter_template
 from cnnum.templates.tactile.shared.loads import PUSH, loads_of
 from cnnum.templates.tactile.shared.pressure import pressed_of
@@ -90,12 +91,10 @@ def body_fit(
         for x in INSIDE
     ]
     spread = maximum((weight * away[4]).sum() / load, 1e-6)
-    kernel = left_kernel(float(depth), reads)
-    left = filter_template(f"left {reads} {depth:g}", kernel, "The residual of unblur.")
 
     def seen(radius: Field, shape: Callable[[Field], Field]) -> Field:
         body = mean([shape(1.0 - each / square(radius)) for each in away])
-        back = body - apply(left, input=body)
+        back = body if reads == "force" else body - _left(body, depth, reads)
         return where(back > SHARE * back.max(), back, 0.0)
 
     sphere = _best(weight, sqrt(2.5 * spread), lambda radius: seen(radius, _hertz))
@@ -113,6 +112,13 @@ def body_fit(
         "sphere_radius": where(is_sphere, round_one, 0.0),
         "body_left": where(sphere.left < flat.left, sphere.left, flat.left),
     }
+
+
+def _left(body: Field, depth: float, reads: Reads) -> Field:
+    """Return what unblurring leaves of a pressure."""
+    kernel = left_kernel(float(depth), reads)
+    left = filter_template(f"left {reads} {depth:g}", kernel, "The residual of unblur.")
+    return apply(left, input=body)
 
 
 class _Fit(NamedTuple):
