@@ -1,5 +1,6 @@
 """The way of a frame: driver, conversion, plan, events; one obvious path."""
 
+import inspect
 import logging
 import math
 import time
@@ -32,6 +33,7 @@ from cnnum.graph.nodes import Graph, Input
 from cnnum.graph.tracing import TraceStep, trace_steps
 from cnnum.plan import Plan
 from cnnum.programs import Program
+from cnnum.programs.library import get_program
 from cnnum.recordings.recording import Recording
 from cnnum.safety.values import shown
 from cnnum.scenes.arrangement import (
@@ -67,6 +69,7 @@ from cnnum.scenes.events import (
     titled,
     with_units,
 )
+from cnnum.scenes.explaining import FLAGS, Explained, explained
 from cnnum.scenes.like_frames import like_frames
 from cnnum.scenes.push_watch import HeldWatch, OrderWatch, PushWatch
 from cnnum.scenes.saturation import CHANNEL, Mask, Saturation, marked
@@ -647,6 +650,54 @@ class Scene(OfThisProcess):
                 if at == number:
                     return tuple(trace_steps(self.plan.schedule, moment.outputs))
         raise SceneError(f"The scene '{self.spec.name}' has no frame {number}.")
+
+    def explain(self, time: float) -> tuple[Explained, ...]:
+        """Return why slip and twist are reported at a time, or are not.
+
+        The frames before it are run too, so that memories hold the same values.
+
+        Parameters
+        ----------
+        time : float
+            s after the first frame; the first frame from then on that the program runs on counts.
+
+        Raises
+        ------
+        SceneError
+            If the program reports neither slip nor twist with their read-outs, or the scene has no
+            frame at that time.
+        """
+        kinds = [kind for kind in FLAGS if f"{kind}_level" in self.offered]
+        if not kinds:
+            raise SceneError(
+                f"Scene '{self.spec.name}': the program '{self.spec.program_name}' has no "
+                "read-outs of slip or twist to explain: take 'slip', 'twist' or 'tactile'."
+            )
+        measured = unit_of(self.conversion, self.driver)
+        program = bound(program_of(self.spec), self.spec, self.driver, self.grid, measured)
+        needs = [
+            name
+            for name in self.offered
+            if any(name == FLAGS[kind] or name.startswith(f"{kind}_") for kind in kinds)
+        ]
+        channels = self.plan.schedule.channels
+        way = self._path(self.engine.compile(program, self.shape, needs, channels=channels), ())
+        slip = inspect.signature(get_program("slip").function).parameters
+        given = {name: each.default for name, each in slip.items()} | dict(program.parameters)
+        weights = {name: float(given[name]) for name in ("still", "swing", "pull")}
+        with closing(self._frames()) as frames:
+            first = math.nan
+            for number, frame in enumerate(frames):
+                first = first if number else frame.time
+                moment = way.step(number, frame)
+                if moment.values is None or frame.time - first < time - SAME_TIME:
+                    continue
+                return tuple(
+                    explained(kind, frame.time, number, moment.outputs, weights) for kind in kinds
+                )
+        raise SceneError(
+            f"The scene '{self.spec.name}' has no frame {time:g} s after its first one."
+        )
 
     def summary(self) -> Summary:
         """Return the summary so far."""

@@ -1,0 +1,72 @@
+"""Why slip and twist are reported at a time, or are not."""
+
+import json
+
+import numpy as np
+import pytest
+
+import cnnum
+from cnnum.cli import main
+from cnnum.drivers.simulated.array import SimulatedOptions
+from cnnum.drivers.simulated.settings import Phase
+from cnnum.errors import SceneError
+from cnnum.scenes.pipeline import load_scene
+
+SCRIPT = (
+    Phase("hold", 0.5),
+    Phase("press", 0.3, load=1.0),
+    Phase("hold", 0.4),
+    Phase("pull", 1.2, speed=1.5e-3, direction=0.5),
+)
+
+
+@pytest.fixture(scope="module")
+def recording():
+    with SimulatedOptions(script=SCRIPT, rate=100.0, seed=3).open() as array:
+        values = array.calibration.to_strain(np.stack([f.values for f in array.frames()]))
+    channels = ("shear_x", "shear_y", "normal")
+    return cnnum.Recording(values, rate=100.0, unit="strain", channels=channels)
+
+
+def scene(recording, program="slip", needs=("slip",)):
+    changes = {"needs": list(needs), "program.name": program, "program.parameters": {}}
+    engine = cnnum.Engine("numba")
+    return load_scene("contact", recording=recording, changes=changes, engine=engine)
+
+
+def test_the_strength_is_what_its_read_outs_make(recording):
+    """By the formula of the page, at rest, in a press, in a pull that sticks and in a slide."""
+    opened = scene(recording)
+    said = {}
+    for time in (0.2, 0.7, 1.7, 2.2):
+        (found,) = opened.explain(time)
+        at = {name.removeprefix("slip_"): value for name, value in found.read_outs.items()}
+        moves = np.cbrt(at["pattern_speed"] ** 2 * at["incoherent_shear"]) * at["ratio"]
+        rates = at["trend"] + 0.6 * at["load_rate"] + 0.6 * at["ratio_rate"]
+        along = (0.75 * max(1.0 + at["motion_cosine"], 0.0)) ** 2
+        along *= min(max(at["alignment"], 0.0) / 0.3, 1.0) * (at["stick_share"] < 0.5)
+        assert found.strength == pytest.approx(along * moves / (0.2 + rates), rel=1e-4, abs=1e-6)
+        assert found.time == pytest.approx(time)
+        said[time] = found
+    assert "the rest is still learned" in said[0.2].why
+    assert "the load changes" in said[0.7].why
+    assert "ratio of shear to load still changes" in said[1.7].why
+    assert said[2.2].reported
+    assert said[2.2].margin > 1.0 > said[1.7].margin
+    assert "slip is reported: the strength is" in str(said[2.2])
+    with pytest.raises(SceneError, match="no frame 9 s after"):
+        opened.explain(9.0)
+    with pytest.raises(SceneError, match="take 'slip', 'twist' or 'tactile'"):
+        scene(recording, "contact", ["contact"]).explain(1.0)
+
+
+def test_the_command_says_the_same(recording, tmp_path, capsys):
+    file = tmp_path / "pull.npz"
+    recording.save(file)
+    with pytest.raises(SystemExit, match="0"):
+        main(["explain", str(file), "--at", "2.2", "--engine", "numba", "--json",
+              "--set", "program.name=slip", "--set", "program.parameters.still=0.2"])  # fmt: skip
+    (line,) = map(json.loads, capsys.readouterr().out.splitlines())
+    assert (line["kind"], line["frame"], line["reported"]) == ("slip", 220, True)
+    assert line["margin"] == pytest.approx(line["strength"] / line["level"])
+    assert {"slip_trend", "slip_ratio", "slip_stick_share"} <= set(line["read_outs"])
