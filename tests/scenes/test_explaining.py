@@ -64,9 +64,9 @@ def test_the_command_says_the_same(recording, tmp_path, capsys):
     file = tmp_path / "pull.npz"
     recording.save(file)
     with pytest.raises(SystemExit, match="0"):
-        main(["explain", str(file), "--at", "2.2", "--engine", "numba", "--json",
-              "--set", "program.name=slip", "--set", "program.parameters.still=0.2"])  # fmt: skip
-    (line,) = map(json.loads, capsys.readouterr().out.splitlines())
+        main(["explain", str(file), "--at", "2.2", "--engine", "numba", "--json"])
+    line, other = map(json.loads, capsys.readouterr().out.splitlines())
+    assert (other["kind"], other["reported"]) == ("twist", False)
     assert (line["kind"], line["frame"], line["reported"]) == ("slip", 220, True)
     assert line["margin"] == pytest.approx(line["strength"] / line["level"])
     assert {"slip_trend", "slip_ratio", "slip_stick_share"} <= set(line["read_outs"])
