@@ -144,6 +144,33 @@ def test_a_recording_is_played_and_moved_in_time(
     browser.until(f"view.shown.number > {stays + 10}")
 
 
+PRESSED = "document.body.dispatchEvent(new KeyboardEvent('keydown', {key: 't', bubbles: true}))"
+
+
+@pytest.mark.parametrize("tare", ["at('tare').click()", PRESSED], ids=["button", "key"])
+def test_rest_is_learned_anew(
+    browser: Browser, viewing: Callable[..., Viewing], tmp_path: Path, tare: str
+) -> None:
+    """An offset that stays is a contact until a tare."""
+    import numpy as np
+
+    t = np.arange(6000) / 100.0
+    values = np.random.default_rng(3).normal(16_000.0, 3.0, (len(t), 4, 4, 3)).round()
+    values[:, 1:3, 1:3, 2] += (300.0 * (t >= 1.0))[:, None, None]
+    Recording(values, rate=100.0).save(tmp_path / "offset.npz")
+    scene = tmp_path / "offset.toml"
+    scene.write_text(
+        'needs = ["contact"]\n[array]\ndriver = "npz"\npath = "offset.npz"\n[program]\n'
+        'name = "contact"\n[program.parameters]\npush = 1.0\nreads = "force"\n'
+    )
+    server = viewing(str(scene), "--port", "0")
+    browser.open(server.address)
+    browser.until("document.querySelector('#contact.on') !== null")
+    browser.value(tare)
+    browser.until("document.querySelector('#events li[data-kind=release]') !== null")
+    browser.until("document.querySelector('#contact.on') === null")
+
+
 @pytest.fixture(scope="session")
 def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A short press and slip, as strain."""
