@@ -514,9 +514,9 @@ def _number(text: str, decimal: str) -> bool:
 
 
 def _of_text(path: Path, lines: list[str]) -> Proposal:
-    comment = next(
-        (c for c in ("#", "%", "//") if any(x.lstrip().startswith(c) for x in lines)), "#"
-    )
+    begins = {c: sum(x.lstrip().startswith(c) for x in lines) for c in ("#", "%", "//", ";")}
+    begins[";"] *= 2 * begins[";"] < len(lines)  # else it stands before an empty first field
+    comment = next((c for c, count in begins.items() if count), "#")
     best: tuple[float, int, str, str] = (0.0, 0, ",", ".")
     content = [line for line in lines if line.strip() and not line.lstrip().startswith(comment)]
     for separator in (",", *SEPARATORS):
