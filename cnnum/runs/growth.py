@@ -43,7 +43,13 @@ from cnnum.arrays import Floats
 from cnnum.errors import MethodError, SizeError
 from cnnum.graph.nodes import RunSpec
 from cnnum.integrators.estimate import FLOOR, LOST, delayed_growth, error_growth
-from cnnum.integrators.schemes import MAX_STEPS, AdaptiveSteps, ChebyshevSteps, FixedSteps
+from cnnum.integrators.schemes import (
+    LAYER_METHODS,
+    MAX_STEPS,
+    AdaptiveSteps,
+    ChebyshevSteps,
+    FixedSteps,
+)
 from cnnum.integrators.solver import Solver
 from cnnum.integrators.tableau import BOGACKI_SHAMPINE, DORMAND_PRINCE, TABLEAUX
 from cnnum.runs.request import Request
@@ -338,10 +344,12 @@ def may_grow(template: Template, solver: Solver) -> bool:
 def hides_errors(template: Template, solver: Solver) -> bool:
     """Return whether every run takes another one to say how far off it is.
 
-    Steps of a fixed length are no longer than their stages show, unless errors may grow.
+    Steps of a fixed length are no longer than their stages show, but for exponential ones where
+    errors may grow: these integrate the decay by itself, and their stages see too little of the
+    rest.
     """
     if _even(solver):
-        return error_growth(template) > 0.0
+        return solver.method in LAYER_METHODS and error_growth(template) > 0.0
     straight = template.output.linear or template.output.name in ("standard", "full-range")
     moving = any(not coupling.static for coupling in template.nonlinear)
     return not straight or bool(template.gains) or moving

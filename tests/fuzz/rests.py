@@ -18,6 +18,9 @@ SOFT = OutputFunction(
     "soft sign", lambda x: x / (1.0 + np.abs(x)), "x / (ONE + fabs(x))", slope=(0.0, 1.0)
 )
 OUTPUTS = ("standard", "tanh", "full-range", "linear", "sign", SOFT)
+UNITS = (1.0, 1.0, 1e-6, 1.0, 1e5)
+"""Units of time in turn: rests are where they are in any."""
+
 LONGEST = 400.0
 STILL = 1e-9
 
@@ -191,6 +194,8 @@ def case_of(seed, number):
     B = rng.normal(size=(layers, inputs, 3, 3)) * 0.5
     z = rng.normal(size=layers) * (0.0 if kind == "growth" else rng.choice([0.0, 0.3, 2.0]))
     tau = rng.choice([0.2, 1.0, 1.0, 4.0], size=layers) if output != "sign" else np.ones(layers)
+    if output != "sign" and kind != "delayed":
+        tau *= UNITS[number % len(UNITS)]
     scale = 10.0 ** -rng.uniform(0.0, 8.0) if kind == "growth" else rng.choice([1e-3, 0.9, 2.0])
     state = rng.uniform(-1.0, 1.0, (layers, *shape)) * scale
     if output == "full-range":
