@@ -18,7 +18,10 @@ OLDEST = "3.11.5"
 """Python that the lock is for: some packages leave out earlier ones of 3.11."""
 
 RUN, DEV, OTHERS = "# to run:", "# to develop and test:", "# of other extras:"
-OTHER_EXTRAS = ("attrs", "cax", "flax", "optax", "rerun-sdk", "taichi")
+OTHER_EXTRAS = (
+    *("attrs", "cax", "flax", "intel-cmplr-lib-rt", "intel-opencl-rt", "optax", "rerun-sdk"),
+    "taichi",
+)
 """Packages that tests use where they are installed, and no target of make installs."""
 
 HEAD = """\
