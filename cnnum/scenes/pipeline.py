@@ -684,7 +684,7 @@ class Scene(OfThisProcess):
         way = self._path(self.engine.compile(program, self.shape, needs, channels=channels), ())
         slip = inspect.signature(get_program("slip").function).parameters
         given = {name: each.default for name, each in slip.items()} | dict(program.parameters)
-        weights = {name: float(given[name]) for name in ("still", "swing", "pull")}
+        weights = {name: float(cast(float, given[name])) for name in ("still", "swing", "pull")}
         with closing(self._frames()) as frames:
             first = math.nan
             for number, frame in enumerate(frames):

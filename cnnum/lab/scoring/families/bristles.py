@@ -260,7 +260,7 @@ def _bent(brush: Brush, way: Way, x: Floats, y: Floats) -> tuple[Floats, Floats,
         step, last = now - last, now
         bend[..., 0] += step[0] - step[2] * (y - at[1])
         bend[..., 1] += step[1] + step[2] * (x - at[0])
-        size, limit = np.hypot(*np.moveaxis(bend, -1, 0)), brush.friction * STIFFNESS * press
+        size, limit = np.hypot(bend[..., 0], bend[..., 1]), brush.friction * STIFFNESS * press
         keeps = np.minimum(1.0, limit / np.maximum(size, 1e-15))
         bend = bend * keeps[..., None]
         pressed[n], bends[n], loads[n] = press, bend / STIFFNESS, press.sum()
@@ -289,7 +289,7 @@ def scene(
         fine = ((np.arange(TAXELS * FINE) + 0.5) / FINE - TAXELS / 2) * PITCH
         x, y = np.meshgrid(fine, fine)
         pressed, bends, stuck, loads = _bent(brush, way, x, y)
-        seen = _read(brush, pressed, bends)
+        seen: Floats = _read(brush, pressed, bends)
         top = np.abs(seen).max()
         frames, spin = len(seen), np.gradient(way.angle)
         if pads == 2:
