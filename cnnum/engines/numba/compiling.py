@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any, ParamSpec, TypeVar, cast
 
 import numba
-from numba.core import serialize
+from numba.core import config, serialize
 from numba.core.caching import NullCache
 from numba.core.compiler import CompileResult
 
@@ -134,5 +134,5 @@ def cores() -> int:
 
 def most_cores() -> int:
     """Return the number of cores for threads of Python; asking starts none."""
-    config: Any = numba.config
-    return int(config.NUMBA_NUM_THREADS)
+    most: Any = vars(config)["NUMBA_NUM_THREADS"]
+    return int(most)

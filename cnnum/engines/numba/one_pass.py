@@ -428,11 +428,12 @@ def _ranks(
             row = (frame * (rows + 2 * radius) + r) * stride
             length = together * stride - 2 * radius
             for k in range(pairs.shape[0]):
-                i, j = pairs[k]
-                a, b = row + places[i], row + places[j]
+                i, j = int(pairs[k, 0]), int(pairs[k, 1])
+                a, b = row + int(places[i]), row + int(places[j])
                 _taken_in_order(wide, a, b, near, i * each, j * each, length)
-            for i in lone:
-                _copied(wide, row + places[i], near, i * each, length)
+            for k in range(lone.size):
+                i = int(lone[k])
+                _copied(wide, row + int(places[i]), near, i * each, length)
             for k in range(network.shape[0]):
                 _in_order(near, network[k, 0] * each, network[k, 1] * each, length)
             for n in range(together):
