@@ -121,13 +121,9 @@ def reduced(graph: dict[str, set[str]]) -> dict[str, set[str]]:
 
 def table() -> str:
     """Return the rooms as a table, the highest floor first."""
-    graph = arrows()
-    lines = ["| room | content | imports from |", "|---|---|---|"]
+    lines = ["| room | content |", "|---|---|"]
     for floor in reversed(FLOORS):
-        for room, purpose in floor.items():
-            shown = graph[room] - {"errors", "arrays", "values", "renamed"}
-            others = sorted(shown, key=lambda r: (-FLOOR[r], r))
-            lines.append(f"| `{room}` | {purpose} | {', '.join(others)} |")
+        lines += [f"| `{room}` | {purpose} |" for room, purpose in floor.items()]
     return "\n".join(lines)
 
 

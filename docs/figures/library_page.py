@@ -4,6 +4,7 @@ It writes `docs/template-library.md` from the template files. A test holds the p
 """
 
 import re
+import textwrap
 from collections import defaultdict
 from pathlib import Path
 
@@ -11,7 +12,6 @@ from cnnum.templating.files import Entry
 from cnnum.templating.library import get_entry, template_names, template_path
 
 PAGE = Path(__file__).parents[1] / "template-library.md"
-
 
 HEAD = """# The template library
 
@@ -74,14 +74,12 @@ def _group(folder: str, entries: list[Entry]) -> str:
     names = defaultdict[str, list[str]](list)
     for entry in entries:
         names[_purpose(entry)].append(entry.template.name)
-    rows = "\n".join(f"| {', '.join(alike)} | {purpose} |" for purpose, alike in names.items())
-    return f"""
-## {folder}
+    rows = "\n".join(_item(f"{', '.join(alike)}: {purpose}") for purpose, alike in names.items())
+    return f"\n## {folder}\n\n{rows}\n"
 
-| template | purpose |
-|---|---|
-{rows}
-"""
+
+def _item(text: str) -> str:
+    return textwrap.fill(f"* {text}", 100, subsequent_indent="  ", break_on_hyphens=False)
 
 
 def _purpose(entry: Entry) -> str:

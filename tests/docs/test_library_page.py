@@ -15,6 +15,6 @@ def test_the_page_is_that_of_the_files():
     spec.loader.exec_module(module)
     written = module.PAGE.read_text(encoding="utf-8")
     assert written == module.page(), "run python docs/figures/library_page.py"
-    rows = re.findall(r"^\| ([\w, ]+) \| .* \|$", written, re.MULTILINE)
-    listed = {name for names in rows for name in names.split(", ")}
+    rows = re.findall(r"^\* ([\w,\s]+):\s", written, re.MULTILINE)
+    listed = {name for names in rows for name in re.split(r",\s+", names)}
     assert set(template_names()) <= listed
