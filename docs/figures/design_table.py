@@ -15,25 +15,20 @@ PAGE = Path(__file__).parents[1] / "design-library.md"
 
 HEAD = """# Library templates designed again from their rules
 
-How robust are the published weights of a template, and could they be better? Each of the {count}
-templates below is uncoupled and checks a local rule of 3×3 cells. `cnnum templates design` was
-given that rule alone, without the published weights.
+How robust are the published weights of a template, and could they be better? `cnnum templates
+design` was given the local rules of {count} uncoupled templates, without their published weights.
 
 * The *relative margin* is the smallest drive of any cell towards its colour, divided by the sum of
   the sizes of the weights. It is larger than the published one for {larger} templates, equal for
-  {equal} and smaller for {smaller}. The multipliers of the linear program prove for each template
-  that no weights have a larger one.
-* The *worst case* is the largest relative error of all weights, each varying independently, at
-  which still no cell is wrong at the end of the template's own run. It is larger than the published
-  one for {safer} templates. It is smaller than the relative margin because the feedback of the cell
-  is off as well, and because a run ends.
+  {equal} and smaller for {smaller}, and it is proven that no weights have a larger one.
+* The *worst case* is the largest relative error of all weights at once at which no cell is wrong
+  at the end of the template's own run. It is larger than the published one for {safer} templates.
 
-`python docs/figures/design_table.py` writes this page, and a test compares it with the code.
+`python docs/figures/design_table.py` writes this page.
 
 | templates | relative margin | published | worst case | published |
 |---|--:|--:|--:|--:|
 """
-
 
 def page(found: Iterable[Again]) -> str:
     """Return the page's text."""
@@ -51,10 +46,8 @@ def page(found: Iterable[Again]) -> str:
     rows = [f"| {', '.join(names)} | {numbers} |" for numbers, names in alike.items()]
     return HEAD.format(**counts) + "\n".join(rows) + "\n"
 
-
 def _percent(share: float) -> str:
     return f"{math.floor(1e4 * share) / 100.0:.2f} %"
-
 
 if __name__ == "__main__":
     PAGE.write_text(page(found_again()), encoding="utf-8")
