@@ -30,6 +30,7 @@ design` was given the local rules of {count} uncoupled templates, without their 
 |---|--:|--:|--:|--:|
 """
 
+
 def page(found: Iterable[Again]) -> str:
     """Return the page's text."""
     alike, signs, safer = defaultdict[str, list[str]](list), list[int](), 0
@@ -46,8 +47,10 @@ def page(found: Iterable[Again]) -> str:
     rows = [f"| {', '.join(names)} | {numbers} |" for numbers, names in alike.items()]
     return HEAD.format(**counts) + "\n".join(rows) + "\n"
 
+
 def _percent(share: float) -> str:
     return f"{math.floor(1e4 * share) / 100.0:.2f} %"
+
 
 if __name__ == "__main__":
     PAGE.write_text(page(found_again()), encoding="utf-8")

@@ -65,7 +65,7 @@ def page() -> str:
         count=len(entries),
         experimental=count,
         share=100.0 * count / len(entries),
-        reasons="\n".join(f"| {', '.join(names)} | {why} |" for why, names in doubtful.items()),
+        reasons="\n".join(f"| {_names(names)} | {why} |" for why, names in doubtful.items()),
     )
     return head + "".join(_group(folder, groups[folder]) for folder in sorted(groups))
 
@@ -74,8 +74,21 @@ def _group(folder: str, entries: list[Entry]) -> str:
     names = defaultdict[str, list[str]](list)
     for entry in entries:
         names[_purpose(entry)].append(entry.template.name)
-    rows = "\n".join(_item(f"{', '.join(alike)}: {purpose}") for purpose, alike in names.items())
+    rows = "\n".join(_item(f"{_names(alike)}: {purpose}") for purpose, alike in names.items())
     return f"\n## {folder}\n\n{rows}\n"
+
+
+def _names(names: list[str]) -> str:
+    """Return names one after the other, and three or more with numbers in a row as a range."""
+    runs: list[list[str]] = []
+    for name in names:
+        stem, number = name.rstrip("0123456789"), name[len(name.rstrip("0123456789")) :]
+        follows = runs and number and runs[-1][-1] == f"{stem}{int(number) - 1}"
+        if follows:
+            runs[-1].append(name)
+        else:
+            runs.append([name])
+    return ", ".join(f"{r[0]} to {r[-1]}" if len(r) > 2 else ", ".join(r) for r in runs)
 
 
 def _item(text: str) -> str:
