@@ -216,6 +216,31 @@ def test_a_release_waits_until_all_taxels_are_within_their_range():
     assert "load_is_bound" not in ends.record()
 
 
+@pytest.mark.parametrize(
+    ("share", "start", "gains", "least", "most"),
+    [
+        (0.1, [-0.9e-3, -0.4e-3], (200.0, 300.0), 0.64, 0.96),
+        (0.25, [0.0, 0.0], (500.0, 800.0), 0.0, 0.31),
+    ],
+)
+def test_a_bound_is_as_far_below_the_load_as_the_page_says(share, start, gains, least, most):
+    """In docs/bad-frames.md; a tenth is 6 or 7 taxels of 64, a quarter 15 to 17."""
+    found = []
+    for gain in gains:
+        script = [{"kind": "hold", "duration": 0.5}, *TOUCH[1:]]
+        changes = {"needs": ["load_normal"], "array.script": script, "array.start": start,
+                   "array.rate": 100.0, "array.gain": gain}  # fmt: skip
+        for moment in load_scene("contact", changes=changes).results():
+            true = moment.frame.truth["normal_force"]
+            if true > 0.95 and np.abs(moment.saturated.mean() - share) < 0.02:
+                found.append(float(moment.outputs["load_normal"]) / true)
+    assert least <= min(found)
+    assert max(found) < most
+    # the page does not say more than is so: these gains reach both ends
+    assert min(found) < least + 0.03
+    assert max(found) > most - 0.03
+
+
 def test_texture_does_not_know_the_friction_of_a_saturated_taxel():
     """It takes no frame of a taxel at its end into the window of that taxel."""
     rng = np.random.default_rng(3)
