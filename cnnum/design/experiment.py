@@ -77,8 +77,9 @@ class Experiment:
         share, alike in all cells. "offset" is that of a bias of each cell. "drift" is that of a
         bias that grows along a line: of its slope times the array's half diagonal. "bits" are of
         weights, matrix by matrix. Those of a `Chip`: "weight_bits", "state_bits" (of maps, which
-        saturate at 1) and "chip_noise" (of the output). "chip_mismatch" is of B and z, each cell's
-        own. "chip_seed" is drawn anew for each run unless given.
+        saturate at 1) and "chip_noise" (of the output). "chip_mismatch" is that of all weights,
+        alike in all cells for A, and each cell's own for B and z. "chip_seed" is drawn anew for
+        each run unless given.
     draws : int
         Of the random numbers, at each place.
     pictures : int

@@ -36,7 +36,7 @@ A check compares the function of the template, its mean end state, its margin an
 and a digest of its numbers. The function alone would be a weak test: of 1,272 black-and-white
 templates with one number multiplied by 1.2, 992 still compute the same function, but only 68 also
 keep end state, margin and settling time, and none keeps the digest (`python -m
-docs.figures.changed_weights`).
+docs.figures.changed_weights --digital`).
 
 ## Experimental templates
 
