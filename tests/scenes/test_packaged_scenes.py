@@ -332,7 +332,7 @@ def test_edge_enhancement_finds_the_outline_through_the_cover(body):
 @pytest.mark.one_in(2)  # not the scene's own friction, which a constant would pass
 @pytest.mark.parametrize("friction", [0.25, 0.6])
 def test_texture_measures_the_friction_and_the_roughness_of_a_face(friction):
-    needs = ["texture", "texture_friction", "texture_roughness"]
+    needs = ["texture", "texture_friction", "texture_roughness", "friction", "texture_rubs"]
     scene, moments, truths = played("texture", needs=needs, **{"array.friction": friction})
     own = loads_on_bumps(scene.driver)
     true = friction_and_roughness(own[..., [0, 1, 2]], window=128)
@@ -350,6 +350,11 @@ def test_texture_measures_the_friction_and_the_roughness_of_a_face(friction):
     off = found["texture_roughness"] - true.roughness[n]
     assert np.abs(off).max() < 2.5
     assert true.roughness[n].mean() > 5.0
+    rubbed = [float(m.outputs["friction"]) for m in moments if m.outputs["texture_rubs"]]
+    # docs/programs/texture.md
+    assert 0.97 * friction < min(rubbed) <= max(rubbed) < 1.01 * friction
+    # the last window has the release in it: the page says that its mean is less
+    assert float(moments[-1].outputs["friction"]) < 0.95 * friction
 
 
 def test_texture_of_a_face_that_only_sticks_is_not_reported():
