@@ -596,10 +596,23 @@ def _chained(
 
 
 def fields_of(lines: "_Lines | list[str]", form: TextForm) -> Iterator[list[str]]:
-    """Return an iterator over the fields of each line."""
+    """Return an iterator over the fields of each line, without single or double quotes."""
     if form.separator == " ":
-        return (line.split() for line in lines)
-    return csv.reader(lines, delimiter=form.separator, skipinitialspace=True)
+        return (_blank_fields(line) for line in lines)
+    sign = re.escape(form.separator)
+    quoted = re.compile(rf"(?:^|(?<={sign}))(\s*)'([^'\r\n]*)'(?=\s*(?:{sign}|$))")
+    doubled = (
+        quoted.sub(r'\1"\2"', line) if "'" in line and '"' not in line else line for line in lines
+    )
+    return csv.reader(doubled, delimiter=form.separator, skipinitialspace=True)
+
+
+def _blank_fields(line: str) -> list[str]:
+    fields = line.split()
+    if "'" in line or '"' in line:
+        joined = re.findall(r"""'[^']*'(?!\S)|"[^"]*"(?!\S)|\S+""", line)
+        fields = [text[1:-1] if re.fullmatch(r"'.*'|\".*\"", text) else text for text in joined]
+    return fields
 
 
 class _Lines:
