@@ -58,7 +58,8 @@ QUANTITIES: Mapping[str, Quantity] = {
     "depth": Quantity("pitches of the array", 0.02, 50.0, METRES, "1 mm", in_pitches=True),
     "rate": Quantity("frames a second (Hz)", 1e-3, 1e6, HERTZ, "100 Hz"),
     "unit": Quantity("newtons, or another unit of load,", 1e-30, 1e30, NEWTONS, "1.3 N"),
-    "push": Quantity("sign of a push", 1e-6, 1e6, {}, "", signed=True),
+    # rest and noise are not scaled with it: thresholds hold for 1 and -1 alone
+    "push": Quantity("sign of a push", 1.0, 1.0, {}, "", signed=True),
     "thickness": Quantity("metres", 1e-7, 10.0, METRES, "1 mm"),  # 10: a pitch of 1 for theory
     PITCH: Quantity("metres", 1e-7, 10.0, METRES, "1.5 mm"),
     "youngs_modulus": Quantity("pascals", 1e-9, 1e15, PASCALS, "870 kPa"),

@@ -257,7 +257,13 @@ def held_by(path: Path, layout: DataLayout) -> Arrays:
         return blocks(path, layout)
     if is_bag(path):
         return message_fields(path, layout)
-    return READERS[path.suffix.lower()](path, layout)
+    read = READERS.get(path.suffix.lower())
+    if read is None:
+        raise CodecError(
+            f"'{path}' has a layout and is of no kind that is read: expected one of "
+            f"{', '.join(READERS)}, or the folder of a ROS 2 bag; name a ROS 1 bag itself."
+        )
+    return read(path, layout)
 
 
 READERS: Mapping[str, Callable[[Path, DataLayout], Arrays]] = {

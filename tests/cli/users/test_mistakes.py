@@ -171,6 +171,7 @@ ON_THE_COMMAND_LINE = {
     "depth as a length": ("program.parameters.depth=1 stone", "'m', 'cm', 'mm', 'um'"),
     "depth in metres": ("program.parameters.depth=1e-3", "counts pitches of the array"),
     "push=0": ("program.parameters.push=0", "−1 where a push lowers the values"),
+    "push=100": ("program.parameters.push=100", "−1 where a push lowers the values"),
     "rate=-1": ("program.parameters.rate=-1", "frames a second"),
     "unit=-5": ("program.parameters.unit=-5", "newtons"),
     "unknown parameter": ("program.parameters.dept=1", "(did you mean 'depth'?)"),
