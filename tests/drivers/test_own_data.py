@@ -337,4 +337,4 @@ def test_a_folder_with_a_layout_that_is_no_bag_is_one_sentence(tmp_path):
     (tmp_path / "bags").mkdir()
     (tmp_path / "bags.toml").write_text('shape = [1, 2]\nchannels = ["z"]\nrate = 10\n')
     with pytest.raises(cnnum.CnnumError, match="name a ROS 1 bag itself"):
-        cnnum.load_recording(tmp_path / "bags")
+        open_driver("file", {"path": "bags", "layout": "bags.toml"}, base=tmp_path)
