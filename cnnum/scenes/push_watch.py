@@ -301,7 +301,7 @@ class HeldWatch:
         self.held = False
         self._first: list[Floats] = []
         self._rest: Floats | None = None
-        self._noise = self._began = self._looked = 0.0
+        self._noise = self._began = self._looked = self._uneven = 0.0
         self._hidden = self._still = 0.0
         self._last: Floats | None = None
 
@@ -325,8 +325,10 @@ class HeldWatch:
         clear = CLEAR * self._noise * float(normal.size) ** 0.5
         load, push, pull = np.maximum(normal, 0.0).sum(), float(normal.max()), -float(normal.min())
         shear = self._gain * float(np.hypot(x.sum(), y.sum()))
-        falls = pull > CLEAR * self._noise and pull > OUTWEIGHS * max(push, 0.0)
-        hidden = falls or shear > NO_FRICTION * float(load) + clear
+        below = pull > CLEAR * self._noise and pull > OUTWEIGHS * max(push, 0.0)
+        # a touch that reads as a pull makes taxels less even, one that ends makes them more so
+        falls = below and float(np.ptp(values[..., self._places[2]])) <= self._uneven
+        hidden = falls or (not below and shear > NO_FRICTION * float(load) + clear)
         self._hidden = self._hidden + min(since, 0.1) if hidden else 0.0
         if self._hidden >= SEEN and not self.held:
             self.held = True
@@ -353,7 +355,7 @@ class HeldWatch:
         self._noise = max(
             float(np.sqrt(0.5 * np.median(steps))), 1e-6 * float(np.abs(rest).max()), 1e-300
         )
-        self._rest = rest
+        self._rest, self._uneven = rest, float(np.ptp(rest[..., self._places[2]]))
 
     def _say(self) -> None:
         if self.said:

@@ -541,10 +541,7 @@ def _of_text(path: Path, lines: list[str]) -> Proposal:
     if block is not None:
         return block
     if share < 0.5:
-        raise CodecError(
-            f"'{path}' shows no table of numbers: expected rows of fields between commas, "
-            "semicolons, tabs or blanks."
-        )
+        raise _no_table(path)
     return _of_table(path, lines, TextForm(separator, decimal, comment=comment), width)
 
 
@@ -552,6 +549,13 @@ def _stripped(fields: list[str]) -> list[str]:
     while len(fields) > 1 and not fields[-1].strip():
         fields = fields[:-1]
     return fields
+
+
+def _no_table(path: Path) -> CodecError:
+    return CodecError(
+        f"'{path}' shows no table of numbers: expected rows of fields between commas, "
+        "semicolons, tabs or blanks."
+    )
 
 
 def _of_table(path: Path, lines: list[str], form: TextForm, width: int) -> Proposal:
@@ -577,6 +581,8 @@ def _of_table(path: Path, lines: list[str], form: TextForm, width: int) -> Propo
             header, said, skip = bare, is_comment, number
         elif not rows and line.strip() and not is_comment:
             skip = number + 1
+    if not rows:  # a lone line of times and numbers may be a header
+        raise _no_table(path)
     if header:
         names = [name.strip() for name in _stripped(next(iter(fields_of([header], form))))]
         if said:
@@ -594,6 +600,8 @@ def _of_table(path: Path, lines: list[str], form: TextForm, width: int) -> Propo
         if value != usual:
             proposal.table[key] = value
     whole = [fields for fields in rows if len(fields) >= len(names)]
+    if not whole:
+        raise _no_table(path)
     columns = {name: [fields[n] for fields in whole] for n, name in enumerate(names)}
     _columns(proposal, columns, form.decimal, bool(header))
     proposal.seen.append(f"a table of {len(names)} columns")

@@ -7,8 +7,9 @@ import pytest
 
 import cnnum
 from cnnum.drivers import text_table
+from cnnum.drivers.own_data.proposal import propose
 from cnnum.drivers.registry import open_driver
-from cnnum.errors import CnnumError
+from cnnum.errors import CnnumError, CodecError
 
 AXES = ("x", "y", "z")
 LAYOUT = 'shape = [2, 3]\nchannels = ["x", "y", "z"]\n'
@@ -338,3 +339,9 @@ def test_a_folder_with_a_layout_that_is_no_bag_is_one_sentence(tmp_path):
     (tmp_path / "bags.toml").write_text('shape = [1, 2]\nchannels = ["z"]\nrate = 10\n')
     with pytest.raises(cnnum.CnnumError, match="name a ROS 1 bag itself"):
         open_driver("file", {"path": "bags", "layout": "bags.toml"}, base=tmp_path)
+
+
+def test_a_lone_line_of_times_and_numbers_is_no_table(tmp_path):
+    (tmp_path / "a.csv").write_text("12:00:00.25,13 12:00:00.5,2,3,\n")
+    with pytest.raises(CodecError, match="no table of numbers"):
+        propose(tmp_path / "a.csv")

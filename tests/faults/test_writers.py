@@ -692,7 +692,7 @@ INPUTS = {
     *("templates show --input", "sweep EXPERIMENT", "calibrate SCAN", "recover FILE"),
     *("lerobot FILE", "replay FILE", "simulate --descriptor", "simulate --link", "layout FILE"),
     *("templates find --input", "templates find --wanted", "templates find --state"),
-    *("check RECORDING", "export --like"),
+    *("check RECORDING", "export --like", "explain FILE"),
 }
 """Paths that are read; the link of a simulated port is no file."""
 

@@ -16,7 +16,7 @@ from cnnum.scenes.bad_frames import unit_range
 from cnnum.scenes.conversion import ByCalibration
 from cnnum.scenes.events import EVENT_RULES
 from cnnum.scenes.pipeline import FrameResult, Scene
-from cnnum.scenes.push_watch import OrderWatch, PushWatch
+from cnnum.scenes.push_watch import HeldWatch, OrderWatch, PushWatch
 from cnnum.scenes.scene_file import SceneSpec
 
 OPTIONS = {
@@ -68,6 +68,7 @@ def opened() -> Scene:
         offered,
         watch,
         OrderWatch(driver.channels, 1),
+        HeldWatch(touch, conversion.channels),
     )
 
 

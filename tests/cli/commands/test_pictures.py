@@ -53,7 +53,7 @@ def test_a_transient_as_a_page_a_strip_and_a_moving_picture(call, tmp_path):
         assert f"Written: {out}" in done.stdout
     text = (tmp_path / "hole.html").read_text()
     assert text.count("<svg") == 5
-    assert "τ = 0<" in text
+    assert ">0 τ<" in text
     assert "http" not in text
     with image.open(tmp_path / "hole.gif") as moving:
         assert moving.n_frames > 1

@@ -29,6 +29,10 @@ script = [
 
 [program]
 name = "contact"
+
+[program.parameters]  # of the simulated cover
+depth = 0.6667
+unit = 1.305
 """
 FRAMES = 200
 NEAR = 5 / 200  # s: five frames, within which an event must follow the ground truth
