@@ -26,7 +26,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import lru_cache
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,6 +43,8 @@ from cnnum.templating.template import Template
 
 LEAST_CELLS = 4096
 """Of all frames together: fewer run to their whole end in the time that a look at them takes."""
+
+Begins = Literal["own", "first", "apart"]
 
 EXACTLY = "of cells that see no other cell the output is known without their states"
 BY_RANK = "the pull on a cell changes its sign at a neighbour's level, which is found by its rank"
@@ -91,7 +93,7 @@ class Ranks:
 
 
 @lru_cache(maxsize=256)
-def signs_of(template: Template, duration: float, *, apart: bool) -> Signs | None:
+def signs_of(template: Template, duration: float, begins: Begins) -> Signs | None:
     """Return how the cells of a template decide, None where they see each other.
 
     Parameters
@@ -99,8 +101,9 @@ def signs_of(template: Template, duration: float, *, apart: bool) -> Signs | Non
     template : Template
     duration : float
         In the unit of τ, above 0; infinite to equilibrium.
-    apart : bool
-        Whether cells begin in a state that is given, and not in the template's own.
+    begins : "own", "first" or "apart"
+        Where cells begin: in the template's own number, in the map whose neighbourhoods are
+        weighed, or in a map apart from it.
     """
     if template.layers != 1 or not template.plain or template.output.name != "standard":
         return None
@@ -118,9 +121,9 @@ def signs_of(template: Template, duration: float, *, apart: bool) -> Signs | Non
     control = taps(template.B, 0) if template.inputs else ()
     weights = {(tap.row, tap.col): tap.weight for tap in control}
     constant = float(template.z[0])
-    if not apart and template.initial == "input":
+    if begins == "first":
         weights[0, 0] = weights.get((0, 0), 0.0) + begun
-    elif not apart:
+    elif begins == "own":
         if abs(float(template.initial)) > 1.0:
             return None
         constant += begun * float(template.initial)
@@ -161,6 +164,14 @@ def ranks_of(template: Template) -> Ranks | None:
     return Ranks(places, between, pull.sign * edge, 2.0 / slowest * (1.0 + 1e-9))
 
 
+def _begins(ask: Ask) -> Begins:
+    """Return where the cells of a run begin."""
+    given, _, state, _, _ = ask.arrays
+    if state is not None:
+        return "first" if given is None else "apart"
+    return "first" if ask.template.initial == "input" else "own"
+
+
 def decides(ask: Ask) -> bool:
     """Return whether a run may be decided in one pass, before its numbers are looked at."""
     _, method, _, _, dt, force, estimate = ask.options
@@ -194,7 +205,7 @@ def _refusal(ask: Ask) -> str:
         return "it takes no steps and no whole numbers"
     if duration is None:
         return "it takes a duration above 0"
-    given, previous, state, bias, mask = ask.arrays
+    _, previous, state, bias, mask = ask.arrays
     if previous is not None or bias is not None or mask is not None:
         return "it takes an input and a state, and no other map"
     ranks = ranks_of(template)
@@ -203,7 +214,7 @@ def _refusal(ask: Ask) -> str:
             return "cells that neighbours pull by steps begin in a state of their own"
         late = duration < ranks.time * float(template.tau[0])
         return f"its outputs may change until {ranks.time:.4g} τ" if late else ""
-    if signs_of(template, duration, apart=state is not None and given is not None) is None:
+    if signs_of(template, duration, _begins(ask)) is None:
         return (
             "it takes one layer with the standard output whose cells see no other cell, or a "
             "rank template, in which all neighbours pull with the same step"
@@ -277,8 +288,8 @@ def _found(ask: Ask) -> tuple[Floats, tuple[Any, ...], str] | None:
         return (
             None if found is None else (found[0].reshape(shape), _as_read(ask, found[1]), BY_RANK)
         )
-    apart = given is not None and state is not None
-    about = signs_of(template, duration, apart=apart)
+    begins = _begins(ask)
+    about, apart = signs_of(template, duration, begins), begins == "apart"
     assert about is not None
     start: NDArray[Any] = np.zeros((0, 0, 0), u.dtype)
     if apart:

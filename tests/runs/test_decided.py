@@ -7,6 +7,7 @@ from level to level, and both against the library's own transients on all 512 ne
 import os
 import pickle
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -50,7 +51,8 @@ def test_the_library_decides_as_its_transients_do(name):
     template = cnnum.get_template(name)
     if template.layers > 1:
         return
-    signs, ranks = signs_of(template, infinite(template), apart=False), ranks_of(template)
+    begins = "first" if template.initial == "input" else "own"
+    signs, ranks = signs_of(template, infinite(template), begins), ranks_of(template)
     if signs is None and ranks is None:
         return
     engine = cnnum.Engine("numba")
@@ -72,7 +74,7 @@ def test_the_library_decides_as_its_transients_do(name):
 
 def test_most_of_the_library_is_decided():
     kinds = [cnnum.get_template(name) for name in cnnum.template_names()]
-    assert sum(signs_of(one, infinite(one), apart=False) is not None for one in kinds) > 100
+    assert sum(signs_of(one, infinite(one), "first") is not None for one in kinds) > 100
     assert sum(ranks_of(one) is not None for one in kinds) == 6
 
 
@@ -97,7 +99,9 @@ def drawn(seed):
     shape = (2, *rng.integers(5, 9, 2).tolist())
     picture = np.where(rng.random(shape) < 0.5, 1.0, -1.0)
     maps = {"input": picture if rng.random() < 0.7 else rng.uniform(-1.0, 1.0, shape)}
-    if rng.random() < 0.3:
+    if rng.random() < 0.2:  # without a control template, from a state whatever the template's own
+        template, maps = replace(template, B=None), {"state": maps["input"]}
+    elif rng.random() < 0.3:
         maps["state"] = rng.choice([-1.0, 1.0, 0.2], shape)
     kind = rng.choice([np.float32, np.float64])
     return template, {name: array.astype(kind) for name, array in maps.items()}
@@ -105,11 +109,12 @@ def drawn(seed):
 
 def ends(template, maps, duration):
     """Return the states at a time, by SciPy."""
-    u = maps["input"].astype(float)
+    u = maps.get("input", maps.get("state")).astype(float)
     begun = u if template.initial == "input" else np.full(u.shape, template.initial)
     begun = maps.get("state", begun)
     name = template.input_boundary.name
-    drive = sum(w * seen for w, seen in neighbours(template.B[0, 0], u, name)) + template.z[0]
+    weights = template.B[0, 0] if template.inputs else np.zeros((1, 1))
+    drive = sum(w * seen for w, seen in neighbours(weights, u, name)) + template.z[0]
     own, tau = template.A.item(), template.tau[0]
 
     def rates(_, x):
@@ -139,6 +144,22 @@ def test_signs_are_those_of_scipy():
         later = ends(template, maps, template.duration + 2.0 * template.tau[0])
         assert (np.sign(later) == found.output).all(), (tried, template)
         np.testing.assert_allclose(found.state, state, atol=1e-4, rtol=1e-4)
+
+
+@pytest.mark.parametrize("initial", ["input", 0.0, 0.5, -1.0, 1.0])
+def test_a_state_that_is_given_is_the_start_whatever_the_template_has(initial):
+    """Of templates without an input, also where `auto` decides by itself."""
+    start = np.where(np.random.default_rng(2).random((2, 64, 64)) < 0.5, 0.8, -0.8)
+    for own, bias in ((2.0, 0.3), (1.0, -0.4), (3.0, 1.2)):
+        template = cnnum.Template("t", [[own]], z=bias, initial=initial, duration=3.0)
+        # x' = (own − 1) x + bias in time constants, until the state leaves [−1, 1] for good
+        rate = own - 1.0
+        grown = np.exp(3.0 * rate)
+        far = start * grown + bias * (3.0 if rate == 0.0 else (grown - 1.0) / rate)
+        found = cnnum.Engine("numba").run(template, state=start)
+        decided = (np.abs(far) > 1.0).all()
+        assert (found.method == "decision") == decided
+        np.testing.assert_allclose(found.output, np.clip(far, -1.0, 1.0), atol=2e-4)
 
 
 def pulled(seed):
