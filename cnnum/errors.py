@@ -4,6 +4,7 @@ Each class is also the builtin error that a caller would expect, so ``except Val
 """
 
 import errno
+import logging
 from collections.abc import Iterable
 from difflib import get_close_matches
 from functools import cache
@@ -210,6 +211,15 @@ def missing_extra(purpose: str, library: str, extra: str, instead: str = "") -> 
         f"For {purpose}, cnnum needs the library '{library}', which its extra '{extra}' brings: "
         f"run pip install '.[{extra}]' in a checkout of cnnum{other}."
     )
+
+
+@cache
+def say_once(sentence: str) -> None:
+    """Say once a process what is no error, but should not be missed.
+
+    It goes to the logger "cnnum", which writes to standard error unless a program says otherwise.
+    """
+    logging.getLogger("cnnum").warning(sentence)
 
 
 def name_error(kind: str, name: object, known: Iterable[str]) -> UnknownNameError:

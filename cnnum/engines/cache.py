@@ -19,7 +19,7 @@ from pathlib import Path
 
 import platformdirs
 
-from cnnum.engines.notices import say_once
+from cnnum.errors import say_once
 from cnnum.safety.files import draft
 from cnnum.safety.reading import open_regular
 

@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 
 from cnnum.arrays import Floats
 from cnnum.engines.backend import Backend, EngineRecord, Executable, OneFrame
-from cnnum.engines.notices import say_once
 from cnnum.engines.registry import PACKAGED, backend_names, open_backend, record_named
-from cnnum.errors import DeviceError, NoOpenCLError, SizeError, name_error
+from cnnum.errors import DeviceError, NoOpenCLError, SizeError, name_error, say_once
 from cnnum.graph.schedule import Schedule
 from cnnum.integrators.solver import Solver, Solvers
 from cnnum.templating.template import Template

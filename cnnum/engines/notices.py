@@ -1,6 +1,5 @@
 """Sentences about engines: which is used instead, how to get OpenCL, and what went wrong."""
 
-import logging
 import platform
 import sys
 from dataclasses import dataclass
@@ -12,16 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cnnum.errors import MethodError
-
-
-@cache
-def say_once(sentence: str) -> None:
-    """Say a sentence once a process: programs make many engines.
-
-    It goes to the logger "cnnum", which writes to standard error unless a program says otherwise.
-    """
-    logging.getLogger("cnnum").warning(sentence)
-
 
 _CONDA = "'conda install -c conda-forge pyopencl pocl'"
 

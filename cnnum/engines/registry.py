@@ -10,8 +10,8 @@ from typing import Any, cast
 
 from cnnum.embedded.formats import is_integer
 from cnnum.engines.backend import Backend, EngineRecord
-from cnnum.engines.notices import how_to_get_opencl, say_once
-from cnnum.errors import DeviceError, NoOpenCLError, NotSupportedError, name_error
+from cnnum.engines.notices import how_to_get_opencl
+from cnnum.errors import DeviceError, NoOpenCLError, NotSupportedError, name_error, say_once
 from cnnum.safety.values import shown
 
 GROUP = "cnnum.engines"

@@ -80,6 +80,9 @@ class Template:
         Its purpose, and the source of the numbers.
     check : Check, optional
         The closed form it is checked against.
+    needs_state : bool
+        Whether the initial state is a picture that a run should be given, as the second operand of
+        LOGAND is: a run without one then says so. It changes no number of a run.
 
     Raises
     ------
@@ -105,6 +108,7 @@ class Template:
     description: str
     source: str
     check: Check | None
+    needs_state: bool
     digest: str = field(init=False)
 
     def __init__(
@@ -126,6 +130,7 @@ class Template:
         description: str = "",
         source: str = "",
         check: Check | None = None,
+        needs_state: bool = False,
     ) -> None:
         checked_name("a template", name, TemplateError)
         feedback = _couplings(name, "A", A)
@@ -156,8 +161,15 @@ class Template:
             "description": description,
             "source": source,
             "check": check,
+            "needs_state": needs_state,
         }
-        kinds = {"delayed": DelayedCoupling, "description": str, "source": str, "check": Check}
+        kinds = {
+            "delayed": DelayedCoupling,
+            "description": str,
+            "source": str,
+            "check": Check,
+            "needs_state": bool,
+        }
         for key, kind in kinds.items():
             if not (parts[key] is None and key in ("delayed", "check")):
                 expect(key, parts[key], kind, TemplateError)

@@ -49,20 +49,26 @@ def _under(place: Path) -> list[Path]:
 @click.command("import")
 @click.argument("files", nargs=-1, required=True, metavar="FILES...")
 @click.option("--to", "folder", default=".", help="Folder for the new files.")
+@click.option("--strict", is_flag=True, help="Refuse files in which something has to be guessed.")
 @force_option
 @json_option
-def import_files(files: tuple[str, ...], folder: str, force: bool, as_json: bool) -> None:
+def import_files(
+    files: tuple[str, ...], folder: str, strict: bool, force: bool, as_json: bool
+) -> None:
     """Write templates of other programs as TOML, one file each.
 
-    FILES are `.tem` files of the CNN Software Library, MatCNN's temlib.m, or CNNSim's files.
+    FILES are `.tem` files of the CNN Software Library, MatCNN's temlib.m, or CNNSim's files. Each
+    guess about a file is printed, and what its format never says.
     """
     from cnnum.errors import TemplateFileError
     from cnnum.safety.files import make_folder, named_after, refuse_target, sentences
-    from cnnum.templating.files import load_entries, save_entry
+    from cnnum.templating.files import guessed, load_entries, save_entry
 
     output, target, found = Output(as_json), Path(folder), dict[Path, tuple[str, "Entry"]]()
     for file in files:
-        for entry in load_entries(file):
+        entries = load_entries(file)
+        guessed(entries, strict=strict)
+        for entry in entries:
             name = entry.template.name
             path = named_after(target, name, ".toml")
             if path in found:
@@ -75,6 +81,7 @@ def import_files(files: tuple[str, ...], folder: str, force: bool, as_json: bool
                     f"'{file}' would both be the file '{path.name}': import them to two folders."
                 )
             found[path] = file, entry
+    said, never = dict[str, None](), dict[str, None]()
     with sentences(target, TemplateFileError):
         make_folder(target)
     for path in found:  # all are looked at before one is written
@@ -82,7 +89,17 @@ def import_files(files: tuple[str, ...], folder: str, force: bool, as_json: bool
     for path, (file, entry) in found.items():
         save_entry(entry, path, force=force)
         name = entry.template.name
-        output.record({"template": name, "from": file, "file": str(path)}, f"{name}: {path}")
+        guesses = guessed((entry,))
+        output.record(
+            {"template": name, "from": file, "file": str(path), "guesses": list(guesses)},
+            f"{name}: {path}",
+        )
+        said.update(dict.fromkeys(guesses))
+        never.update(dict.fromkeys(g.sentence for g in entry.guesses if g.always))
+    for sentence in said:
+        output.show(f"Guessed: {sentence}")
+    for sentence in never:
+        output.show(sentence)
 
 
 @click.command("export")

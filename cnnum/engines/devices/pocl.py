@@ -35,7 +35,8 @@ from pathlib import Path
 import pyopencl as cl
 
 from cnnum.engines.cache import cache_folder, why_not_ours
-from cnnum.engines.notices import Processor, processor, say_once
+from cnnum.engines.notices import Processor, processor
+from cnnum.errors import say_once
 from cnnum.safety.files import create
 
 VARIABLE = "POCL_CACHE_DIR"

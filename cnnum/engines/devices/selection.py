@@ -32,8 +32,8 @@ from cnnum.engines.devices.child import Ended, run_child
 from cnnum.engines.devices.listing import Device, list_devices, partner_of
 from cnnum.engines.devices.pocl import remedy_for, rename_target
 from cnnum.engines.devices.program_cache import build_program
-from cnnum.engines.notices import how_to_get_opencl, processor, say_once
-from cnnum.errors import DeviceError, NoOpenCLError
+from cnnum.engines.notices import how_to_get_opencl, processor
+from cnnum.errors import DeviceError, NoOpenCLError, say_once
 from cnnum.version import __version__
 
 PATIENCE_S = 120.0

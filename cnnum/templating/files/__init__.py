@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from os import PathLike
 from pathlib import Path
 
-from cnnum.errors import TemplateError, TemplateFileError, unreadable
+from cnnum.errors import TemplateError, TemplateFileError, say_once, unreadable
 from cnnum.safety.files import write_whole
 from cnnum.safety.reading import LARGEST, read_bytes, read_text
 from cnnum.safety.values import as_path
@@ -22,6 +22,7 @@ _SEVERAL = {TEM.suffix: tem_format.read_all, MATCNN.suffix: matcnn_format.read_a
 
 __all__ = [
     "Entry",
+    "guessed",
     "left_unsaid",
     "load_entries",
     "load_entry",
@@ -33,8 +34,17 @@ __all__ = [
 ]
 
 
-def load_template(path: str | PathLike[str]) -> Template:
+def load_template(path: str | PathLike[str], *, strict: bool = False) -> Template:
     """Return the template that a file describes; its suffix gives the format.
+
+    What the file of another program leaves open is guessed, and each guess is said on the logger
+    "cnnum".
+
+    Parameters
+    ----------
+    path : path
+    strict : bool
+        Whether to refuse a file in which something is guessed.
 
     Raises
     ------
@@ -43,11 +53,11 @@ def load_template(path: str | PathLike[str]) -> Template:
     TemplateError
         If the suffix is unknown, or the content is not a template; names the file and the key.
     """
-    return load_entry(path).template
+    return load_entry(path, strict=strict).template
 
 
-def load_entry(path: str | PathLike[str]) -> Entry:
-    """Return a template together with the other names it goes by.
+def load_entry(path: str | PathLike[str], *, strict: bool = False) -> Entry:
+    """Return a template together with the other names it goes by, as `load_template`.
 
     Raises
     ------
@@ -56,11 +66,34 @@ def load_entry(path: str | PathLike[str]) -> Entry:
     """
     source = as_path(path, TemplateFileError)
     form, content = _format(source), _content(source)
-    return _read(form, content, str(source))
+    entry = _read(form, content, str(source))
+    for sentence in guessed((entry,), strict=strict):
+        say_once(sentence)
+    return entry
+
+
+def guessed(entries: Iterable[Entry], *, strict: bool = False) -> tuple[str, ...]:
+    """Return what the readers of files guessed, a sentence each; what a format never says is none.
+
+    Raises
+    ------
+    TemplateError
+        If `strict` and there is a guess.
+    """
+    found = tuple(
+        dict.fromkeys(g.sentence for entry in entries for g in entry.guesses if not g.always)
+    )
+    if found and strict:
+        rest = f" There are {len(found) - 1} more." if len(found) > 1 else ""
+        raise TemplateError(
+            f"{found[0]}{rest} A strict reading refuses this: correct the file, or read it "
+            "without 'strict'."
+        )
+    return found
 
 
 def load_entries(path: str | PathLike[str]) -> tuple[Entry, ...]:
-    """Return every template of a file, with the words about it.
+    """Return every template of a file, with the words about it and what was guessed.
 
     Raises
     ------
@@ -84,7 +117,10 @@ def load_templates(path: str | PathLike[str]) -> tuple[Template, ...]:
     TemplateFileError, TemplateError
         As `load_template`.
     """
-    return tuple(entry.template for entry in load_entries(path))
+    entries = load_entries(path)
+    for sentence in guessed(entries):
+        say_once(sentence)
+    return tuple(entry.template for entry in entries)
 
 
 def _content(source: Path) -> str:

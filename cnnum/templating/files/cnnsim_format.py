@@ -3,7 +3,7 @@
 from cnnum.arrays import Floats
 from cnnum.errors import NotSupportedError
 from cnnum.templating.boundary import Boundary
-from cnnum.templating.files.entry import Entry, FileFormat
+from cnnum.templating.files.entry import Entry, FileFormat, Guess
 from cnnum.templating.files.tem_format import Words, words
 from cnnum.templating.template import Template
 
@@ -13,23 +13,38 @@ _NEUTRAL: float | str = 0.0
 _BOUNDARIES = {"zeroflux": "zero-flux", "periodic": "periodic"}
 
 
+_KEYS = {"A": "A", "B": "B", "Z": "z", "C": "boundary"}
+_ALWAYS = (
+    Guess("initial", "A CNNSim file names no initial state: it is 0.", always=True),
+    Guess("duration", "A CNNSim file names no duration: it runs until it settles.", always=True),
+)
+
+
 def _read(content: str, file: str) -> Entry:
     text = words(content.replace("#", "%"), file)
     kernels = dict[str, list[list[float]]]()
-    z, edge = 0.0, _NEUTRAL
+    z, edge, said = 0.0, _NEUTRAL, set[str]()
     while text.left:
         token = text.take("a key")
         key = token.text.rstrip("=").upper()
+        key = "C" if key == "BOUNDARY" else key
+        if key in said:
+            text.guess(
+                _KEYS[key], token.line, f"the key {key} stands twice, and the last one counts"
+            )
+        said.add(key)
         if key in ("A", "B"):
             kernels[key] = [[text.number(f"nine numbers of {key}") for _ in "123"] for _ in "123"]
         elif key == "Z":
             z = text.number("the bias after Z")
-        elif key in ("C", "BOUNDARY"):
+        elif key == "C":
             edge = _boundary(text)
         else:
             raise text.wrong(token.line, "one of the keys A, B, Z, C", f"'{token.text:.40}'")
     if "A" not in kernels:
         raise text.wrong(text.peek().line, "the key A with nine numbers", "none")
+    if "C" not in said:
+        text.guess("boundary", 0, "no boundary (C) is named: 0 is taken")
     name = file.replace("\\", "/").rpartition("/")[2].partition(".")[0]
     return Entry(
         Template(
@@ -40,7 +55,8 @@ def _read(content: str, file: str) -> Entry:
             boundary=edge,
             initial=0.0,
             source=f"imported from CNNSim's {name}",
-        )
+        ),
+        guesses=(*text.guesses, *_ALWAYS),
     )
 
 

@@ -253,6 +253,24 @@ class About:
 
 
 @dataclass(frozen=True, slots=True)
+class Guess:
+    """What a reader took a file of another program to mean, where the file does not say it.
+
+    Attributes
+    ----------
+    key : str
+        The key of the TOML format that it bears on.
+    sentence : str
+    always : bool
+        Whether the format has no words for it, so that every file of it leaves it open.
+    """
+
+    key: str
+    sentence: str
+    always: bool = False
+
+
+@dataclass(frozen=True, slots=True)
 class Entry:
     """A template, the other names it goes by, the words about it, its measured figures and proof.
 
@@ -262,6 +280,8 @@ class Entry:
         Written by a command; None where nothing was measured yet.
     proof : Proof or None
         Proof of a template that a command designed.
+    guesses : tuple of Guess
+        What the reader of a file guessed; none for TOML.
 
     Raises
     ------
@@ -274,6 +294,7 @@ class Entry:
     about: About = field(default_factory=About)
     measured: Measured | None = None
     proof: Proof | None = None
+    guesses: tuple[Guess, ...] = field(default=(), compare=False)
 
     def __post_init__(self) -> None:
         for alias in self.aliases:

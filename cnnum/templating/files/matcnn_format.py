@@ -15,7 +15,7 @@ import numpy as np
 from cnnum.arrays import Floats
 from cnnum.errors import ArrayError, NotSupportedError, TemplateError
 from cnnum.templating.couplings import NonlinearCoupling, Quantity
-from cnnum.templating.files.entry import Entry, FileFormat
+from cnnum.templating.files.entry import Entry, FileFormat, Guess
 from cnnum.templating.functions import Table
 from cnnum.templating.template import Template
 
@@ -46,13 +46,32 @@ _BEFORE = re.compile(rf"({_NUMBER})\s*(?:/\s*({_NUMBER})\s*)?\*")
 _AFTER = re.compile(rf"([*/])\s*({_NUMBER})")
 _COMMENT = re.compile(r"[%#][^\n]*")
 _LARGEST = 1e30
+_SETTINGS = {
+    "Boundary": "boundary",
+    "TimeStep": "duration",
+    "IterNum": "duration",
+    "UseBiasMap": "bias",
+    "BIAS": "bias",
+    "UseMask": "mask",
+    "MASK": "mask",
+    "STATE": "initial",
+}
+"""Variables of a script of MatCNN, and the keys that they bear on."""
+_SET = re.compile(rf"^[ \t]*(?:mCNN\.)?({'|'.join(_SETTINGS)})[ \t]*=([^;\n]*)", re.MULTILINE)
+_ALWAYS = (
+    Guess("boundary", "A record of MatCNN names no boundary: it is zero-flux.", always=True),
+    Guess("initial", "A record of MatCNN names no initial state: it is the input.", always=True),
+    Guess("duration", "A record of MatCNN names no duration: it is 5.", always=True),
+)
 
 Fields = dict[str, Floats]
 Lines = dict[str, int]
 
 
-def read_fields(content: str, file: str) -> tuple[dict[str, Fields], dict[str, Lines]]:
-    """Return the fields of every record, and the lines that they stand in.
+def read_fields(
+    content: str, file: str
+) -> tuple[dict[str, Fields], dict[str, Lines], tuple[Guess, ...]]:
+    """Return the fields of every record, the lines that they stand in, and what was guessed.
 
     Raises
     ------
@@ -71,6 +90,14 @@ def read_fields(content: str, file: str) -> tuple[dict[str, Fields], dict[str, L
             f"'{file}', line {_line(code, other.start())}: expected NAME_A = [matrix], or "
             f"NAME_A(row, column) = number, got '{other[0].strip():.60}'."
         )
+    guesses = [
+        Guess(
+            _SETTINGS[match[1]],
+            f"'{file}', line {_line(code, match.start(1))}: '{match[1]} ={match[2].rstrip():.40}' "
+            "is for a run, and not read: a record is its weights alone.",
+        )
+        for match in _SET.finditer(code)
+    ]
     records, lines = dict[str, Fields](), dict[str, Lines]()
     for match in _ASSIGNED.finditer(code):
         line = _line(code, match.start())
@@ -78,9 +105,12 @@ def read_fields(content: str, file: str) -> tuple[dict[str, Fields], dict[str, L
             _set_element(match, records, file, line)
             continue
         value = _value(match, records, file, line)
+        if match[2] == "I" and value.size > 1:
+            said = f"{value.size} numbers stand for a bias, and the first is taken"
+            guesses.append(Guess("z", f"'{file}', line {line}: {said}."))
         records.setdefault(match[1], {})[match[2]] = value
         lines.setdefault(match[1], {})[match[2]] = line
-    return records, lines
+    return records, lines, tuple(guesses)
 
 
 def _line(code: str, at: int) -> int:
@@ -177,14 +207,15 @@ def read_all(content: str, file: str) -> tuple[Entry, ...]:
     TemplateError
         Names the file, the line, and the expected text.
     """
-    records, lines = read_fields(content, file)
+    records, lines, guesses = read_fields(content, file)
     if not records:
         raise TemplateError(
             f"'{file}', line 1: expected a matrix such as 'EDGE_A = [0 0 0; 0 1 0; 0 0 0];', "
             "got none in the whole file."
         )
     return tuple(
-        Entry(_template(name, parts, file, lines[name])) for name, parts in records.items()
+        Entry(_template(name, parts, file, lines[name]), guesses=(*guesses, *_ALWAYS))
+        for name, parts in records.items()
     )
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from cnnum.arrays import Floats, frozen
 from cnnum.errors import ArrayError, CnnumError, NotSupportedError, TemplateError
 from cnnum.templating.couplings import DelayedCoupling, NonlinearCoupling, Quantity
-from cnnum.templating.files.entry import About, Entry, FileFormat
+from cnnum.templating.files.entry import About, Entry, FileFormat, Guess
 from cnnum.templating.functions import Table
 from cnnum.templating.template import Initial, Template
 
@@ -25,7 +25,9 @@ KEYWORDS = frozenset(
         *("DELAYED_FEEDBACK", "DELAYED_CONTROL", "LABEL", "TEMPLATE", "NEW", "LOOP"),
     ]
 )
-_SETTING = re.compile(r"(Input|Ini\s*State|Boundary|Bias\s*Map)\s*:\s*([^,]*)", re.IGNORECASE)
+_SETTING = re.compile(
+    r"(Input|Ini\s*State|Boundary|Bias\s*Map|Fixed\s*State\s*Map)\s*:\s*([^,]*)", re.IGNORECASE
+)
 _HEADER = re.compile(r"%\s*(Function|TemLibName|CNNModel|Setting)\s*:\s*(.*)", re.IGNORECASE)
 
 
@@ -54,13 +56,21 @@ class Words:
     tokens : list of Token
     header : dict
         Values in the comments, by lower-case key: function, temlibname, cnnmodel, and of the
-        setting input, inistate, boundary, biasmap.
+        setting input, inistate, boundary, biasmap, fixedstatemap.
+    guesses : list of Guess
+        What was guessed so far.
     """
 
     file: str
     tokens: list[Token]
     header: dict[str, str] = field(default_factory=dict[str, str])
     at: int = 0
+    guesses: list[Guess] = field(default_factory=list[Guess])
+
+    def guess(self, key: str, line: int, said: str) -> None:
+        """Note a guess about a key; `said` is a clause."""
+        where = f"'{self.file}', line {line}: " if line else f"'{self.file}': "
+        self.guesses.append(Guess(key, f"{where}{said}."))
 
     @property
     def left(self) -> bool:
@@ -380,6 +390,7 @@ class Part:
     delay: float | None = None
     radius: int = 1
     now: int = 0
+    said: set[tuple[int, str]] = field(default_factory=set[tuple[int, str]])
 
     @property
     def layer(self) -> Layer:
@@ -421,20 +432,37 @@ def _statement(text: Words, token: Token, part: Part) -> None:
     elif word == "NEIGHBORHOOD":
         part.radius = text.whole("the radius of the neighbourhood", _LARGEST)
     elif word == "CURRENT":
-        part.layer.z = text.number("the bias after CURRENT")
+        part.layer.z = _once(text, token, part, "z", text.number("the bias after CURRENT"))
     elif word == "DELAY":
         part.delay = text.number("the delay after DELAY")
     elif word in ("LABEL", "TEMPLATE", "LOOP"):
         for _ in range(2 if word == "LOOP" else 1):
             text.whole(f"a whole number after {word}", 10**6)
+        if word == "LOOP":
+            said = "the LOOP is not run: each template of the program becomes one of its own"
+            text.guess("duration", token.line, said)
     elif word == "NONLIN_D":
         part.layer.blocks.append(_d_block(text, part.radius))
     elif word in _MATRICES:
         part.layer.blocks.append(_block(text, word, part.now))
     elif _LETTER.fullmatch(token.text):
-        part.layer.functions[token.text.lower()] = _function(text, token)
+        letter = token.text.lower()
+        if letter in part.layer.functions:
+            said = f"the function '{letter}' has two tables, and the last one is taken"
+            text.guess("nonlinear", token.line, said)
+        part.layer.functions[letter] = _function(text, token)
     else:
         raise text.wrong(token.line, "a keyword or a function's letter", f"'{token.text:.40}'")
+
+
+def _once(text: Words, token: Token, part: Part, key: str, value: float) -> float:
+    """Return a value, and note where another one stood before."""
+    number = part.now + 1
+    if (number, key) in part.said:
+        said = f"layer {number} has two values of {token.keyword}, and the last one is taken"
+        text.guess(key, token.line, said)
+    part.said.add((number, key))
+    return value
 
 
 def _block(text: Words, word: str, own: int) -> Block:
@@ -481,18 +509,20 @@ def _square(text: Words, cells: Tokens, word: str) -> list[Tokens]:
     """
     side = math.isqrt(len(cells))
     if len(cells) == side**2 + 1 and side % 2:
-        cells = _joined(cells, side)
+        cells = _joined(text, cells, side)
     if len(cells) != side**2 or side % 2 == 0:
         line = cells[-1].line if cells else text.peek().line
         raise text.wrong(line, f"a square matrix of odd size after {word}", f"{len(cells)} numbers")
     return [cells[n : n + side] for n in range(0, len(cells), side)]
 
 
-def _joined(cells: Tokens, side: int) -> Tokens:
+def _joined(text: Words, cells: Tokens, side: int) -> Tokens:
     lines = [token.line for token in cells]
     for n, (one, other) in enumerate(pairwise(cells)):
         crowded = one.line == other.line and lines.count(one.line) == side + 1
         if crowded and one.text == other.text == "0":
+            said = f"{len(cells)} numbers stand for {side**2}: '0 0' is taken for one 0"
+            text.guess("A, B", one.line, said)
             return cells[:n] + cells[n + 1 :]
     return cells
 
@@ -527,6 +557,7 @@ def argument_of(text: Words, argument: str) -> tuple[str, str, bool]:
 _SIZE = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d{1,2})?"
 _NUMBER = re.compile(_SIZE, re.IGNORECASE)
 _FIXED = re.compile(rf"Fixed\s*\(\s*({_SIZE})\s*\)", re.IGNORECASE)
+_PICTURE = re.compile(r"P\d*\b", re.IGNORECASE)
 _GIVEN = re.compile(rf"Arbitrary\s*\(\s*({_SIZE})\s*\)", re.IGNORECASE)
 
 
@@ -565,8 +596,8 @@ def _entry(text: Words, part: Part, suffix: str) -> Entry:
         template = Template(
             re.sub(r"[^A-Za-z0-9_ .-]", "_", said if same else file.stem)[:60] + suffix,
             **_physics(text, part),
-            boundary=_boundary(header.get("boundary", "")),
-            initial=_initial(header.get("inistate", "")),
+            boundary=_boundary(text),
+            **_start(text),
             output="sign" if "DT-CNN" in header.get("cnnmodel", "").upper() else "standard",
             description=_description(header),
             source=f"imported from {file.name}{f' ({said})' if said and not same else ''}",
@@ -574,34 +605,78 @@ def _entry(text: Words, part: Part, suffix: str) -> Entry:
     except (TemplateError, ArrayError) as error:
         raise TemplateError(f"'{text.file}': {error}") from None
     about = About(header.get("input", ""), header.get("inistate", ""))
-    return Entry(template, (), about)
+    unsaid = Guess(
+        "duration", "A .tem file names no duration: it runs until it settles.", always=True
+    )
+    return Entry(template, (), about, guesses=(unsaid, *dict.fromkeys(text.guesses)))
 
 
-def _boundary(said: str) -> float | str:
+def _boundary(text: Words) -> float | str:
+    said = text.header.get("boundary", "")
     fixed = _FIXED.search(said)
     if fixed:
         return float(fixed[1])
     lower = said.lower()
-    return "zero-flux" if "flux" in lower else "periodic" if "periodic" in lower else 0.0
+    if "flux" in lower:
+        return "zero-flux"
+    if "periodic" in lower:
+        return "periodic"
+    got = f"the boundary '{said}' is none that is known" if said else "no boundary is named"
+    text.guess("boundary", 0, f"{got}: 0 is taken")
+    return 0.0
 
 
 def _description(header: Mapping[str, str]) -> str:
-    """Return what the header says of the function, and of a bias map, which no template holds."""
-    said, bias = header.get("function", ""), header.get("biasmap", "").strip(" -")
-    return f"{said} Its header asks for a bias map: {bias}.".strip() if bias else said
+    """Return what the header says of the function, and of maps, which no template holds."""
+    said = [header.get("function", "")]
+    said += [f"Its header asks for a {what}: {value}." for what, value, _ in _maps(header)]
+    return " ".join(part for part in said if part)
+
+
+def _maps(header: Mapping[str, str]) -> Iterator[tuple[str, str, str]]:
+    """Yield the maps that a header asks for: what, which, and the argument of a run."""
+    for what, key, role in (
+        ("bias map", "biasmap", "bias"),
+        ("fixed-state mask", "fixedstatemap", "mask"),
+    ):
+        value = header.get(key, "").strip(" -")
+        if value:
+            yield what, value, role
+
+
+def _start(text: Words) -> dict[str, Any]:
+    """Return the initial state, and whether a run should be given one."""
+    said, read = text.header.get("inistate", ""), text.header.get("input", "")
+    for what, value, role in _maps(text.header):
+        asked = f"the header asks for the {what} '{value}', which no template holds"
+        text.guess(role, 0, f"{asked}: give it to each run, as '{role}='")
+    start = _initial(said)
+    if start != "input":
+        if not said.strip(" -"):
+            text.guess("initial", 0, "no initial state (IniState) is named: 0 is taken")
+        return {"initial": start}
+    pictures = [_PICTURE.match(part.strip()) for part in (said, read)]
+    if pictures[0] is None:
+        text.guess("initial", 0, f"the initial state '{said}' is taken for the input picture")
+    elif pictures[1] is not None and pictures[0][0].upper() != pictures[1][0].upper():
+        return {"initial": 0.0, "needs_state": True}
+    return {"initial": start}
 
 
 def _initial(said: str) -> Initial:
     given = _GIVEN.search(said)
     if given:
         return float(given[1])
-    return float(said) if _NUMBER.fullmatch(said.strip()) else "input" if said else 0.0
+    said = said.strip(" -")
+    return float(said) if _NUMBER.fullmatch(said) else "input" if said else 0.0
 
 
 def _physics(text: Words, part: Part) -> dict[str, Any]:
     """Return A, B, z, and the nonlinear and delayed couplings."""
     blocks = [(n, block) for n, layer in part.layers.items() for block in layer.blocks]
     layers = max([part.count, *(n + 1 for n in part.layers)])
+    if layers > part.count > 1:
+        text.guess("A", 0, f"NRLAYERS is {part.count}, but there is a LAYER {layers}")
     inputs = max((b.source + 1 for _, b in blocks if b.part.endswith("B")), default=0)
     side = max((len(b.rows) for _, b in blocks), default=1)
     kernels = {
@@ -610,7 +685,7 @@ def _physics(text: Words, part: Part) -> dict[str, Any]:
         "delayed A": np.zeros((layers, layers, side, side)),
         "delayed B": np.zeros((layers, max(inputs, 1), side, side)),
     }
-    nonlinear = list[NonlinearCoupling]()
+    nonlinear, filled = list[NonlinearCoupling](), set[tuple[str, tuple[int, int]]]()
     for to, block in blocks:
         if block.source >= (kernels["A"] if block.part.endswith("A") else kernels["B"]).shape[1]:
             line = block.rows[0][0].line
@@ -618,12 +693,24 @@ def _physics(text: Words, part: Part) -> dict[str, Any]:
         weights, found = _split(text, part, to, block, layers)
         nonlinear += found
         if block.part != "D":
-            kernels[block.part][to, block.source] += _centred(weights, side)
+            where = (to, block.source)
+            if (block.part, where) in filled:
+                said = (
+                    f"two matrices of {block.part} to layer {to + 1} from {block.source + 1} are "
+                    "added"
+                )
+                text.guess(block.part, block.rows[0][0].line, said)
+            filled.add((block.part, where))
+            kernels[block.part][where] += _centred(weights, side)
     reads = inputs > 0 or any("u" in (c.neighbour, c.centre) for c in nonlinear)
     parts: dict[str, Any] = {"A": kernels["A"], "z": _biases(part, layers)}
     parts["B"] = kernels["B"] if reads else None
     parts["nonlinear"] = nonlinear
     late = [kernels["delayed A"], kernels["delayed B"][:, : max(inputs, 1) if reads else 0]]
+    if part.delay is None and any(kernel.any() for kernel in late):
+        raise TemplateError(
+            f"'{text.file}': expected DELAY and a time with the delayed matrices, got none."
+        )
     if part.delay is not None and any(kernel.any() for kernel in late):
         parts["delayed"] = DelayedCoupling(part.delay, *(frozen(kernel) for kernel in late))
     return parts

@@ -1,12 +1,12 @@
 """Templates as TOML: the format of the library.
 
 Keys: name, A, B, z, tau, boundary, input_boundary, initial, duration, output, description, source,
-aliases. The words about it: input, state, tags, experimental, published_boundary. The tables are
-[[nonlinear]] (neighbour, weights, interpolation, points, and where needed centre, to, source,
-centre_source, times_argument, reversed_sign). Then [[gain]] (to, source, interpolation, points) and
-[delayed] (delay, A, B). The table [check] has the name of a closed form and its parameters.
-Commands write the tables [measured] and [proof]. Matrices are nested lists of rows, (k, k) or
-[to][from][row][col].
+aliases, needs_state. The words about it: input, state, tags, experimental, published_boundary. The
+tables are [[nonlinear]] (neighbour, weights, interpolation, points, and where needed centre, to,
+source, centre_source, times_argument, reversed_sign). Then [[gain]] (to, source, interpolation,
+points) and [delayed] (delay, A, B). The table [check] has the name of a closed form and its
+parameters. Commands write the tables [measured] and [proof]. Matrices are nested lists of rows,
+(k, k) or [to][from][row][col].
 """
 
 import json
@@ -244,6 +244,8 @@ def _parts(entry: Entry) -> dict[str, str]:
         "duration": value(template.duration),
         "output": quoted(template.output.name),
     }
+    if template.needs_state:
+        parts["needs_state"] = "true"
     return {**parts, "B": stacked(template.B)} if template.inputs else parts
 
 
@@ -318,6 +320,7 @@ _READERS: Mapping[str, Callable[[str, str, object], Any]] = {
     "initial": number_or_text,
     "duration": number_or_text,
     "output": text,
+    "needs_state": flag,
     "description": text,
     "source": text,
     "nonlinear": nonlinear,

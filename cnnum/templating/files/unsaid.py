@@ -7,6 +7,7 @@ template are never among them: they stand where the other program reads them.
 import json
 import re
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, cast
 
 from cnnum.errors import TemplateError
@@ -17,11 +18,12 @@ from cnnum.templating.files.toml_format import TOML
 CARRIED = (
     *("name", "aliases", "description", "source", "input", "state", "tags", "experimental"),
     *("published_boundary", "boundary", "input_boundary", "initial", "duration", "tau", "output"),
+    "needs_state",
     "check",
 )
 """Keys that comments carry; words first, then what changes a run."""
 
-WORDS = frozenset(CARRIED[:9]) | {"check"}
+WORDS = frozenset(CARRIED[:9]) | {"check", "needs_state"}
 """Those of them that change no run."""
 
 _LINE = re.compile(r"^[ \t]*%+[ \t]*cnnum:[ \t]*(\w+)[ \t]*=[ \t]*(.+?)[ \t]*$", re.MULTILINE)
@@ -62,6 +64,7 @@ def with_comments(entry: Entry, text: str, file: str) -> Entry:
     lines = [match for match in _LINE.finditer(text) if match[1] in CARRIED]
     if not lines:
         return entry
+    said = {match[1] for match in lines}
     table = _table(entry)
     for match in lines:
         try:
@@ -72,7 +75,8 @@ def with_comments(entry: Entry, text: str, file: str) -> Entry:
                 f"'{file}', line {line}: the comment holds no value of '{match[1]}': {error}."
             ) from None
     written = "".join(f"{key} = {_value(value)}\n" for key, value in table.items())
-    return TOML.read(written, file)
+    guesses = tuple(guess for guess in entry.guesses if guess.key not in said)
+    return replace(TOML.read(written, file), guesses=guesses)
 
 
 def _table(entry: Entry) -> dict[str, Any]:
