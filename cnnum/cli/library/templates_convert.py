@@ -105,18 +105,28 @@ def import_files(
 @click.command("export")
 @click.argument("name", shell_complete=completed("template", files=True))
 @click.argument("file")
+@click.option(
+    "--for",
+    "program",
+    type=click.Choice(["matcnn", "celnn", "pycnn"]),
+    help="Write a script that runs the template in that program.",
+)
 @force_option
 @json_option
-def export(name: str, file: str, force: bool, as_json: bool) -> None:
+def export(name: str, file: str, program: str | None, force: bool, as_json: bool) -> None:
     """Write the template NAME (of the library, or a file) to FILE.
 
-    The suffix selects the format: .tem (CNN Software Library), .m (MatCNN), .cnnsim or .toml.
+    The suffix selects the format: .tem (CNN Software Library), .m (MatCNN), .cnnsim or .toml. With
+    --for, FILE is a script: in MATLAB for MatCNN, and in Python for celnn and PyCNN.
     """
     from cnnum.templating.files import left_unsaid, load_entry, save_entry
     from cnnum.templating.files.unsaid import WORDS
     from cnnum.templating.library import get_entry
 
     entry = load_entry(name) if is_place(name) else get_entry(name)
+    if program is not None:
+        _export_script(entry, file, program, force=force, output=Output(as_json))
+        return
     save_entry(entry, file, force=force)
     lost, output = [key for key in left_unsaid(entry, file) if key not in WORDS], Output(as_json)
     output.record(
@@ -127,4 +137,23 @@ def export(name: str, file: str, force: bool, as_json: bool) -> None:
         output.show(
             f"Other programs will not see its {', '.join(lost)}: the format cannot express "
             "this, so it is written as comments, which cnnum reads back."
+        )
+
+
+def _export_script(entry: "Entry", file: str, program: str, *, force: bool, output: Output) -> None:
+    from cnnum.errors import TemplateFileError
+    from cnnum.safety.files import write_whole
+    from cnnum.templating.files.scripts import script
+
+    suffix = ".m" if program == "matcnn" else ".py"
+    if Path(file).suffix.lower() != suffix:
+        raise click.UsageError(f"A script for {program} must be a '{suffix}' file, got '{file}'.")
+    text = script(entry, program)
+    write_whole(Path(file), text.encode("utf-8"), error=TemplateFileError, force=force)
+    name = entry.template.name
+    output.record({"template": name, "file": file, "program": program}, f"{name}: {file}")
+    if program == "matcnn" and entry.template.duration == "settle":
+        output.show(
+            "MatCNN does not stop when the array has settled: the script runs it for 2 time "
+            "constants per cell of the longer side; raise 'duration' where that is too short."
         )

@@ -19,7 +19,7 @@ from cnnum.templating.files.entry import Entry, FileFormat, Guess
 from cnnum.templating.functions import Table
 from cnnum.templating.template import Template
 
-_FIELD = r"([A-Za-z]\w*)_(A|B|I|Aa|Bb|Dd|a|b|d)"
+_FIELD = r"(?<![\w.])([A-Za-z]\w*)_(A|B|I|Aa|Bb|Dd|a|b|d)"
 _ASSIGNED = re.compile(
     _FIELD + r"[ \t]*(?:\(([^()\n]*)\))?\s*=\s*([^;\n\[]*)(\[[^\]]*\])?([^;\n\[]*)"
 )
