@@ -685,7 +685,7 @@ def _physics(text: Words, part: Part) -> dict[str, Any]:
         "delayed A": np.zeros((layers, layers, side, side)),
         "delayed B": np.zeros((layers, max(inputs, 1), side, side)),
     }
-    nonlinear, filled = list[NonlinearCoupling](), set[tuple[str, tuple[int, int]]]()
+    nonlinear = list[NonlinearCoupling]()
     for to, block in blocks:
         if block.source >= (kernels["A"] if block.part.endswith("A") else kernels["B"]).shape[1]:
             line = block.rows[0][0].line
@@ -694,13 +694,12 @@ def _physics(text: Words, part: Part) -> dict[str, Any]:
         nonlinear += found
         if block.part != "D":
             where = (to, block.source)
-            if (block.part, where) in filled:
+            if weights.any() and kernels[block.part][where].any():
                 said = (
                     f"two matrices of {block.part} to layer {to + 1} from {block.source + 1} are "
                     "added"
                 )
                 text.guess(block.part, block.rows[0][0].line, said)
-            filled.add((block.part, where))
             kernels[block.part][where] += _centred(weights, side)
     reads = inputs > 0 or any("u" in (c.neighbour, c.centre) for c in nonlinear)
     parts: dict[str, Any] = {"A": kernels["A"], "z": _biases(part, layers)}
