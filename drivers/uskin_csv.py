@@ -93,7 +93,7 @@ class UskinCsvOptions:
         RecordingWarning
             If files end in different rows; it counts the rows that are left out.
         """
-        _refuse_several(self.path)
+        refuse_several(self.path)
         return UskinCsv(self)
 
 
@@ -155,7 +155,7 @@ def _counts(table: TextTable) -> Floats:
     return table.numbers(HEADER).reshape(-1, SIDE, SIDE, len(FORCE_AXES))
 
 
-def _refuse_several(folder: Path) -> None:
+def refuse_several(folder: Path) -> None:
     """Raise if a folder is not a trial, but has trials in it."""
     if any(names_something(folder / name) for name in PAD_FILES):
         return
@@ -167,9 +167,12 @@ def _refuse_several(folder: Path) -> None:
             f"'{folder}' is a folder of {len(found)} trial(s), not one: name one of them "
             f"({names}{more})."
         )
+    inside = sorted(file.name for file in folder.glob("*.mcap"))
     raise RecordingError(
-        f"'{folder}' is not a trial: expected a folder with {' or '.join(map(repr, PAD_FILES))}; "
-        "name it by 'array.path', as in '--set array.path=FOLDER'."
+        f"'{folder}' is not a trial: expected a folder with "
+        f"{' or '.join(map(repr, PAD_FILES))}, named by 'array.path', as in "
+        "'--set array.path=FOLDER', or with bags of ROS (*.bag, *.db3, metadata.yaml)"
+        f"{f'; name {inside[0]!r} in it' if inside else ''}."
     )
 
 

@@ -11,7 +11,7 @@ nothing on orders.
 """
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import permutations, product
 
 import numpy as np
@@ -40,6 +40,20 @@ ENOUGH = 5
 
 AXES = "xyz"
 
+GRID = ("rows", "cols", "channels")
+COLUMNS = ("cols", "rows", "channels")
+GRIDS = {
+    COLUMNS: "the taxels follow each other down the columns",
+    ("channels", "rows", "cols"): "all numbers of a channel follow each other",
+    ("channels", "cols", "rows"): "rows, columns and channels are reversed, as in Fortran's order",
+    ("rows", "channels", "cols"): "all numbers of a channel follow each other in each row",
+    ("cols", "channels", "rows"): "all numbers of a channel follow each other in each column",
+}
+"""What orders of the axes but the usual one are."""
+
+FALLS = ("strain", "Pa")
+"""Units in which a push is below 0, as they count tension as positive."""
+
 
 @dataclass(frozen=True, slots=True)
 class Order:
@@ -49,49 +63,47 @@ class Order:
     ----------
     channels : (int, int, int)
         Places of the shear to the right, the shear downwards and the normal load.
-    signs : (float, float)
-        Of both shears.
-    grid : str
-        How the numbers of a frame lie in it: "" as they came; "columns" where taxels follow each
-        other down the columns; "channels" where all numbers of a channel follow each other.
+    signs : (float, float, float)
+        Of both shears and of the normal load.
+    grid : tuple of str
+        Axes of the numbers of a frame as they lie in it, from the slowest to the fastest.
     """
 
     channels: tuple[int, int, int] = (0, 1, 2)
-    signs: tuple[float, float] = (1.0, 1.0)
-    grid: str = ""
+    signs: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    grid: tuple[str, str, str] = GRID
 
     @property
     def changes(self) -> int:
         """How much it changes: of two orders that fit as well, the one with less is meant."""
         moved = sum(place != n for n, place in enumerate(self.channels))
-        return moved + self.signs.count(-1.0) + 2 * bool(self.grid)
+        return moved + self.signs.count(-1.0) + 2 * (self.grid != GRID)
 
     def of(self, values: Floats) -> Floats:
-        """Return (…, rows, cols, 3) values in this order."""
-        *lead, rows, cols, count = values.shape
-        if self.grid == "columns":
-            values = np.swapaxes(values.reshape(*lead, cols, rows, count), -3, -2)
-        elif self.grid == "channels":
-            values = np.moveaxis(values.reshape(*lead, count, rows, cols), -3, -1)
-        return np.asarray(values[..., list(self.channels)] * np.array([*self.signs, 1.0]))
+        """Return (frames, rows, cols, 3) values in this order."""
+        if self.grid != GRID:
+            sizes = dict(zip(GRID, values.shape[1:], strict=True))
+            held = values.reshape(-1, *(sizes[axis] for axis in self.grid))
+            values = held.transpose(0, *(self.grid.index(axis) + 1 for axis in GRID))
+        return np.asarray(values[..., list(self.channels)] * np.array(self.signs))
 
     def names(self) -> list[str]:
         """Return the names of the channels as they came, with a minus where a sign turns."""
         found = [""] * 3
         for axis, place in enumerate(self.channels):
-            turned = axis < 2 and self.signs[axis] < 0
-            found[place] = f"-{AXES[axis]}" if turned else AXES[axis]
+            found[place] = f"-{AXES[axis]}" if self.signs[axis] < 0 else AXES[axis]
         return found
 
 
 def orders(shape: Shape) -> Iterator[Order]:
     """Yield all orders that are looked at, the present one first."""
-    grids = ["", "channels", *(["columns"] if shape[0] != shape[1] else [])]
-    for grid, channels in product(grids, permutations((0, 1, 2))):
-        for signs in product((1.0, -1.0), repeat=2):
-            if channels == (1, 0, 2) and signs[0] != signs[1]:
+    for grid, channels in product((GRID, *GRIDS), permutations((0, 1, 2))):
+        if grid == COLUMNS and shape[0] == shape[1]:
+            continue  # the same as both shears swapped
+        for x, y in product((1.0, -1.0), repeat=2):
+            if channels == (1, 0, 2) and x != y:
                 continue  # the shear turned by a quarter, as a twist has it
-            yield Order((channels[0], channels[1], channels[2]), (signs[0], signs[1]), grid)
+            yield Order((channels[0], channels[1], channels[2]), (x, y, 1.0), grid)
 
 
 def patterns(normal: Floats, shears: Floats) -> Floats:
@@ -179,12 +191,12 @@ def scores(presses: Floats) -> Floats:
         Frames less their rest.
     """
     shears = np.moveaxis(presses[..., :2], -1, 0)
-    return _scored(patterns(presses[..., 2], shears), (0, 1), (1.0, 1.0))
+    return _scored(patterns(presses[..., 2], shears), Order())
 
 
-def _scored(found: Floats, shears: tuple[int, int], signs: tuple[float, float]) -> Floats:
-    x, y = (found[:, shear] for shear in shears)
-    own = np.minimum(signs[0] * x[:, 0], signs[1] * y[:, 1])
+def _scored(found: Floats, order: Order) -> Floats:
+    x, y = (found[:, shear] for shear in order.channels[:2])
+    own = np.minimum(order.signs[0] * x[:, 0], order.signs[1] * y[:, 1])
     score = own - np.maximum(np.abs(x[:, 1]), np.abs(y[:, 0]))
     return np.asarray(np.where(np.isnan(score), -1.0, score))
 
@@ -197,13 +209,21 @@ def pad_pressed(presses: Floats, pads: int) -> Floats:
     return max(parts, key=lambda part: float(np.abs(part).sum()))
 
 
-def best_order(presses: Floats) -> tuple[Order | None, float, float]:
+def best_order(
+    presses: Floats, unit: str = "count", pads: int = 1
+) -> tuple[Order | None, float, float]:
     """Return the order that presses show, its score, and that of the present order.
+
+    Both shears turned and the normal load turned look alike; which of them is meant is decided by
+    the sense of a push in the unit.
 
     Parameters
     ----------
     presses : (frames, rows, cols, 3) float
         Frames under a load, less their rest.
+    unit : str
+    pads : int
+        Pads side by side in the columns; the one under the most load is looked at.
 
     Returns
     -------
@@ -214,28 +234,74 @@ def best_order(presses: Floats) -> tuple[Order | None, float, float]:
     shape = presses.shape[1:3]
     if min(shape) < SMALLEST or presses.shape[3] != 3:
         return None, -1.0, -1.0
-    known: dict[tuple[str, int], Floats] = {}
+    known: dict[tuple[tuple[str, ...], int], tuple[Floats, float]] = {}
     each = list[Floats]()
     tried = list(orders((shape[0], shape[1])))
-    for order in tried:
-        *shears, normal = order.channels
+    for n, order in enumerate(tried):
+        *_, normal = order.channels
         if (order.grid, normal) not in known:
-            placed = np.moveaxis(Order(grid=order.grid).of(presses), -1, 0)
-            known[order.grid, normal] = patterns(placed[normal], placed)
-        each.append(_scored(known[order.grid, normal], (shears[0], shears[1]), order.signs))
+            placed = pad_pressed(Order(grid=order.grid).of(presses), pads)
+            placed = np.moveaxis(placed, -1, 0)
+            sense = float(placed[normal].sum())
+            known[order.grid, normal] = patterns(placed[normal], placed), sense
+        found, sense = known[order.grid, normal]
+        each.append(_scored(found, order))
+        falls = sense < 0.0
+        if order.signs[:2] == (-1.0, -1.0) and falls != (unit in FALLS):
+            tried[n] = replace(order, signs=(1.0, 1.0, -1.0))
     fits = np.median(each, axis=1).tolist()
-    found = [(fit, -order.changes, order) for fit, order in zip(fits, tried, strict=True)]
-    present = found[0][0]
-    most = max(value for value, _, _ in found)
+    ranked = [(fit, -order.changes, order) for fit, order in zip(fits, tried, strict=True)]
+    present = ranked[0][0]
+    most = max(value for value, _, _ in ranked)
     # of those that fit nearly as well, the one that changes least
     value, _, order = max(
-        (one for one in found if one[0] > most - 0.05), key=lambda one: (one[1], one[0])
+        (one for one in ranked if one[0] > most - 0.05), key=lambda one: (one[1], one[0])
     )
     if most < CLEAR:
         return None, most, present
     if present > most - LEAD:
         return Order(), present, present
     return (order, value, present) if present <= DENIED else (None, most, present)
+
+
+LEVELLED = 0.1
+"""Share of the spread of all numbers at rest up to which that within the channels is small."""
+
+MIXED = 0.6
+"""The same share from which channels are mixed."""
+
+TAXELS = 8
+"""Taxels from which numbers at rest show this."""
+
+
+def levelled(rest: Floats, moved: Floats) -> Order | None:
+    """Return the order in which the numbers at rest are alike within each channel.
+
+    The channels of many arrays rest at levels of their own, as a Hall sensor's z beside its x and
+    y. Of rows and columns these say nothing; where the array is not square, loads are smooth in
+    one order only.
+
+    Parameters
+    ----------
+    rest : (rows, cols, 3) float
+    moved : (frames, rows, cols, 3) float
+        Frames less their rest.
+
+    Returns
+    -------
+    Order or None
+        None where the numbers say nothing, or are in this order already.
+    """
+    total = float(rest.var())
+    if rest.shape[0] * rest.shape[1] < TAXELS or not total > 0.0:
+        return None
+    found = [Order(grid=grid) for grid in (GRID, *GRIDS)]
+    shares = [float(one.of(rest[np.newaxis]).var(axis=(1, 2)).mean()) / total for one in found]
+    if min(shares) > LEVELLED or shares[0] < MIXED:
+        return None
+    alike = [n for n, share in enumerate(shares) if share <= min(shares) + 1e-9]
+    smooth = [float(smoothness(found[n].of(np.abs(moved)).max(axis=-1)).mean()) for n in alike]
+    return found[alike[int(np.argmax(np.round(smooth, 6)))]]
 
 
 RESTING = 1.0
@@ -513,40 +579,53 @@ def _orders(
     size = np.abs(away / noise).max(axis=(1, 2, 3))
     pressed = np.flatnonzero(size > max(TOUCH, 0.3 * float(size.max())))
     if len(pressed) < LEAST:
-        return [
-            Finding("order", "No press is seen, so that nothing shows the orders.", wrong=False)
-        ]
+        said = "No press is seen, so that nothing shows the orders."
+        return [_by_levels(rest, away) or Finding("order", said, wrong=False)]
     some = pressed[:: max(1, len(pressed) // PRESSES)]
-    order, value, present = best_order(pad_pressed(away[some], pads))
+    order, value, present = best_order(away[some], recording.unit, pads)
     if order is None:
         said = (
             "No press straight down is seen, so that nothing shows the orders and signs: press the "
             "middle of the array without a pull, and look again."
         )
-        return [Finding("order", said, wrong=False)]
+        return [_by_levels(rest, away[some]) or Finding("order", said, wrong=False)]
     if order == Order():
         said = f"The orders and signs are right: the shear points away from a press ({value:.2f})."
         return [Finding("order", said, wrong=False)]
     return [Finding("order", *sentence_of(order, value, present))]
 
 
+def _by_levels(rest: Floats, moved: Floats) -> Finding | None:
+    order = levelled(rest, moved)
+    if order is None:
+        return None
+    cure = " ".join(("frames", *order.grid))
+    said = (
+        "The numbers at rest are mixed in all channels, and would be alike in each if "
+        f"{GRIDS[order.grid]}"
+    )
+    if rest.shape[0] == rest.shape[1]:
+        other = " ".join({"rows": "cols", "cols": "rows"}.get(n, n) for n in cure.split())
+        said += f", or with rows and columns swapped, '{other}': a press tells which"
+    return Finding("order", f"{said}.", cure={"order": cure})
+
+
 def sentence_of(order: Order, value: float, present: float) -> tuple[str, bool, dict[str, object]]:
     """Return a sentence on an order that is wrong, that it is, and its cure."""
     cure: dict[str, object] = {}
     parts: list[str] = []
-    if order.grid == "columns":
-        parts.append("the taxels follow each other down the columns")
-        cure["order"] = "frames cols rows channels"
-    elif order.grid == "channels":
-        parts.append("all numbers of a channel follow each other")
-        cure["order"] = "frames channels rows cols"
+    if order.grid != GRID:
+        parts.append(GRIDS[order.grid])
+        cure["order"] = " ".join(("frames", *order.grid))
     names = order.names()
     if order.channels != (0, 1, 2):
         named = f"the channels are {', '.join(n.lstrip('-') for n in names)}"
-        swapped = order.channels == (1, 0, 2) and not order.grid
+        swapped = order.channels == (1, 0, 2) and order.grid == GRID
         parts.append(f"{named}, or rows and columns are swapped" if swapped else named)
     turned = [name.lstrip("-") for name in names if name.startswith("-")]
-    if turned:
+    if turned == ["z"]:
+        parts.append("the sign of z is turned, or those of both x and y")
+    elif turned:
         other = {"x": "columns", "y": "rows"}
         parts.append(
             f"the sign of {' and '.join(turned)} is turned, or the "

@@ -89,9 +89,30 @@ class Topic:
     count: int = 0
 
 
+META = "metadata.yaml"
+"""File in the folder of a ROS 2 bag."""
+
+
+def bags_in(path: Path) -> list[Path]:
+    """Return the bags of ROS 1 or ROS 2 that a path names; none where it names something else.
+
+    A folder may be a bag of ROS 2, also one that lacks its metadata, or hold the files of a bag of
+    ROS 1 that was recorded in parts, or several bags.
+    """
+    if not path.is_dir():
+        return [path] if path.suffix.lower() in BAGS else []
+    if (path / META).is_file():
+        return [path]
+    several = (
+        [part for part in path.glob("*.bag") if part.is_file()]
+        + [part.parent for part in path.glob(f"*/{META}") if part.is_file()]
+    )  # fmt: skip
+    return sorted(several or [part for part in path.glob("*.db3") if part.is_file()])
+
+
 def is_bag(path: Path) -> bool:
-    """Return whether a path names a bag of ROS 1 or ROS 2."""
-    return path.suffix.lower() in BAGS or (path / "metadata.yaml").is_file()
+    """Return whether a path names a bag of ROS 1 or ROS 2, or a folder of them."""
+    return bool(bags_in(path))
 
 
 def messages(path: Path, topic: str) -> Generator[Message, None, None]:
@@ -278,14 +299,19 @@ class _Decoding:
 def _of_bag(path: Path, topic: str) -> Generator[Message, None, None]:
     if find_spec("rosbags") is None:
         raise missing_extra(f"the bag '{path.name}'", "rosbags", "bags")
-    for file in [path] if path.is_file() else sorted(path.glob("*")):
-        if file.is_file():
-            open_regular(file).close()  # refuses a pointer to data that is not here
+    bags = bags_in(path)
+    if len({bag.suffix.lower() == ".bag" for bag in bags}) > 1:
+        some = ", ".join(f"'{bag.name}'" for bag in bags[:FEW])
+        raise CodecError(f"'{path}' holds bags of ROS 1 and of ROS 2 ({some}): name one of them.")
+    for bag in bags:
+        for file in [bag] if bag.is_file() else sorted(bag.glob("*")):
+            if file.is_file():
+                open_regular(file).close()  # refuses a pointer to data that is not here
     reading: Any = import_module("rosbags.highlevel")
     types: Any = import_module("rosbags.typesys")
     try:
         usual = types.get_typestore(types.Stores.LATEST)
-        with reading.AnyReader([path], default_typestore=usual) as reader:
+        with reading.AnyReader(bags, default_typestore=usual) as reader:
             wanted = [one for one in reader.connections if topic in ("", one.topic)]
             if not wanted:
                 return

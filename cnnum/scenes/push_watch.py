@@ -82,13 +82,12 @@ class OrderWatch:
         away = frame.values - rest
         if not np.abs(away).max() > TOUCH * noise:
             return
-        away = pad_pressed(away[np.newaxis], self._pads)[0]
         self._away.append(away)
         if len(self._away) < LOOKS:
             return
         order, presses = None, np.stack(self._away)
-        if float(np.median(scores(presses))) < DENIED:
-            order, value, present = best_order(presses)
+        if float(np.median(scores(pad_pressed(presses, self._pads)))) < DENIED:
+            order, value, present = best_order(presses, frame.unit, self._pads)
             order = None if order == Order() or value < SURE else order
             self._agreed = self._agreed + 1 if order is not None and order == self._order else 0
             if order is not None and self._agreed >= AGREE - 1:

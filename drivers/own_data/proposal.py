@@ -27,6 +27,7 @@ from cnnum.drivers.text_table import (
     fields_of,
     nanoseconds,
 )
+from cnnum.drivers.uskin_csv import refuse_several
 from cnnum.errors import CnnumError, CodecError, RecordingError, unreadable
 from cnnum.recordings.messages import BAGS, LINES, is_bag, messages, numeric_fields
 from cnnum.recordings.times import rate_of
@@ -157,6 +158,9 @@ def propose(path: Path, topic: str = "") -> Proposal:
         return found
     if is_bag(path) or suffix in (".mcap", *LINES, *BAGS):
         return _of_messages(path, topic)
+    if path.is_dir():
+        refuse_several(path)
+        raise RecordingError(f"'{path}' is a trial, which needs no layout.")
     if suffix in (".npy", ".npz"):
         return _of_arrays(path, array_shapes(path))
     if suffix in (*HDF5, PARQUET):

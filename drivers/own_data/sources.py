@@ -261,7 +261,7 @@ def held_by(path: Path, layout: DataLayout) -> Arrays:
     if read is None:
         raise CodecError(
             f"'{path}' has a layout and is of no kind that is read: expected one of "
-            f"{', '.join(READERS)}, or the folder of a ROS 2 bag; name a ROS 1 bag itself."
+            f"{', '.join(READERS)}, or a folder with bags of ROS 1 or ROS 2."
         )
     return read(path, layout)
 

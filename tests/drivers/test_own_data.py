@@ -337,7 +337,7 @@ def test_a_pointer_of_git_lfs_is_called_one_before_a_layout_is_asked_for(tmp_pat
 def test_a_folder_with_a_layout_that_is_no_bag_is_one_sentence(tmp_path):
     (tmp_path / "bags").mkdir()
     (tmp_path / "bags.toml").write_text('shape = [1, 2]\nchannels = ["z"]\nrate = 10\n')
-    with pytest.raises(cnnum.CnnumError, match="name a ROS 1 bag itself"):
+    with pytest.raises(cnnum.CnnumError, match="a folder with bags of ROS 1 or ROS 2"):
         open_driver("file", {"path": "bags", "layout": "bags.toml"}, base=tmp_path)
 
 

@@ -30,8 +30,21 @@ WRONG = {
         lambda v: v.transpose(0, 3, 1, 2).reshape(v.shape),
         {"order": "frames channels rows cols"},
     ),
+    "Fortran's order": (
+        lambda v: np.stack([one.ravel(order="F").reshape(one.shape) for one in v]),
+        {"order": "frames channels cols rows"},
+    ),
+    "channels between": (
+        lambda v: v.transpose(0, 1, 3, 2).reshape(v.shape),
+        {"order": "frames rows channels cols"},
+    ),
+    "z turned": (lambda v: v * [1, 1, -1], {"channels": ["x", "y", "-z"]}),
+    "z turned and named first": (
+        lambda v: -v[..., [2]] * [1, 0, 0] + v[..., [0, 0, 1]] * [0, 1, 1],
+        {"channels": ["-z", "x", "y"]},
+    ),
 }
-SHAPES = [(8, 8), (6, 4), (5, 9)]
+SHAPES = [(8, 8), (4, 4), (6, 4), (5, 9)]
 
 
 def orders(values, unit="count"):
@@ -84,6 +97,51 @@ def test_strain_shows_the_same(tmp_path):
     assert not orders(values, "strain").wrong
     assert not watched(values, array.rate / 3, "strain")
     assert orders(values * [-1, 1, 1], "strain").cure == {"channels": ["-x", "y", "z"]}
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_presses_of_other_shapes_on_uneven_arrays(seed):
+    """Hertz's dome anywhere near the middle, a pull with it, taxels of their own rest and gain."""
+    rng = np.random.default_rng(seed)
+    rows, cols = [(4, 4), (16, 16), (6, 5), (3, 7)][seed % 4]
+    y, x = np.mgrid[:rows, :cols] - np.array([rows - 1, cols - 1]).reshape(2, 1, 1) / 2
+    y, x = y - rng.uniform(-0.1, 0.1) * rows, x - rng.uniform(-0.1, 0.1) * cols
+    radius = rng.uniform(0.5, 0.7) * min(rows, cols)
+    dome = np.sqrt(np.clip(1.0 - (x**2 + y**2) / radius**2, 0.0, None))
+    load = np.stack([x / radius * dome, y / radius * dome, 2.0 * dome], axis=-1)
+    load += rng.normal(0.0, 0.1, 3) * dome[..., np.newaxis]
+    grown = np.clip((np.arange(150) - 60) / 30, 0.0, 1.0)[:, np.newaxis, np.newaxis, np.newaxis]
+    values = 300.0 * grown * load * rng.normal(1.0, 0.1, load.shape) + rng.normal(
+        0.0, 2.0, (150, *load.shape)
+    )
+    values += rng.uniform(15_000, 17_000, load.shape)
+    assert "are right" in orders(values).sentence
+    assert not watched(values)
+    for name in ("Fortran's order", "z turned", "channels between", "axis-first as axis-last"):
+        turn, cure = WRONG[name]
+        wrong = np.ascontiguousarray(turn(values))
+        assert orders(wrong).cure == cure
+        assert watched(wrong)
+
+
+def test_levels_at_rest_show_channels_that_are_mixed():
+    """No press straight down is needed where each channel rests at a level of its own."""
+    rng = np.random.default_rng(0)
+    for rows, cols in ((4, 4), (6, 4)):
+        values = rng.normal([16_000.0, 16_300.0, 38_000.0], 200.0, (rows, cols, 3))
+        values = values + rng.normal(0.0, 2.0, (200, rows, cols, 3))
+        values[100:] += (
+            300.0 * np.exp(-0.3 * np.arange(rows)[:, None, None]) * np.array([1, 0.2, 1])
+        )
+        assert not orders(values).wrong
+        for name in ("Fortran's order", "axis-first as axis-last"):
+            turn, cure = WRONG[name]
+            found = orders(np.ascontiguousarray(turn(values)))
+            assert found.wrong
+            assert (cure["order"] in found.sentence) or found.cure == cure
+            if rows != cols:
+                assert found.cure == cure
+        assert not orders(values + rng.normal(0.0, 9_000.0, values.shape[1:])).wrong
 
 
 def test_a_twist_a_pull_and_noise_are_no_wrong_order():

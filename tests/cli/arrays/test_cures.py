@@ -21,6 +21,8 @@ TURNS = {
     "rows and columns swapped": lambda v: v.swapaxes(1, 2).reshape(v.shape),
     "axis-first read as axis-last": lambda v: v.transpose(0, 3, 1, 2).reshape(v.shape),
     "upside down": lambda v: v[:, ::-1],
+    "Fortran's order": lambda v: v.transpose(0, 3, 2, 1).reshape(v.shape),
+    "z turned": lambda v: v * [1, 1, -1],
 }
 PLAIN = 'needs = ["load_normal"]\n[array]\ndriver = "simulated"\n[program]\nname = "contact"\n'
 
@@ -122,6 +124,36 @@ def test_the_keys_cure_a_stream_in_its_descriptor(tmp_path, turn):
     values = got.values[..., [names.index(name) for name in FORCE_AXES]]
     away = np.abs(right - values).max(axis=(1, 2, 3))
     assert away.min() < 1e-2  # float32 of 16,000
+
+
+@pytest.mark.parametrize("shape", [(4, 4), (6, 5)])
+@pytest.mark.parametrize("turn", ["Fortran's order", "z turned"])
+def test_events_are_those_of_the_right_order_with_the_cure(call, records, tmp_path, turn, shape):
+    """`run` says the same as `check`, once, and with the keys it says nothing."""
+    scene = tmp_path / "scene.toml"
+    found = {}
+    for name, change in (("right", np.asarray), ("wrong", TURNS[turn])):
+        path = tmp_path / f"{name}.npz"
+        values = np.ascontiguousarray(change(press(*shape, offset=900)))
+        cnnum.Recording(values, rate=100.0).save(path)
+        found[name] = path
+    scene.write_text(
+        'needs = ["contact"]\n[array]\ndriver = "npz"\n[program]\nname = "contact"\n'
+        'parameters = { push = 1.0 }\n[engine]\nname = "numba"\n'
+    )
+    cure = cure_of(call, records, found["wrong"])
+    keys = [text for k, v in cure.items() for text in ("--set", f"{k}={v}".replace("'", '"'))]
+    seen = []
+    for name, more in (("right", ()), ("wrong", ()), ("wrong", keys)):
+        done = call("run", scene, "--set", f"array.path={found[name]}", *more, "--json")
+        *events, _ = records(done.stdout)
+        seen.append([(one["t"], one["kind"], one["where"]) for one in events])
+        said = done.stderr.count("should")
+        assert said == (name == "wrong" and not more)
+        assert all(f"{k.removeprefix('frames.')} = " in done.stderr for k in cure) == bool(said)
+    right, wrong, cured = seen
+    assert [kind for _, kind, _ in right] == ["contact"]
+    assert cured == right != wrong
 
 
 def test_a_rest_under_a_load_has_a_time_for_its_tare(call, records, tmp_path):

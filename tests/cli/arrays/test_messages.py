@@ -154,6 +154,81 @@ def test_a_bag_of_ros_1(tmp_path):
     assert recording.rate == pytest.approx(100.0)
 
 
+def bag(path, messages, version):
+    """A bag of some of the messages; of ROS 1 a file, of ROS 2 a folder."""
+    pytest.importorskip("rosbags", reason="the extra 'bags' is not installed")
+    from rosbags.rosbag1 import Writer as Writer1
+    from rosbags.rosbag2 import Writer as Writer2
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS1_NOETIC if version == 1 else Stores.ROS2_HUMBLE)
+    kind, write = "std_msgs/msg/Float64MultiArray", store.serialize_ros1
+    if version == 2:
+        write = store.serialize_cdr
+    empty = store.types["std_msgs/msg/MultiArrayLayout"]([], 0)
+    with Writer1(path) if version == 1 else Writer2(path, version=9) as writer:
+        connection = writer.add_connection("/skin", kind, typestore=store)
+        for n in messages:
+            message = store.types[kind](empty, VALUES[n].ravel())
+            writer.write(connection, 10**18 + n * NS, write(message, kind))
+
+
+@pytest.mark.parametrize(
+    "kind", ["one of ROS 1", "parts of ROS 1", "several of ROS 2", "one of ROS 2 without metadata"]
+)
+def test_a_folder_of_bags_is_one_recording(kind, call, tmp_path):
+    folder = tmp_path / "bags"
+    version = 1 if "ROS 1" in kind else 2
+    if kind.startswith("one of ROS 2"):
+        bag(folder, range(60), 2)
+        (folder / "metadata.yaml").unlink()
+    elif kind.startswith("one"):
+        folder.mkdir()
+        bag(folder / "a.bag", range(60), 1)
+    else:
+        folder.mkdir()
+        for name, part in (("b", range(25, 60)), ("c", range(25))):
+            bag(folder / (name + ".bag" * (version == 1)), part, version)
+    done = call("layout", folder, "--set", "shape=[2, 2]", "--write")
+    assert done.exit_code == 0
+    assert "shape = [2, 2]" in done.stdout
+    for read_as in (folder, tmp_path / "own.mcap"):
+        recording = cnnum.load_recording(read_as) if read_as.exists() else None
+        if recording is None:
+            assert call("recover", folder, read_as).exit_code == 0
+            recording = cnnum.load_recording(read_as)
+        np.testing.assert_array_equal(recording.values, VALUES)
+        assert recording.times == pytest.approx(np.arange(60) / 100.0, abs=1e-9)
+    checked = call("check", folder)
+    assert "The rate is 100 Hz" in checked.stdout
+    scene = tmp_path / "s.toml"
+    scene.write_text(
+        'needs = ["contact"]\n[array]\ndriver = "simulated"\n[program]\nname = "contact"\n'
+        'parameters = { push = 1.0 }\n[engine]\nname = "numba"\n'
+    )
+    assert "60 handed on" in call("replay", folder, "--scene", scene).stdout
+
+
+def test_a_folder_that_cannot_be_one_recording_is_one_sentence(call, tmp_path):
+    folder = tmp_path / "bags"
+    folder.mkdir()
+    commands = ("layout", "check", "recover")
+    for command in commands:
+        done = call(command, folder)
+        assert done.exit_code == 2
+        assert done.stderr.count("\n") == 1
+        assert command == "recover" or "*.bag, *.db3, metadata.yaml" in done.stderr
+    made(folder / "x.mcap", as_json)
+    assert "name 'x.mcap' in it" in call("check", folder).stderr
+    bag(folder / "a.bag", range(5), 1)
+    bag(folder / "b", range(5), 2)
+    said = "holds bags of ROS 1 and of ROS 2 ('a.bag', 'b'): name one of them"
+    for command in ("layout", "check"):
+        done = call(command, folder)
+        assert (done.exit_code, done.stderr.count("\n")) == (2, 1)
+        assert said in done.stderr or "There is no layout" in done.stderr
+
+
 def test_the_topic_on_the_command_line(call, records, tmp_path):
     path = made(tmp_path / "a.mcap", as_json)
     path.with_suffix(".toml").write_text(LAYOUT.replace("/skin", "/other") + 'values = "data"\n')
