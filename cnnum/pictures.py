@@ -23,6 +23,16 @@ MOST_PIXELS = 1 << 26
 """Of a picture file: more is beyond any array that an engine runs."""
 
 
+LEAST_SIDE = 16
+"""Rows and columns from which a last axis of 3 or 4 is taken for colours: arrays of sensors that
+have 3 columns have fewer rows."""
+
+
+def looks_coloured(shape: tuple[int, ...]) -> bool:
+    """Return whether an array of a shape may be pictures of 3 or 4 channels, (rows, cols, 3)."""
+    return len(shape) > 2 and shape[-1] in (3, 4) and min(shape[-3:-1]) >= LEAST_SIDE
+
+
 def as_picture(pixels: ArrayLike) -> Floats:
     """Return pixels as a picture: +1 is black, −1 is white.
 
@@ -39,7 +49,7 @@ def as_picture(pixels: ArrayLike) -> Floats:
     Raises
     ------
     ArrayError
-        If the pixels are neither, or there are no rows and columns of them.
+        If the pixels are neither, there are no rows and columns of them, or they have colours.
     """
     try:
         array = np.asarray(pixels)
@@ -53,6 +63,13 @@ def as_picture(pixels: ArrayLike) -> Floats:
         )
     if array.dtype == bool:
         return np.where(array, 1.0, -1.0)
+    if looks_coloured(array.shape):
+        raise ArrayError(
+            "A picture must consist of (..., rows, cols) grey levels, got the shape "
+            f"{array.shape}, whose last axis looks like colours: read the file with "
+            "cnnum.load_picture, or take their mean, "
+            "np.rint(pixels[..., :3].mean(axis=-1)).astype(np.uint8)."
+        )
     return 1.0 - array * (2.0 / WHITE)
 
 

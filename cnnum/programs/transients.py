@@ -6,7 +6,7 @@ from numbers import Integral
 
 import numpy as np
 
-from cnnum.errors import ProgramError
+from cnnum.errors import ProgramError, say_once
 from cnnum.graph.nodes import Graph, Node, Pick, RunSpec, Transient
 from cnnum.programs.fields import Field, as_field, graph_of, maximum, minimum
 from cnnum.renamed import renamed
@@ -85,6 +85,8 @@ def transient(
     template = _template(template)
     if template.inputs == 0 and template.initial == "input" and state is None:
         state, input = input, None
+    if template.needs_state and state is None:
+        say_once(template.without_state())
     if template.output.limited:
         state = _within_limits(template, input, state)
     given = [

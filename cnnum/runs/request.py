@@ -12,9 +12,10 @@ from numpy.typing import ArrayLike, NDArray
 from cnnum.arrays import Shape, as_shape, finite, maps, real_numbers
 from cnnum.embedded.formats import is_integer
 from cnnum.engines.backend import Backend, EngineRecord
-from cnnum.errors import ArrayError
+from cnnum.errors import ArrayError, say_once
 from cnnum.graph.nodes import RunSpec
 from cnnum.integrators.solver import Solver
+from cnnum.pictures import looks_coloured
 from cnnum.plan import Plan
 from cnnum.runs.linear_range import as_linear, stays_linear
 from cnnum.runs.planning import graph_of, plan_of
@@ -53,7 +54,8 @@ def refuse_pixels(template: Template, role: str, value: ArrayLike) -> None:
 def refuse_grey_levels(template: Template, role: str, array: NDArray[np.floating]) -> None:
     """Refuse numbers that are 8-bit grey levels, where the cells saturate at −1 and 1.
 
-    Grey levels are whole numbers from 0 to 255, at least one of them 128 or more.
+    Grey levels are whole numbers from 0 to 255, at least one of them 128 or more. Fractions in that
+    range, and pictures of 0 and 1, are only told of, as they may be meant.
 
     Raises
     ------
@@ -63,8 +65,59 @@ def refuse_grey_levels(template: Template, role: str, array: NDArray[np.floating
     if template.output.linear or not array.size:
         return
     low, high = float(array.min()), float(array.max())
-    if low >= 0.0 and PIXELS / 2 < high <= PIXELS and bool((array == np.rint(array)).all()):
-        raise _refusal(template, role, f"whole numbers of {low:g} to {high:g}")
+    if low >= 0.0 and PIXELS / 2 < high <= PIXELS:
+        if bool((array == np.rint(array)).all()):
+            raise _refusal(template, role, f"whole numbers of {low:g} to {high:g}")
+        if _made_for_pictures(template):
+            say_once(
+                f"'{role}' of template '{template.name}' reaches from {low:g} to {high:g}, as grey "
+                "levels of 8 bits do that were averaged or resized; its cells saturate at −1 and "
+                "1. For grey levels, pass 1 - levels / 127.5: black is 1 and white −1."
+            )
+    elif low == 0.0 and high == 1.0 and _reads_black_and_white(template, array):
+        say_once(
+            f"'{role}' of template '{template.name}' holds only 0 and 1, and 0 is neither black "
+            "nor white here: for a black-and-white picture pass 2 * picture - 1, or a bool array "
+            "to cnnum.as_picture."
+        )
+
+
+def _made_for_pictures(template: Template) -> bool:
+    """Return whether inputs and outputs within ±1 can outweigh the bias.
+
+    A template whose bias is larger than all its weights together has thresholds among larger
+    numbers, such as counts.
+    """
+    weights = sum(float(np.abs(part).sum()) for part in (template.A, template.B))
+    return float(np.abs(template.z).max()) <= weights or bool(template.nonlinear)
+
+
+FEW = 0.05
+"""Share of ones, or of zeros, below which 0 and 1 are a single impulse and no picture."""
+
+
+def _reads_black_and_white(template: Template, array: NDArray[np.floating]) -> bool:
+    """Return whether an array of 0 and 1 is a picture for a template that ends black and white."""
+    middle = template.A.shape[-1] // 2
+    latched = bool((np.diagonal(template.A[..., middle, middle]) >= 1.0).any())
+    white = dict(template.check.parameters).get("white") if template.check else None
+    if white == 0.0 or not (latched or template.output.discrete):
+        return False
+    ones = array == 1.0
+    share = float(ones.mean())
+    return FEW < share < 1.0 - FEW and bool((ones | (array == 0.0)).all())
+
+
+def _say_of_colours(template: Template, role: str, array: NDArray[np.floating], count: int) -> None:
+    """Say where the last axis looks like colours, or the axes of a sensor, and not like columns."""
+    if looks_coloured(array.shape) and array.shape[-3] != count:
+        *_, rows, cols, last = array.shape
+        say_once(
+            f"'{role}' of template '{template.name}' has the shape {array.shape}, and runs as a "
+            f"batch of arrays of {cols}×{last} cells. If it is a picture of {rows}×{cols} with "
+            f"{last} channels, pass one of them, or their mean: the last two axes are rows and "
+            "columns."
+        )
 
 
 def refuse_signed_mask(array: NDArray[np.floating]) -> None:
@@ -127,8 +180,12 @@ def maps_by_role(
         if (value := values[role]) is not None:
             refuse_pixels(template, role, value)
     given = {role: real_numbers(role, v) for role, v in values.items() if v is not None}
+    if template.needs_state and values["state"] is None:
+        say_once(template.without_state())
     for role in given.keys() & set(ROLES):
         refuse_grey_levels(template, role, given[role])
+        own = template.layers if role == "state" else template.inputs
+        _say_of_colours(template, role, given[role], own if own > 1 else 0)
     if "mask" in given:
         refuse_signed_mask(given["mask"])
     shape = _common_shape(list(given.values()))

@@ -277,6 +277,16 @@ class Template:
         """Whether all couplings are linear, at once, and constant in time."""
         return not self.nonlinear and self.delayed is None and not self.gains
 
+    def without_state(self) -> str:
+        """Return what to say of a run without the initial state that the template needs."""
+        start = (
+            "from its input" if self.initial == "input" else f"at {self.initial:g} in every cell"
+        )
+        return (
+            f"Template '{self.name}' works on two pictures, an input and an initial state, but no "
+            f"state is given: it starts {start}. Pass the second picture as 'state'."
+        )
+
     def timed(self, time: float, digits: int = 6) -> str:
         """Return a time in words: as so many τ where every time constant is 1.
 
