@@ -1,4 +1,4 @@
-"""The page of the template library; `python docs/figures/library_page.py` writes it anew.
+"""The page of the template library; `python docs/figures/library_page.py` writes it.
 
 It writes `docs/template-library.md` from the template files. A test holds the page to them.
 """
@@ -16,13 +16,10 @@ PAGE = Path(__file__).parents[1] / "template-library.md"
 HEAD = """# The template library
 
 The library has {count} templates: those of the CNN Software Library, MatCNN, CNNSim and other
-sources with their published numbers, and those of this project. HORSKELR and VERSKELB differ from
-the published ones in one sign, as their notes say.
-
-`cnnum templates show NAME` prints everything about a template: the definition, the source, what
-input and state mean, the check, how long it takes to settle on squares of 8, 12 and 16 cells, and
-how much the bias may change before a cell is wrong. These figures hold for the pictures of the
-check; a wave that has further to go takes longer. The other commands of `cnnum templates`:
+sources with their published numbers (HORSKELR and VERSKELB differ in one sign), and those of this
+project. `cnnum templates show NAME` prints the definition, the source, what input and state mean,
+the check, how long the template takes to settle on the pictures of the check, and how much the
+bias may change before a cell is wrong. The other commands of `cnnum templates`:
 
 | command | what it does |
 |---|---|
@@ -32,17 +29,16 @@ check; a wave that has further to go takes longer. The other commands of `cnnum 
 | `audit` | counts the wrong cells under the boundaries 0, -1 and zero-flux |
 | `design NAME --weights` | shows how far each weight may move |
 
-A check compares the function of the template, its mean end state, its margin and settling time,
-and a digest of its numbers. The function alone would be a weak test: of 1,272 black-and-white
+A check compares the function of a template, its mean end state, its margin and settling time, and
+a digest of its numbers. The function alone would be a weak test: of 1,272 black-and-white
 templates with one number multiplied by 1.2, 992 still compute the same function, but only 68 also
-keep end state, margin and settling time, and none keeps the digest (`python -m
-docs.figures.changed_weights --digital`).
+keep end state, margin and settling time (`python -m docs.figures.changed_weights --digital`).
 
 ## Experimental templates
 
-For {experimental} templates ({share:.1f} %) no check shows that they do what their name promises.
-Most of them are checked against a finer solution of their own equation, which only shows that the
-engines integrate them correctly.
+For {experimental} templates ({share:.1f} %), no check shows that they do what their name promises.
+Most are checked against a finer solution of their own equation, which only shows that they are
+integrated correctly.
 
 | templates | why |
 |---|---|
