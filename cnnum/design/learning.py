@@ -29,7 +29,7 @@ from cnnum.arrays import Floats, Shape, finite
 from cnnum.design.search import Group, groups_of, with_weights
 from cnnum.errors import SizeError, TemplateError
 from cnnum.integrators.tableau import EULER, HEUN, RK4, ButcherTableau
-from cnnum.templating.boundary import Boundary, halo_sources
+from cnnum.templating.boundary import Boundary, rim_copies
 from cnnum.templating.functions import output_function
 from cnnum.templating.template import Template
 
@@ -502,13 +502,10 @@ def _own(kernels: Floats) -> Floats:
 
 def _rim(boundary: Boundary, shape: Shape, radius: int) -> NDArray[np.int64]:
     """Return virtual cells and the cells that they copy, (count, 2), counted with the rim."""
-    halo = halo_sources(boundary, shape, radius)
-    inner = np.arange(halo.size).reshape(halo.shape)
-    cells = inner[radius : radius + shape[0], radius : radius + shape[1]].ravel()
-    copies = np.ones(halo.size, dtype=bool)
-    copies[cells] = False
-    at = np.flatnonzero(copies & (halo.ravel() >= 0))
-    return np.stack([at, cells[halo.ravel()[at]]], axis=1)
+    copies = np.zeros((2, 0), np.int64)
+    if boundary.constant is None:
+        copies = rim_copies(boundary, shape, radius)
+    return np.ascontiguousarray(copies.T)
 
 
 def _refused(form: Template, duration: object, step: float, method: str) -> float:

@@ -20,6 +20,7 @@ from cnnum.graph.nodes import (
     Pick,
     Read,
     Reduce,
+    picks_of,
 )
 from cnnum.graph.schedule import Schedule
 
@@ -179,12 +180,7 @@ def local(operation: object, arguments: Sequence[Values]) -> Values:
 
 def picks(node: Node, what: str, nodes: Sequence[Node]) -> bool:
     """Return whether an operation among `nodes` reads this figure of a transient or a loop."""
-    return any(
-        isinstance(user.operation, Pick)
-        and user.arguments == (node,)
-        and user.operation.what == what
-        for user in nodes
-    )
+    return any(pick.what == what for _, pick in picks_of(node, nodes))
 
 
 def picked(operation: Pick, answer: Mapping[str, Values]) -> Values:

@@ -2,7 +2,7 @@
 
 import inspect
 import itertools
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Generator, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from types import FrameType
@@ -208,9 +208,19 @@ class Loop:
         return f"loop of at most {self.limit}"
 
     @property
-    def parameters(self) -> tuple["Node", ...]:
-        """The body's parameters that anything reads."""
-        return tuple(node for node in self.nodes if isinstance(node.operation, Parameter))
+    def carried(self) -> dict[int, "Node"]:
+        """The body's parameters of carried values that anything reads, by the value's number."""
+        return {place: node for place, node in self._parameters() if place < CAPTURED}
+
+    @property
+    def captured(self) -> dict[int, "Node"]:
+        """The body's parameters of captured values that anything reads, by the value's number."""
+        return {place - CAPTURED: node for place, node in self._parameters() if place >= CAPTURED}
+
+    def _parameters(self) -> "Iterator[tuple[int, Node]]":
+        for node in self.nodes:
+            if isinstance(node.operation, Parameter):
+                yield node.operation.place, node
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -297,6 +307,15 @@ class Node:
     def __repr__(self) -> str:
         # arguments by number: written out in full, a shared graph fills the memory
         return f"Node({self.index}: {self.operation} of {[a.index for a in self.arguments]})"
+
+
+def picks_of(node: Node, nodes: Iterable[Node]) -> list[tuple[Node, Pick]]:
+    """Return the nodes among these that read an answer of a transient or a loop."""
+    return [
+        (user, user.operation)
+        for user in nodes
+        if isinstance(user.operation, Pick) and user.arguments[0] is node
+    ]
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,7 +17,7 @@ from cnnum.arrays import Floats, Shape
 from cnnum.templating.boundary import Boundary, halo_sources
 from cnnum.templating.couplings import NonlinearCoupling
 from cnnum.templating.functions import OUTPUT_FUNCTIONS, Table
-from cnnum.templating.network import taps
+from cnnum.templating.network import cells_seen
 from cnnum.templating.template import Template
 
 Flags = NDArray[np.bool_]
@@ -186,20 +186,15 @@ def matrix_of(kernels: Floats, boundary: Boundary, shape: Shape) -> tuple[Any, F
         The sum of each cell's weights of virtual cells of a fixed boundary.
     """
     layers, sources = kernels.shape[:2]
-    (rows, cols), radius = shape, kernels.shape[-1] // 2
-    cells = rows * cols
-    around = halo_sources(boundary, shape, radius)
+    cells = shape[0] * shape[1]
     rim = np.zeros(layers * cells)
     to, of, weights = [np.zeros(0, np.intp)], [np.zeros(0, np.intp)], [np.zeros(0)]
-    for layer in range(layers):
-        for tap in taps(kernels, layer):
-            top, left = radius + tap.row, radius + tap.col
-            seen = around[top : top + rows, left : left + cols].ravel()
-            inside = np.flatnonzero(seen >= 0)
-            rim[layer * cells : (layer + 1) * cells] += np.where(seen < 0, tap.weight, 0.0)
-            to.append(inside + layer * cells)
-            of.append(seen[inside] + tap.source * cells)
-            weights.append(np.full(len(inside), tap.weight))
+    for layer, tap, seen in cells_seen(kernels, boundary, shape):
+        inside = np.flatnonzero(seen >= 0)
+        rim[layer * cells : (layer + 1) * cells] += np.where(seen < 0, tap.weight, 0.0)
+        to.append(inside + layer * cells)
+        of.append(seen[inside] + tap.source * cells)
+        weights.append(np.full(len(inside), tap.weight))
     places = (np.concatenate(to), np.concatenate(of))
     size = (layers * cells, sources * cells)
     return sparse.csr_matrix((np.concatenate(weights), places), shape=size), rim

@@ -92,7 +92,48 @@ def halo_sources(boundary: Boundary, shape: Shape, radius: int) -> NDArray[np.in
     (rows + 2·radius, cols + 2·radius) int
         Row-major index of a cell.
     """
-    cells = np.arange(shape[0] * shape[1]).reshape(shape)
+    rows, cols = (line_sources(boundary, length, radius) for length in shape)
+    sources = rows[:, np.newaxis] * shape[1] + cols
     if boundary.pad_mode == "constant":
-        return np.pad(cells, radius, mode="constant", constant_values=-1)
-    return np.pad(cells, radius, mode=boundary.pad_mode)
+        sources[rows < 0] = -1
+        sources[:, cols < 0] = -1
+    return sources
+
+
+def line_sources(boundary: Boundary, length: int, radius: int) -> NDArray[np.int64]:
+    """Return the cell that each place of a padded row or column copies, −1 for a constant."""
+    places = np.arange(-radius, length + radius)
+    if boundary.pad_mode == "constant":
+        places[(places < 0) | (places >= length)] = -1
+        return places
+    if boundary.pad_mode == "wrap":
+        return places % length
+    # a mirror at either end: there and back in 2·length places
+    there = places % (2 * length)
+    return np.where(there < length, there, 2 * length - 1 - there)
+
+
+def rim_copies(boundary: Boundary, shape: Shape, radius: int) -> NDArray[np.int64]:
+    """Return where the rim of a padded array lies, and the places of the cells that it copies.
+
+    Parameters
+    ----------
+    boundary : Boundary
+    shape : (rows, cols)
+    radius : int
+
+    Returns
+    -------
+    (2, virtual cells) int
+        Row-major places in the padded array. A constant rim copies itself.
+    """
+    pitch = shape[1] + 2 * radius
+    rows, cols = (line_sources(boundary, length, radius) for length in shape)
+    own = np.arange(len(rows) * pitch)
+    if boundary.pad_mode == "constant":
+        outside = (rows < 0)[:, np.newaxis] | (cols < 0)
+        (places,) = np.nonzero(outside.ravel())
+        return np.array([places, places])
+    sources = ((rows[:, np.newaxis] + radius) * pitch + cols + radius).ravel()
+    (places,) = np.nonzero(sources != own)
+    return np.array([places, sources[places]])

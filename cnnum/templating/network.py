@@ -5,12 +5,14 @@ The maps that the couplings of a template read, and by how much they may change 
 Engines and integrators ask here, so that a new kind of coupling answers here alone.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cnnum.arrays import Floats, Shape
-from cnnum.templating.boundary import halo_sources
+from cnnum.templating.boundary import Boundary, halo_sources
 from cnnum.templating.couplings import NonlinearCoupling, Quantity
 from cnnum.templating.template import Template
 
@@ -133,6 +135,33 @@ def taps(kernels: Floats, layer: int) -> tuple[Tap, ...]:
     )
 
 
+def cells_seen(
+    kernels: Floats, boundary: Boundary, shape: Shape
+) -> Iterator[tuple[int, Tap, NDArray[np.int64]]]:
+    """Yield every non-zero weight of A or B with the cell that it reads for each cell.
+
+    Parameters
+    ----------
+    kernels : (layers, sources, k, k) float
+    boundary : Boundary
+        Of what the weights read.
+    shape : (rows, cols)
+
+    Yields
+    ------
+    layer : int
+    tap : Tap
+    seen : (cells,) int
+        Row-major index of a cell; −1 for a virtual cell of a fixed boundary.
+    """
+    radius = kernels.shape[-1] // 2
+    halo = halo_sources(boundary, shape, radius)
+    for layer in range(len(kernels)):
+        for tap in taps(kernels, layer):
+            top, left = radius + tap.row, radius + tap.col
+            yield layer, tap, halo[top : top + shape[0], left : left + shape[1]].ravel()
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class LinearSystem:
     """dx/dt = M x + S (w + g) of an array in its linear range, layers stacked, cells row-major.
@@ -174,18 +203,13 @@ class Network:
         template, n = self.template, self.cells
         matrix = np.zeros((self.states, self.states))
         rim = np.zeros(self.states)
-        radius = template.A.shape[-1] // 2
-        halo = halo_sources(template.boundary, self.shape, radius)
         edge = template.boundary.constant or 0.0
-        for layer in range(template.layers):
+        for layer, tap, seen in cells_seen(template.A, template.boundary, self.shape):
             rows = slice(layer * n, (layer + 1) * n)
-            for tap in taps(template.A, layer):
-                columns = slice(tap.source * n, (tap.source + 1) * n)
-                top, left = radius + tap.row, radius + tap.col
-                seen = halo[top : top + self.shape[0], left : left + self.shape[1]].ravel()
-                inside = np.flatnonzero(seen >= 0)
-                matrix[rows, columns][inside, seen[inside]] += tap.weight
-                rim[rows] += np.where(seen < 0, tap.weight * edge, 0.0)
+            columns = slice(tap.source * n, (tap.source + 1) * n)
+            inside = np.flatnonzero(seen >= 0)
+            matrix[rows, columns][inside, seen[inside]] += tap.weight
+            rim[rows] += np.where(seen < 0, tap.weight * edge, 0.0)
         rates = np.repeat(1.0 / template.tau, n)
         return LinearSystem((matrix - np.eye(self.states)) * rates[:, None], rates, rim)
 

@@ -18,9 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cnnum.arrays import Floats, Shape
-from cnnum.templating.boundary import halo_sources
 from cnnum.templating.functions import OUTPUT_FUNCTIONS, OutputFunction
-from cnnum.templating.network import autonomous
+from cnnum.templating.network import autonomous, cells_seen
 from cnnum.templating.template import Template
 
 INTERVALS = 4096
@@ -293,14 +292,12 @@ def _loops(template: Template, shape: Shape) -> int:
     from scipy.sparse import coo_array  # imported late: it takes longer than the rest of this
     from scipy.sparse.csgraph import connected_components
 
-    radius, cells = template.A.shape[-1] // 2, math.prod(shape)
-    halo = halo_sources(template.boundary, shape, radius)
+    cells = math.prod(shape)
     to, source = list[NDArray[np.intp]](), list[NDArray[np.intp]]()
-    for layer, other, row, col in np.argwhere(template.A).tolist():
-        seen = halo[row : row + shape[0], col : col + shape[1]].ravel()
+    for layer, tap, seen in cells_seen(template.A, template.boundary, shape):
         inside = np.flatnonzero(seen >= 0)
         to.append(layer * cells + inside)
-        source.append(other * cells + seen[inside])
+        source.append(tap.source * cells + seen[inside])
     states = cells * template.layers
     places = (np.concatenate(to), np.concatenate(source))
     graph = coo_array((np.ones(len(places[0]), dtype=np.int8), places), (states, states))

@@ -19,7 +19,7 @@ from cnnum.integrators.choice import choose
 from cnnum.integrators.exact_ends import SHIFTS, Circulant, Decay, Propagator, Spectral, circulant
 from cnnum.integrators.schemes import FixedSteps
 from cnnum.integrators.solver import Solver
-from cnnum.templating.boundary import Boundary, halo_sources
+from cnnum.templating.boundary import Boundary, rim_copies
 from cnnum.templating.network import Network
 
 CELL = ir.Name("i", (0, 1 << 16))
@@ -270,16 +270,9 @@ class Padded:
 
     def _rim_tables(self) -> tuple[Array, Array]:
         """Return where the rim is, and which place of the padded map each of it copies."""
-        rows, cols = self.to.shape
-        halo, width = self.halo, cols + 2 * self.halo
-        kind = self.boundary.pad_mode
+        halo, kind = self.halo, self.boundary.pad_mode
         names = f"rim_{halo}", f"rim_{kind}_{halo}"
-        sources = halo_sources(self.boundary, self.to.shape, halo)
-        inside = np.zeros(sources.shape, dtype=bool)
-        inside[halo : halo + rows, halo : halo + cols] = True
-        places = np.flatnonzero(~inside.ravel())
-        seen = sources.ravel()[places]
-        seen = (seen // cols + halo) * width + seen % cols + halo
+        places, seen = rim_copies(self.boundary, self.to.shape, halo)
         if names[0] not in self.to.arrays:
             self.to.places(names[0], places, "places of the rim")
         if kind == "constant":

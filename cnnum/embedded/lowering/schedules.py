@@ -21,7 +21,6 @@ from cnnum.embedded.program import Array, IntegerProgram, array_names
 from cnnum.errors import NotSupportedError
 from cnnum.graph.elementwise import MULTIPLY
 from cnnum.graph.nodes import (
-    CAPTURED,
     Apply,
     Constant,
     ConstantMap,
@@ -35,6 +34,7 @@ from cnnum.graph.nodes import (
     Read,
     Reduce,
     Transient,
+    picks_of,
 )
 from cnnum.graph.schedule import Schedule
 from cnnum.integrators.solver import Solver
@@ -115,21 +115,18 @@ def _round(
     assert isinstance(loop, Loop)
     results = [*loop.results, *([] if loop.again is None else [loop.again])]
     inner = work.body_of(replace(work.schedule, nodes=loop.nodes, outputs={}, memories={}), results)
-    for one in loop.parameters:
-        operation = one.operation
-        assert isinstance(operation, Parameter)
-        if operation.place >= CAPTURED:
-            outer = captured[operation.place - CAPTURED]
-            if outer.scalar:
-                inner.numbers[one.index] = work.numbers[outer.index]
-            else:
-                inner.maps[one.index] = work.maps[outer.index]
-            continue
-        known = carried[operation.place]
-        if known.scalar:
-            inner.numbers[one.index] = _number(known.array)
+    for number, parameter in loop.captured.items():
+        outer = captured[number]
+        if outer.scalar:
+            inner.numbers[parameter.index] = work.numbers[outer.index]
         else:
-            inner.maps[one.index] = known.array
+            inner.maps[parameter.index] = work.maps[outer.index]
+    for place, parameter in loop.carried.items():
+        known = carried[place]
+        if known.scalar:
+            inner.numbers[parameter.index] = _number(known.array)
+        else:
+            inner.maps[parameter.index] = known.array
     inner.levelwise()
     changed = ir.Name(f"changed{node.index}", LOGIC)
     to.body.append(ir.declare(changed, 0))
@@ -174,10 +171,7 @@ def _picked(
     work: "Lowering", node: Node, carried: list[Carried], running: ir.Name, rounds: ir.Name
 ) -> None:
     to = work.to
-    for user in work.schedule.nodes:
-        pick = user.operation
-        if not isinstance(pick, Pick) or user.arguments[0] is not node:
-            continue
+    for user, pick in picks_of(node, work.schedule.nodes):
         if pick.what == "carried":
             one = carried[pick.layer]
             if one.scalar:
@@ -464,17 +458,14 @@ class Lowering:
             lower_loop(self, node)
             return
         assert isinstance(operation, Transient)
-        picks = [
-            user
-            for user in self.schedule.nodes
-            if isinstance(user.operation, Pick) and user.arguments[0] is node
-        ]
         given = {
             role: [self._given(one) for one in some]
             for role, some in operation.by_role(node.arguments).items()
         }
         solver = self.solvers[node.index]
-        maps, figures = lower_transient(self.to, node, solver, given, picks)
+        maps, figures = lower_transient(
+            self.to, node, solver, given, picks_of(node, self.schedule.nodes)
+        )
         self.maps |= maps
         self.numbers |= figures
 

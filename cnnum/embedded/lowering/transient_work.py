@@ -10,7 +10,7 @@ from cnnum.embedded.arithmetic import Quantity, constant
 from cnnum.embedded.lowering.builder import FINE, Builder, Padded, reach
 from cnnum.embedded.program import Array
 from cnnum.errors import NotSupportedError
-from cnnum.graph.nodes import Node, Pick
+from cnnum.graph.nodes import Pick
 from cnnum.templating.network import taps
 from cnnum.templating.template import Template
 
@@ -30,8 +30,8 @@ class TransientWork:
         Index of its node.
     given : mapping of str to sequence of Array or Quantity
         Arguments by role.
-    picks : sequence of Node
-        Maps that are read of it.
+    picks : mapping of int to Pick
+        Maps that are read of it, by the index of the node that reads.
     figures : dict of str to Quantity
         Numbers that are read of it, by name.
     watched : bool
@@ -42,7 +42,7 @@ class TransientWork:
     template: Template
     index: int
     given: Given
-    picks: Sequence[Node]
+    picks: Mapping[int, Pick]
     figures: dict[str, Quantity] = field(default_factory=dict[str, Quantity])
     watched: bool = False
     _padded: dict[tuple[int, float | None], Padded] = field(
@@ -50,8 +50,14 @@ class TransientWork:
     )
 
     def check(self) -> None:
-        """Refuse templates that cannot be exported."""
+        """Refuse templates, and answers of them, that cannot be exported."""
         template = self.template
+        for pick in self.picks.values():
+            if pick.what not in ("output", "state"):
+                raise NotSupportedError(
+                    f"The figure '{pick.what}' of a run is not exported: leave out the outputs "
+                    "that need it."
+                )
         if not template.plain or template.output.discrete:
             raise NotSupportedError(
                 f"Template '{template.name}' has nonlinear, delayed, timed or discrete couplings, "
@@ -68,7 +74,7 @@ class TransientWork:
         """The layers whose end anything reads."""
         if self.watched:
             return list(range(self.template.layers))
-        return sorted({_pick(one).layer for one in self.picks})
+        return sorted({pick.layer for pick in self.picks.values()})
 
     def drive_terms(self, layer: int, share: float) -> Terms:
         """Return the terms of a share of B ∗ u + z + bias of a cell; loops are padded by `halo`."""
@@ -165,8 +171,7 @@ class TransientWork:
         found = dict[int, Array]()
         if self.watched:
             self.to.store(self.target(layer, "state"), state)
-        for one in self.picks:
-            pick = _pick(one)
+        for index, pick in self.picks.items():
             if pick.layer != layer:
                 continue
             linear = self.template.output.linear or pick.what == "state"
@@ -174,7 +179,7 @@ class TransientWork:
             value = state if linear else self.clipped(state)
             if array not in found.values() and not (linear and self.watched):
                 self.to.store(array, value)
-            found[one.index] = array
+            found[index] = array
         return found
 
     def clipped(self, state: Quantity) -> Quantity:
@@ -182,14 +187,3 @@ class TransientWork:
         arithmetic = self.to.arithmetic
         low = arithmetic.extreme("maximum", state, constant(-1.0), state.fraction)
         return arithmetic.extreme("minimum", low, constant(1.0), state.fraction)
-
-
-def _pick(node: Node) -> Pick:
-    operation = node.operation
-    assert isinstance(operation, Pick)
-    if operation.what not in ("output", "state"):
-        raise NotSupportedError(
-            f"The figure '{operation.what}' of a run is not exported: leave out the outputs that "
-            "need it."
-        )
-    return operation

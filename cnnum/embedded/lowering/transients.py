@@ -535,18 +535,16 @@ def _merged(
 
 def _ends(work: TransientWork, states: list[Array]) -> dict[int, Array]:
     found = dict[int, Array]()
-    for one in work.picks:
-        pick = one.operation
-        assert isinstance(pick, Pick)
+    for index, pick in work.picks.items():
         layer = pick.layer
         linear = work.template.output.linear or pick.what == "state"
         if linear:
-            found[one.index] = states[layer]
+            found[index] = states[layer]
             continue
         array = work.target(layer, "output")
         value = work.clipped(work.to.item(states[layer]))
         work.to.loop([work.to.store_to(array, work.to.stored(value, array))])
-        found[one.index] = array
+        found[index] = array
     return found
 
 
@@ -555,7 +553,7 @@ FIGURES = ("time", "steps", "settled")
 
 
 def lower_transient(
-    to: Builder, node: Node, solver: Solver, given: Given, picks: Sequence[Node]
+    to: Builder, node: Node, solver: Solver, given: Given, picks: Sequence[tuple[Node, Pick]]
 ) -> tuple[dict[int, Array], dict[int, Quantity]]:
     """Write a transient; return the arrays and figures that are read of it, by their nodes.
 
@@ -566,9 +564,8 @@ def lower_transient(
     """
     operation = node.operation
     assert isinstance(operation, Transient)
-    read = [(one, one.operation) for one in picks if isinstance(one.operation, Pick)]
-    wanted = {one.index: pick.what for one, pick in read if pick.what in FIGURES}
-    maps = [one for one in picks if one.index not in wanted]
+    wanted = {user.index: pick.what for user, pick in picks if pick.what in FIGURES}
+    maps = {user.index: pick for user, pick in picks if user.index not in wanted}
     work = TransientWork(to, operation.template, node.index, given, maps)
     exact = {"steps": 0.0, "settled": 1.0, "time": solver.duration}
     work.figures = {name: constant(exact[name]) for name in wanted.values()}

@@ -20,11 +20,9 @@ from cnnum.engines.numba.records import Real, Reals
 from cnnum.engines.numba.transients import TransientRunner
 from cnnum.engines.opencl.lowering.storage import PRIVATE_CELLS
 from cnnum.graph.nodes import (
-    CAPTURED,
     Apply,
     Loop,
     Node,
-    Parameter,
     Pick,
     Product,
     Reduce,
@@ -182,11 +180,8 @@ class Evaluation:
         self, loop: Loop, carried: Sequence[Reals], captured: Sequence[Reals]
     ) -> tuple[list[Reals], NDArray[np.bool_]]:
         """Run a loop's body once; return the next values, and the frames that go on."""
-        values: dict[int, Reals] = {}
-        for node in loop.parameters:
-            assert isinstance(node.operation, Parameter)
-            place = node.operation.place
-            values[node.index] = carried[place] if place < CAPTURED else captured[place - CAPTURED]
+        values = {node.index: carried[place] for place, node in loop.carried.items()}
+        values |= {node.index: captured[number] for number, node in loop.captured.items()}
         self.run(loop.nodes, values)
         becomes = [
             np.where(self.running, values[node.index], was)

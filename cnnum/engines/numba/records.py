@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cnnum.arrays import Shape
-from cnnum.templating.boundary import Boundary
+from cnnum.templating.boundary import Boundary, rim_copies
 
 KNOWN, FIXED, ADAPTIVE, CHEBYSHEV = range(4)
 """How a transient is brought to its end."""
@@ -383,10 +383,7 @@ class Layout:
         """Return (2, rim cells): a rim's places in a map, and the places that they copy."""
         if boundary.constant is not None:
             return np.zeros((2, 0), np.int64)
-        rows, cols = (_sources(boundary, n, self.radius) + self.radius for n in self.shape)
-        sources = (rows[:, np.newaxis] * self.pitch + cols).ravel()
-        (places,) = np.nonzero(sources != np.arange(self.size))
-        return np.array([places, sources[places]])
+        return rim_copies(boundary, self.shape, self.radius)
 
     def bands(self, layers: int) -> Ints:
         """Return pieces of the layers, without the rows of the rim before and after them.
@@ -407,13 +404,3 @@ class Layout:
             ],
             dtype=np.int64,
         )
-
-
-def _sources(boundary: Boundary, length: int, radius: int) -> Ints:
-    """Return for every place along an axis with its rim the place (without rim) that it copies."""
-    places = np.arange(-radius, length + radius)
-    if boundary.pad_mode == "wrap":
-        return places % length
-    # a mirror at either end: there and back in 2·length places
-    there = places % (2 * length)
-    return np.where(there < length, there, 2 * length - 1 - there)

@@ -12,7 +12,7 @@ from cnnum.engines.host import HostExecutable, Values, local, picked, picks
 from cnnum.engines.notices import refuse_unfinished
 from cnnum.engines.reference.equation import Feedback, Given, StateEquation
 from cnnum.engines.reference.solve import change, instead, solve
-from cnnum.graph.nodes import CAPTURED, Loop, Node, Parameter, Pick, Transient
+from cnnum.graph.nodes import Loop, Node, Pick, Transient
 from cnnum.graph.schedule import Schedule
 from cnnum.integrators.estimate import LOST
 from cnnum.integrators.solver import Solver, Solvers
@@ -76,12 +76,8 @@ class ReferenceExecutable(HostExecutable):
         for _ in range(loop.limit):
             if not running.any():
                 break
-            values: dict[int, Floats] = {}
-            for node in loop.parameters:
-                assert isinstance(node.operation, Parameter)
-                place = node.operation.place
-                captured = count + place - CAPTURED
-                values[node.index] = carried[place] if place < CAPTURED else rest[captured]
+            values = {node.index: carried[place] for place, node in loop.carried.items()}
+            values |= {node.index: rest[count + n] for n, node in loop.captured.items()}
             self._evaluate(loop.nodes, values, {}, batch)
             becomes = [
                 np.where(running, values[n.index], carried[k]) for k, n in enumerate(loop.results)

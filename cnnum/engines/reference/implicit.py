@@ -20,8 +20,7 @@ from cnnum.engines.notices import refuse_unfinished
 from cnnum.engines.reference.equation import StateEquation
 from cnnum.integrators.rosenbrock import MOST_STEPS, ImplicitSteps
 from cnnum.integrators.solver import Solver
-from cnnum.templating.boundary import halo_sources
-from cnnum.templating.network import taps
+from cnnum.templating.network import cells_seen
 from cnnum.templating.template import Template
 
 FINER = 0.1
@@ -115,18 +114,14 @@ class _Array:
 
 def _coupling(template: Template, shape: tuple[int, int]) -> csc_array[np.float64]:
     """Return A over the array, (states, states)."""
-    cells, radius = math.prod(shape), template.A.shape[-1] // 2
-    halo = halo_sources(template.boundary, shape, radius)
+    cells = math.prod(shape)
     nothing = np.zeros(0, dtype=np.int64)
     rows, columns, weights = [nothing], [nothing], [np.zeros(0)]
-    for layer in range(template.layers):
-        for tap in taps(template.A, layer):
-            top, left = radius + tap.row, radius + tap.col
-            seen = halo[top : top + shape[0], left : left + shape[1]].ravel()
-            inside = np.flatnonzero(seen >= 0)
-            rows.append(layer * cells + inside)
-            columns.append(tap.source * cells + seen[inside])
-            weights.append(np.full(len(inside), tap.weight))
+    for layer, tap, seen in cells_seen(template.A, template.boundary, shape):
+        inside = np.flatnonzero(seen >= 0)
+        rows.append(layer * cells + inside)
+        columns.append(tap.source * cells + seen[inside])
+        weights.append(np.full(len(inside), tap.weight))
     size = template.layers * cells
     places = (np.concatenate(rows), np.concatenate(columns))
     return csc_array((np.concatenate(weights), places), shape=(size, size))

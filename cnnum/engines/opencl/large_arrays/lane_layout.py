@@ -7,12 +7,10 @@ is aligned. Only at the ends of a row do lanes need values of the next lane.
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from cnnum import kernels as ir
 from cnnum.engines.opencl.text import fill, filled, indented, names_of, owned
 from cnnum.engines.opencl.transients.builder import NOW, TransientBuilder
-from cnnum.templating.boundary import Boundary
+from cnnum.templating.boundary import Boundary, line_sources
 
 LEAST_VECTORS = 3
 """Vectors of a row, at least, by narrower ones: a row's ends cost two moves of lanes. A step of
@@ -153,8 +151,7 @@ class RowLayout:
 
     def _source(self, count: int, at: int) -> int:
         """Return the row or column, of a number of them, that a virtual one is a copy of."""
-        places = np.pad(np.arange(count), self.radius, mode=self.boundary.pad_mode)
-        return int(places[at + self.radius])
+        return int(line_sources(self.boundary, count, self.radius)[at + self.radius])
 
 
 BLOCK_ROWS = 4

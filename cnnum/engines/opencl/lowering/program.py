@@ -12,13 +12,11 @@ from cnnum.engines.opencl.transients.state_equation import RESTS
 from cnnum.engines.opencl.transients.strategies import Strategy, run, settled_now, strategy_of
 from cnnum.graph.elementwise import ReduceOp
 from cnnum.graph.nodes import (
-    CAPTURED,
     Apply,
     FirstFrame,
     Input,
     Loop,
     Node,
-    Parameter,
     Pick,
     Product,
     Read,
@@ -39,13 +37,9 @@ def lower_loop(lowering: "Lowering", node: Node, loop: Loop, picks: Picks) -> No
     values, tag = lowering.values, f"l{node.index}"
     start, *rest = node.arguments
     running, count = ir.names(f"{tag}_running {tag}_count")
-    carried: dict[int, Node] = {}
-    for inner in loop.parameters:
-        assert isinstance(inner.operation, Parameter)
-        if (place := inner.operation.place) < CAPTURED:
-            carried[place] = inner
-        else:
-            values.alias(inner, values.read(rest[len(loop.results) + place - CAPTURED]))
+    carried = loop.carried
+    for number, inner in loop.captured.items():
+        values.alias(inner, values.read(rest[len(loop.results) + number]))
     _begin(lowering, carried, rest)
     begun = ((running, values.read(start)), (count, ir.ZERO))
     lowering.body.append(ir.Declare("real", begun))

@@ -11,7 +11,7 @@ from cnnum.arrays import Floats
 from cnnum.graph.nodes import Constant, ConstantMap, Node
 from cnnum.kernels.number_types import number_type
 from cnnum.kernels.printer import OpenCLPrinter
-from cnnum.templating.boundary import Boundary, halo_sources
+from cnnum.templating.boundary import Boundary, rim_copies
 
 PRIVATE_CELLS = 16 * 16
 """Largest array that a work item keeps in private memory. Of 32×32 cells a step takes 1.6 times as
@@ -115,16 +115,15 @@ class Tables:
     def halo(
         self, boundary: Boundary, shape: tuple[int, int], radius: int
     ) -> tuple[ir.Name, ir.Name, int]:
-        """Return the names of two tables (padded cell, padded source) and their length."""
+        """Return the names of two tables (padded cell, padded source) and their length.
+
+        The sources of a constant rim are no table: nothing reads them.
+        """
         name = f"halo_{boundary.pad_mode}_{shape[0]}x{shape[1]}_{radius}"
-        sources = halo_sources(boundary, shape, radius)
-        inside = np.zeros(sources.shape, dtype=bool)
-        inside[radius : radius + shape[0], radius : radius + shape[1]] = True
-        rim = np.flatnonzero(~inside)
-        pitch = sources.shape[1]
-        row, col = np.divmod(sources.ravel()[rim], shape[1])
+        rim, sources = rim_copies(boundary, shape, radius)
         self.places[f"{name}_to"] = rim
-        self.places[f"{name}_from"] = (row + radius) * pitch + col + radius
+        if boundary.constant is None:
+            self.places[f"{name}_from"] = sources
         return ir.Name(f"{name}_to"), ir.Name(f"{name}_from"), rim.size
 
     def constant(self, values: Floats, at: ir.Operand) -> ir.Expression:

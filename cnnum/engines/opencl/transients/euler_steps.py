@@ -35,6 +35,7 @@ from cnnum.engines.opencl.transients.couplings import constant_drive
 from cnnum.engines.opencl.transients.fixed_steps import fixed_figures
 from cnnum.engines.opencl.transients.step_control import Figures
 from cnnum.integrators.schemes import FixedSteps
+from cnnum.templating.boundary import line_sources
 from cnnum.templating.network import Tap, taps
 
 BLOCK_COLUMNS = 10
@@ -290,7 +291,7 @@ def _loaded(source: int, row: int, column: int) -> ir.Name:
 def _rim_copies(text: TransientBuilder, length: int) -> list[tuple[int, int]]:
     """Return the padded places of virtual cells of a line, each with the place that it shows."""
     radius = text.radius
-    source = np.pad(np.arange(length), radius, mode=text.template.boundary.pad_mode)
+    source = line_sources(text.template.boundary, length, radius)
     places = (*range(radius), *range(length + radius, length + 2 * radius))
     return [(place, int(source[place]) + radius) for place in places]
 
@@ -417,10 +418,7 @@ def _step(text: TransientBuilder, weights: StepWeights) -> list[ir.Statement]:
 
 def _sources(text: TransientBuilder, count: int) -> NDArray[np.int64]:
     """Return the cell, or row, that each padded place shows; −1 is none."""
-    boundary = text.template.boundary
-    if boundary.constant is None:
-        return np.pad(np.arange(count), text.radius, mode=boundary.pad_mode)
-    return np.pad(np.arange(count), text.radius, constant_values=-1)
+    return line_sources(text.template.boundary, count, text.radius)
 
 
 def _moved(text: TransientBuilder, layer: int, row: int) -> list[ir.Statement]:
