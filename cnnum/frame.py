@@ -162,16 +162,16 @@ def limits_of(limits: Limits, channels: int) -> NDArray[np.float64]:
     ArrayError
         If they are no pair, nor one a channel, or a least one is not below its largest.
     """
-    found = np.asarray(limits, dtype=np.float64)
-    if found.shape == (2,):
-        found = np.tile(found, (channels, 1))
-    if found.shape != (channels, 2) or not (found[:, 0] < found[:, 1]).all():
+    result = np.asarray(limits, dtype=np.float64)
+    if result.shape == (2,):
+        result = np.tile(result, (channels, 1))
+    if result.shape != (channels, 2) or not (result[:, 0] < result[:, 1]).all():
         raise ArrayError(
             "'limits' must be the least and the largest raw value of a sound taxel, as in [1, "
             f"65534], or such a pair for each of the {channels} channels, got "
             f"{np.asarray(limits).tolist()}."
         )
-    return found.T
+    return result.T
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)

@@ -41,12 +41,12 @@ def renamed(**names: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
 
 def by_new_names(table: Mapping[str, object], names: Mapping[str, str]) -> dict[str, object]:
     """Return a file's table with new names of old keys, and of old words (key=word), and warn."""
-    found = dict[str, object]()
+    result = dict[str, object]()
     for key, value in table.items():
         word = f"{key}={value}" if isinstance(value, str) else ""
         if word in names:
             warn_of(f"'{value}' of '{key}'", f"'{names[word]}'", FutureWarning)
         if key in names:
             warn_of(f"The key '{key}'", f"'{names[key]}'", FutureWarning)
-        found[names.get(key, key)] = names.get(word, value)
-    return found
+        result[names.get(key, key)] = names.get(word, value)
+    return result

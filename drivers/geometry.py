@@ -215,15 +215,15 @@ def _on_line(some: Floats, span: Floats, cells: Floats) -> Floats:
     """Return the weights of taxels in one line."""
     along = int(span.argmax())
     rank = np.argsort(some[:, along])
-    found = np.full((len(cells), len(some)), np.nan)
+    values = np.full((len(cells), len(some)), np.nan)
     on = np.abs(cells[:, 1 - along] - some[:1, 1 - along].sum()) < 1e-6
     for n, taxel in enumerate(rank.tolist()):
         one = np.zeros(len(rank))
         one[n] = 1.0
-        found[on, taxel] = np.interp(
+        values[on, taxel] = np.interp(
             cells[on, along], some[rank, along], one, left=np.nan, right=np.nan
         )
-    return found
+    return values
 
 
 AXES = ("rows", "cols", "channels")

@@ -120,7 +120,7 @@ def array_shapes(path: Path) -> dict[str, tuple[tuple[int, ...], str]]:
 
     Arrays of other things than plain numbers and texts are left out. It raises as `read_arrays`.
     """
-    found: dict[str, tuple[tuple[int, ...], str]] = {}
+    result: dict[str, tuple[tuple[int, ...], str]] = {}
     try:
         with open_regular(path) as file:
             if path.suffix.lower() == SUFFIX:
@@ -132,12 +132,12 @@ def array_shapes(path: Path) -> dict[str, tuple[tuple[int, ...], str]]:
                         header = _header(path, archive, info)
                     except CodecError:
                         continue
-                    found[info.filename.removesuffix(SUFFIX)] = header.shape, header.dtype.str
+                    result[info.filename.removesuffix(SUFFIX)] = header.shape, header.dtype.str
     except OSError as error:
         raise unreadable(RecordingError, f"'{path}'", error) from None
     except DAMAGE as error:
         raise CodecError(f"'{path}' is not a NumPy file: {str(error).rstrip('.')}.") from None
-    return found
+    return result
 
 
 def _read(path: Path, file: IO[bytes], wanted: Collection[str]) -> dict[str, NDArray[Any]]:
@@ -159,17 +159,17 @@ def _read(path: Path, file: IO[bytes], wanted: Collection[str]) -> dict[str, NDA
 def _members(
     path: Path, archive: zipfile.ZipFile, wanted: Collection[str]
 ) -> dict[str, zipfile.ZipInfo]:
-    found: dict[str, zipfile.ZipInfo] = {}
+    result: dict[str, zipfile.ZipInfo] = {}
     for info in archive.infolist():
         name = info.filename.removesuffix(SUFFIX)
         if name not in wanted:
             continue
-        if name in found:
+        if name in result:
             raise CodecError(f"'{path}' holds the array '{name}' twice.")
         if info.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
             raise _damaged(path, name, "it is neither stored as it is nor deflated")
-        found[name] = info
-    return found
+        result[name] = info
+    return result
 
 
 def _header(path: Path, archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> _Header:

@@ -52,13 +52,13 @@ def outside_record(name: str, base: Path) -> type | None:
     if not colon:
         return None
     # what is installed is never looked for beside a scene
-    found = getattr(module_of("driver", module, base if point is None else None), record, None)
-    if not (isinstance(found, type) and is_dataclass(found) and hasattr(found, "open")):
+    result = getattr(module_of("driver", module, base if point is None else None), record, None)
+    if not (isinstance(result, type) and is_dataclass(result) and hasattr(result, "open")):
         raise SceneError(
             f"The driver {shown(name)}: expected a dataclass '{record}' of options with a method "
             f"'open' in the module '{module}', as the page 'Use an array' shows."
         )
-    return found
+    return result
 
 
 def module_of(what: str, name: str, base: Path | None) -> ModuleType:
@@ -159,10 +159,10 @@ def _record(name: str, base: Path) -> type[DriverOptions]:
         module, record = DRIVERS[name].split(":")
         return cast(type[DriverOptions], getattr(import_module(module), record))
 
-    found = outside_record(name, base)
-    if found is None:
+    result = outside_record(name, base)
+    if result is None:
         raise name_error("driver", name, driver_names())
-    return cast(type[DriverOptions], found)
+    return cast(type[DriverOptions], result)
 
 
 def is_driver(name: str) -> bool:

@@ -52,12 +52,12 @@ def nanoseconds(text: str) -> int | None:
     fraction = _FRACTION.search(text)
     whole = text if fraction is None else text[: fraction.start()] + text[fraction.end() :]
     try:
-        found = datetime.fromisoformat(whole)
+        result = datetime.fromisoformat(whole)
     except ValueError:
         return None
     if len(whole) < len("20240503T12"):  # a day alone is no time of a frame
         return None
-    return _since_epoch(found) + (_part(fraction[1]) if fraction else 0)
+    return _since_epoch(result) + (_part(fraction[1]) if fraction else 0)
 
 
 def by_format(form: str) -> Callable[[str], int | None]:

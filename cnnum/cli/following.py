@@ -108,8 +108,8 @@ def watching(*watchers: Callable[["FrameResult"], object]) -> Callable[["FrameRe
     """Return the function that gives every moment to all watchers."""
 
     def watch(moment: "FrameResult") -> None:
-        for each in watchers:
-            each(moment)
+        for watcher in watchers:
+            watcher(moment)
 
     return watch
 

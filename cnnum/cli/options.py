@@ -86,8 +86,8 @@ def completed(kind: str, *, files: bool = False) -> Callable[..., list[Completio
         import cnnum  # the names are read when they are asked for
 
         named = getattr(cnnum, f"{kind}_names")()
-        found = [CompletionItem(n) for n in named if n.lower().startswith(begun.lower())]
-        return found or ([CompletionItem(begun, type="file")] if files else [])
+        result = [CompletionItem(n) for n in named if n.lower().startswith(begun.lower())]
+        return result or ([CompletionItem(begun, type="file")] if files else [])
 
     return complete
 
@@ -179,14 +179,14 @@ def assignments(settings: Iterable[str], prefix: str = "") -> dict[str, object]:
     click.UsageError
         If one is not of the form key=value, or its value is a number or a list beyond all bounds.
     """
-    found: dict[str, object] = {}
+    result: dict[str, object] = {}
     for text in settings:
         key, equals, value = text.partition("=")
         key = key.strip()
         if not equals or not all(key.split(".")):
             raise click.UsageError(f"Expected KEY=VALUE, as in 'array.seed=3', got {shown(text)}.")
-        found[prefix + key] = toml_value(value.strip())
-    return found
+        result[prefix + key] = toml_value(value.strip())
+    return result
 
 
 def toml_value(text: str) -> object:

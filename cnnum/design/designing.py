@@ -251,16 +251,16 @@ def sequence(table: Table) -> tuple[tuple[Weights, Table], ...]:
 
 
 def _peeled(table: Table, *, symmetric: bool) -> tuple[tuple[Weights, Table], ...] | None:
-    found = list[tuple[Weights, Table]]()
+    result = list[tuple[Weights, Table]]()
     left = table
     while isinstance(weights := separate(left, symmetric=symmetric), Conflict):
-        if len(found) == MOST - 1:
+        if len(result) == MOST - 1:
             return None
         step, left = _last(left, symmetric=symmetric)
         last = separate(step, symmetric=symmetric)
         assert isinstance(last, Weights)
-        found.append((last, step))
-    return ((weights, left), *reversed(found))
+        result.append((last, step))
+    return ((weights, left), *reversed(result))
 
 
 def answers(steps: tuple[tuple[Weights, Table], ...], table: Table) -> Floats:
@@ -350,7 +350,7 @@ def lesson_of(form: Template, examples: Sequence[Example]) -> Lesson:
     if not examples:
         return _of_check(form)
     inputs, states, outputs = zip(*examples, strict=True)
-    if len({one.shape for one in outputs}) > 1 or len({one is None for one in states}) > 1:
+    if len({output.shape for output in outputs}) > 1 or len({one is None for one in states}) > 1:
         raise TemplateError(
             f"The lesson of '{form.name}' needs examples of one size, all with a state or none."
         )
@@ -362,7 +362,7 @@ def _of_check(form: Template) -> Lesson:
     rule = form_of(form)
     case = rule.cases(form, np.random.default_rng(SEED), SHAPE)
     others = (case.previous, case.bias, case.mask)
-    if rule.compares != "output" or any(one is not None for one in others):
+    if rule.compares != "output" or any(other is not None for other in others):
         raise TemplateError(
             f"The check of '{form.name}' has more than inputs, states and outputs: give the lesson "
             "as tables [[example]]."
@@ -417,8 +417,8 @@ def _searched(spec: Spec, engine: Engine) -> Designed:
     """Return the template of a search, whose proof is counted and no bound."""
     options: dict[str, Any] = dict(spec.search)
     form = replace(get_template(str(options.pop("like"))), name=spec.name)
-    found = search(Search(form, **options), engine)
-    return _counted(spec, engine, found.template, SOURCE, "search", found.evaluations)
+    result = search(Search(form, **options), engine)
+    return _counted(spec, engine, result.template, SOURCE, "search", result.evaluations)
 
 
 def _learned(spec: Spec, engine: Engine) -> Designed:
@@ -427,14 +427,14 @@ def _learned(spec: Spec, engine: Engine) -> Designed:
     form = replace(get_template(str(options.pop("like"))), name=spec.name)
     ways = {key: options.pop(key) for key in ("step", "duration") if key in options}
     lesson = replace(lesson_of(form, spec.examples), **ways)
-    found = learn(lesson, **options)
-    if found.loss > NEAR:
+    result = learn(lesson, **options)
+    if result.loss > NEAR:
         raise TemplateError(
-            f"'{spec.name}' is not learned: the mean squared error ends at {found.loss:.3g}, "
+            f"'{spec.name}' is not learned: the mean squared error ends at {result.loss:.3g}, "
             f"expected {NEAR:g} at most; take more restarts, or another form."
         )
     cells = int(np.asarray(lesson.target).size)
-    return _counted(spec, engine, found.template, LEARNED, "gradients", cells)
+    return _counted(spec, engine, result.template, LEARNED, "gradients", cells)
 
 
 def _counted(
@@ -525,10 +525,10 @@ def _proved(
 
 def _worst(template: Template) -> dict[str, Any]:
     """Return what a proof says of the worst mismatch of a template."""
-    found = worst_case(template)
-    if found is None:
+    result = worst_case(template)
+    if result is None:
         return {}
-    return {"worst_case": found.share, "worst_case_weights": found.words}
+    return {"worst_case": result.share, "worst_case_weights": result.words}
 
 
 def _rates(spec: Spec, template: Template, engine: Engine) -> tuple[FlipRate, ...]:
@@ -544,7 +544,7 @@ def _rates(spec: Spec, template: Template, engine: Engine) -> tuple[FlipRate, ..
 
 def _shown(conflict: Conflict) -> str:
     """Return one neighbourhood of each colour, by the cells that it sees."""
-    found = list[str]()
+    result = list[str]()
     for colour, word in ((1.0, "black"), (-1.0, "white")):
         signs = conflict.signs[np.flatnonzero(conflict.colours == colour)[0]]
         seen = " ".join(
@@ -552,5 +552,5 @@ def _shown(conflict: Conflict) -> str:
             f"{'#' if sign > 0.0 else 'o'}"
             for s, sign in zip(conflict.seen, signs, strict=True)
         )
-        found.append(f"{word} at {seen}")
-    return ", ".join(found)
+        result.append(f"{word} at {seen}")
+    return ", ".join(result)

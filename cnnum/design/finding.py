@@ -177,7 +177,7 @@ def find_by_example(
     matter = np.isfinite(signs) & (signs != 0.0)
     if not matter.any():
         raise ArrayError("The desired output has no cell above or below 0, so it asks for nothing.")
-    used, found = engine or Engine("numba"), list[Match]()
+    used, result = engine or Engine("numba"), list[Match]()
     for name in names if names is not None else template_names():
         entry = get_entry(name)
         template = entry.template
@@ -193,8 +193,8 @@ def find_by_example(
             continue
         wrong = int(((output > 0.0) != (signs > 0.0))[matter].sum())
         margin = None if entry.measured is None else entry.measured.margin
-        found.append(Match(name, wrong, int(matter.sum()), math.nan if margin is None else margin))
-    return sorted(found, key=lambda m: (m.wrong, -np.nan_to_num(m.margin), m.name))
+        result.append(Match(name, wrong, int(matter.sum()), math.nan if margin is None else margin))
+    return sorted(result, key=lambda m: (m.wrong, -np.nan_to_num(m.margin), m.name))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -280,19 +280,19 @@ _PROPERTIES = ("A", "B", "z", "tau", "boundary", "input_boundary", "initial", "d
 
 
 def _differences(first: Template, second: Template) -> dict[str, tuple[object, object]]:
-    found: dict[str, tuple[object, object]] = {}
+    result: dict[str, tuple[object, object]] = {}
     for name in (*_PROPERTIES, "radius", "nonlinear", "delayed", "gains"):
         one, other = getattr(first, name), getattr(second, name)
         arrays = isinstance(one, np.ndarray) or isinstance(other, np.ndarray)
         if not (np.array_equal(cast(Any, one), cast(Any, other)) if arrays else one == other):
-            found[name] = (one, other)
-    return found
+            result[name] = (one, other)
+    return result
 
 
 @cache
 def _documents() -> dict[str, dict[str, float]]:
     """Return for each template the largest weight of every stem in its description."""
-    found = dict[str, dict[str, float]]()
+    result = dict[str, dict[str, float]]()
     for name in template_names():
         entry = get_entry(name)
         summary, weights = _summary(name), dict[str, float]()
@@ -306,8 +306,8 @@ def _documents() -> dict[str, dict[str, float]]:
             for stem in _stems(" ".join(texts)):
                 weights[stem] = max(weight, weights.get(stem, 0.0))
         weights[_stem(name.lower())] = WHOLE
-        found[name] = weights
-    return found
+        result[name] = weights
+    return result
 
 
 def _summary(name: str) -> str:
@@ -317,15 +317,15 @@ def _summary(name: str) -> str:
 
 def _weights(words: str) -> list[dict[str, float]]:
     """Return for each word its stem with 1, and the stems of related words with less."""
-    found = list[dict[str, float]]()
+    result = list[dict[str, float]]()
     for stem in dict.fromkeys(_stems(words)):
         ways = {stem: 1.0}
         for group in RELATED:
             stems = {one for word in group for one in _stems(word)}
             if stem in stems:
                 ways = {**dict.fromkeys(stems, KIN), **ways}
-        found.append(ways)
-    return found
+        result.append(ways)
+    return result
 
 
 _ENDINGS = (

@@ -139,10 +139,10 @@ def margins(template: Template, table: Table) -> tuple[float, float]:
 
 
 def _nine(kernels: Floats) -> Floats:
-    found = np.zeros((3, 3))
+    result = np.zeros((3, 3))
     kernel = kernels[0, 0]
     if kernel.shape[0] == 1:
-        found[1, 1] = kernel[0, 0]
+        result[1, 1] = kernel[0, 0]
     else:
-        found[:] = kernel
-    return found.ravel()
+        result[:] = kernel
+    return result.ravel()

@@ -96,10 +96,10 @@ def folded(rim: Any, count: int, y: Any) -> None:
 @_compiled
 def dot(one: Any, other: Any) -> float:
     """Return the sum of products of two rows."""
-    found = 0.0
+    result = 0.0
     for n in range(len(one)):
-        found += one[n] * other[n]
-    return found
+        result += one[n] * other[n]
+    return result
 
 
 @_compiled
@@ -713,12 +713,12 @@ def _descended(
     def asked(weights: Floats) -> tuple[float, Floats]:
         nonlocal best, count
         count += 1
-        found, slopes = loss(weights)
-        if found < best[0]:
-            best = (found, weights.copy())
-        if found <= enough:
+        result, slopes = loss(weights)
+        if result < best[0]:
+            best = (result, weights.copy())
+        if result <= enough:
             raise StopIteration
-        return found, slopes
+        return result, slopes
 
     descend: Any = minimize  # its stubs know no name for an option that all methods share
     with contextlib.suppress(StopIteration):

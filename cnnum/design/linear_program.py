@@ -64,8 +64,8 @@ class Weights:
 
     def of(self, source: Source, down: int = 0, east: int = 0) -> float:
         """Return a weight, 0 where nothing is weighed."""
-        found: dict[Seen, float] = dict(zip(self.seen, self.values.tolist(), strict=True))
-        return found.get(Seen(source, down, east), 0.0)
+        result: dict[Seen, float] = dict(zip(self.seen, self.values.tolist(), strict=True))
+        return result.get(Seen(source, down, east), 0.0)
 
     def sums(self, table: Table) -> Floats:
         """Return Σ p·q of every configuration."""
@@ -189,14 +189,14 @@ def _bound(table: Table, shares: Floats, signed: Floats, *, symmetric: bool) -> 
 
 def equalities(table: Table, columns: int) -> Floats:
     """Return rows that are 0 where weights of one orbit are equal."""
-    found = list[Floats]()
+    result = list[Floats]()
     for first, *others in _orbits(table):
         for other in others:
             for offset in (0, columns):
                 row = np.zeros(2 * columns + 1)
                 row[offset + first], row[offset + other] = 1.0, -1.0
-                found.append(row)
-    return np.array(found).reshape(-1, 2 * columns + 1)
+                result.append(row)
+    return np.array(result).reshape(-1, 2 * columns + 1)
 
 
 def _orbits(table: Table) -> list[list[int]]:
@@ -259,13 +259,13 @@ def design(table: Table, shape: Shape) -> tuple[Template, Weights]:
     TemplateError
         If no single template obeys the rule; the sentence says why.
     """
-    found = separate(table)
-    if isinstance(found, Conflict):
+    result = separate(table)
+    if isinstance(result, Conflict):
         raise TemplateError(
-            f"No single template does '{shape.name}': {found.why}. Split it into a sequence with "
+            f"No single template does '{shape.name}': {result.why}. Split it into a sequence with "
             "split = true, or look at more of the array."
         )
-    return as_template(found, shape), found
+    return as_template(result, shape), result
 
 
 def as_template(weights: Weights, shape: Shape) -> Template:

@@ -70,15 +70,15 @@ def biases_of(
         "offset", a standard deviation, and "drift", that of the slope times the half diagonal.
     rng : Generator
     """
-    found = np.zeros(shape)
+    values = np.zeros(shape)
     if offset := float(place.get("offset", 0.0)):
-        found += offset * rng.normal(size=shape)
+        values += offset * rng.normal(size=shape)
     if drift := float(place.get("drift", 0.0)):
         rows, cols = (np.arange(n) - (n - 1) / 2.0 for n in shape)
         half = max(float(np.hypot(rows[-1], cols[-1])), 1.0)
         down, east = drift * rng.normal(size=2) / half
-        found += down * rows[:, np.newaxis] + east * cols
-    return found
+        values += down * rows[:, np.newaxis] + east * cols
+    return values
 
 
 MOST_SEEDS = 2**31
@@ -99,14 +99,14 @@ def chip_of(place: Mapping[str, Value], rng: np.random.Generator) -> Chip | None
 
 def programmed(chips: Sequence[Chip | None], template: Template, drawn: list[Parts]) -> list[Parts]:
     """Return the weights that the cells of each run's chip share."""
-    found = list[Parts]()
+    result = list[Parts]()
     for chip, parts in zip(chips, drawn, strict=True):
         if chip is None or not template.plain:
-            found.append(parts)
+            result.append(parts)
             continue
         own = chip.programmed(_with(template, parts))
-        found.append({"A": own.A, "B": own.B, "z": own.z})
-    return found
+        result.append({"A": own.A, "B": own.B, "z": own.z})
+    return result
 
 
 def offsets(
@@ -133,16 +133,16 @@ def offsets(
         return None
     if inputs is not None and template.inputs == 1:
         inputs = inputs[:, :, np.newaxis]
-    found = list[Floats]()
+    result = list[Floats]()
     for number, (chip, parts) in enumerate(zip(chips, drawn, strict=True)):
         seen = None if inputs is None else inputs[number]
         lead = (1,) if seen is None else (len(seen),)
         if chip is None or not chip.mismatch:
-            found.append(np.zeros((*lead, template.layers, *shape)))
+            result.append(np.zeros((*lead, template.layers, *shape)))
         else:
             own = chip.offsets(_with(template, parts), seen, shape)
-            found.append(np.broadcast_to(own, (*lead, template.layers, *shape)))
-    return np.stack(found)
+            result.append(np.broadcast_to(own, (*lead, template.layers, *shape)))
+    return np.stack(result)
 
 
 def stored(chips: Sequence[Chip | None], maps: Sequence[Floats]) -> Floats:

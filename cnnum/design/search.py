@@ -80,14 +80,14 @@ class Found:
 
 def groups_of(form: Template) -> tuple[Group, ...]:
     """Return the free weights of a form, equal ones together; z is free where it is not 0."""
-    found, weights = list[Group](), weights_of(form)
+    result, weights = list[Group](), weights_of(form)
     for part in sorted(weights):
         array = weights[part]
         equal = dict[float, list[tuple[int, ...]]]()
         for place in np.argwhere(array != 0.0).tolist():
             equal.setdefault(float(array[tuple(place)]), []).append(tuple(place))
-        found += [(part, tuple(equal[value])) for value in sorted(equal)]
-    return tuple(found)
+        result += [(part, tuple(equal[value])) for value in sorted(equal)]
+    return tuple(result)
 
 
 def with_weights(form: Template, groups: Sequence[Group], weights: Floats) -> Template:
@@ -146,12 +146,12 @@ def search(wanted: Search, engine: Engine) -> Found:
 
 
 def compared(
-    form: Template, found: Template, engine: Engine, *, mismatch: float, draws: int
+    form: Template, template: Template, engine: Engine, *, mismatch: float, draws: int
 ) -> tuple[float, float]:
     """Return the flip rates of two templates under the same draws that no search has seen."""
     rates = [
         flips(one, engine, seed=12345, mismatches=(mismatch,), bits=(), draws=draws)[0].flipped
-        for one in (form, found)
+        for one in (form, template)
     ]
     return rates[0], rates[1]
 

@@ -321,7 +321,7 @@ def _dataset(experiment: Experiment, parts: Iterable[Figures]) -> Any:
             figures[name].append(part[name])
         figures["failed"].append(_numbered(part[REASON], reasons))
     variables = {
-        name: (axes, np.concatenate(each).reshape(shape)) for name, each in figures.items()
+        name: (axes, np.concatenate(figure).reshape(shape)) for name, figure in figures.items()
     }
     coordinates = {name: ((name,), list(experiment.axes[name])) for name in axes if name != DRAW}
     for name, ((axis,), values) in coordinates.items():
@@ -335,12 +335,12 @@ def _dataset(experiment: Experiment, parts: Iterable[Figures]) -> Any:
 
 def _numbered(sentences: NDArray[Any], reasons: dict[str, tuple[int, str]]) -> NDArray[np.int32]:
     """Return the number of each run's reason, 0 for none; those that differ in numbers are one."""
-    found = np.zeros(len(sentences), dtype=np.int32)
+    result = np.zeros(len(sentences), dtype=np.int32)
     for run in np.flatnonzero(sentences != "").tolist():
         sentence = " ".join(str(sentences[run]).split())
         kind = re.sub(r"[-+]?\d[\d.,]*(e[-+]?\d+)?", "#", sentence)
-        found[run] = reasons.setdefault(kind, (len(reasons) + 1, sentence))[0]
-    return found
+        result[run] = reasons.setdefault(kind, (len(reasons) + 1, sentence))[0]
+    return result
 
 
 def failures(results: Any) -> dict[str, int]:

@@ -239,10 +239,10 @@ def _changes(template: Template, cell: Decision, share: float) -> dict[str, Floa
     own = np.zeros(template.A.shape)
     middle = template.A.shape[-1] // 2
     own[0, 0, middle, middle] = way * math.copysign(1.0, _own(template)) if _own(template) else 0.0
-    found: dict[str, Floats] = {"A": own}
+    result: dict[str, Floats] = {"A": own}
     if template.inputs:
-        found["B"] = -cell.colour * np.sign(template.B) * cell.signs
-    return found | {"z": -cell.colour * np.sign(template.z)}
+        result["B"] = -cell.colour * np.sign(template.B) * cell.signs
+    return result | {"z": -cell.colour * np.sign(template.z)}
 
 
 def _decisions(template: Template) -> Iterator[Decision]:

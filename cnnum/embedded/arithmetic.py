@@ -71,8 +71,8 @@ def _corners(function: Callable[[int, int], int]) -> Callable[[Intervals], ir.Bo
     """Return the interval of a function that is monotonic in each of two arguments."""
 
     def bounds(given: Intervals) -> ir.Bounds:
-        found = [function(a, b) for a, b in product(*given)]
-        return min(found), max(found)
+        result = [function(a, b) for a, b in product(*given)]
+        return min(result), max(result)
 
     return bounds
 
@@ -220,7 +220,7 @@ def call(primitive: str, *arguments: ir.Expression) -> ir.Expression:
         If a value on the way could leave 64 bits.
     """
     known = PRIMITIVES[primitive]
-    given = [one.bounds for one in arguments if one.bounds is not None]
+    given = [argument.bounds for argument in arguments if argument.bounds is not None]
     if known.always is not None:
         decided = _decided(primitive, given) if len(given) == len(arguments) else None
         return (
@@ -423,11 +423,11 @@ class Fixed:
         fraction = self.common((a, b), finest)
         return Quantity(call(which, self.brought(a, fraction), self.brought(b, fraction)), fraction)
 
-    def settled(self, one: Quantity) -> Quantity:
+    def settled(self, quantity: Quantity) -> Quantity:
         """Return a constant as the nearest whole number of 31 bits, and another one as it is."""
-        if one.exact is None:
-            return one
-        whole, fraction = significant(one.exact, 31)
+        if quantity.exact is None:
+            return quantity
+        whole, fraction = significant(quantity.exact, 31)
         return Quantity(ir.Integer(whole), min(fraction, FINEST))
 
     def multiply(self, a: Quantity, b: Quantity, finest: int) -> Quantity:
@@ -479,10 +479,10 @@ class Fixed:
             return self.root(a, finest)
         if exponent.denominator == 1 and 1 <= exponent <= 4:
             positive = Quantity(call("maximum", a.value, ir.Integer(0)), a.fraction)
-            found = positive
+            quantity = positive
             for _ in range(int(exponent) - 1):
-                found = self.multiply(found, positive, finest)
-            return found
+                quantity = self.multiply(quantity, positive, finest)
+            return quantity
         raise NotSupportedError(
             f"A power in whole numbers has the exponent 1/2, 1/3, 1, 2, 3 or 4, got {exponent!s}: "
             "use precision='float32'."
@@ -547,14 +547,14 @@ class Fixed:
 
     def weights(self, numbers: Sequence[float]) -> tuple[list[int], int]:
         """Return the weights of a template as whole numbers, and their fraction."""
-        largest = max((abs(one) for one in numbers), default=0.0)
+        largest = max((abs(number) for number in numbers), default=0.0)
         if not largest:
             return [0 for _ in numbers], 0
         fraction = self.weight - 1 - ceil(log2(largest))
-        whole = [nearest(Fraction(one) * Fraction(2) ** fraction) for one in numbers]
+        whole = [nearest(Fraction(number) * Fraction(2) ** fraction) for number in numbers]
         if max(abs(one) for one in whole) >= 1 << (self.weight - 1):
             fraction -= 1
-            whole = [nearest(Fraction(one) * Fraction(2) ** fraction) for one in numbers]
+            whole = [nearest(Fraction(number) * Fraction(2) ** fraction) for number in numbers]
         while fraction > 0 and all(one % 2 == 0 for one in whole):
             whole, fraction = [one // 2 for one in whole], fraction - 1
         return whole, fraction
@@ -655,9 +655,9 @@ class Reals:
         return Quantity(total(known) if known else ir.Number(0.0))
 
 
-def _real(one: Quantity) -> ir.Expression:
+def _real(quantity: Quantity) -> ir.Expression:
     """Return the number, of a logic value as a real one."""
-    return one.value if one.value.bounds is None else call("to_real", one.value)
+    return quantity.value if quantity.value.bounds is None else call("to_real", quantity.value)
 
 
 def _made(which: str, *given: Quantity) -> Quantity:
@@ -723,6 +723,6 @@ def _of_two(arithmetic: Arithmetic, name: str, a: Quantity, b: Quantity, finest:
     return arithmetic.power(a, b.exact.limit_denominator(10**9), finest)
 
 
-def _logic(one: Quantity) -> ir.Expression:
+def _logic(quantity: Quantity) -> ir.Expression:
     """Return a flag as 0 or 1."""
-    return one.value if one.exact is None else ir.Integer(int(one.exact != 0))
+    return quantity.value if quantity.exact is None else ir.Integer(int(quantity.exact != 0))

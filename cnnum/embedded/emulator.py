@@ -77,15 +77,15 @@ class Emulator:
         batch = max([batch, *(len(one) for one in (*inputs.values(), *state.values()))])
         values: dict[str, Numbers] = {"first": np.full((batch, 1), int(first))}
         dtype = _dtype(self.program)
-        for one in self.program.arrays.values():
-            if one.kind == "table":
-                assert one.values is not None
-                whole = np.int64 if one.format is not None or one.logic else dtype
-                values[one.name] = self.table(one.name, np.asarray(one.values, dtype=whole))
-            elif one.kind in ("work", "output"):
-                kind = np.dtype(np.int64) if one.logic else dtype
-                zeros: Numbers = np.zeros((batch, max(1, one.length)), kind)
-                values[one.name] = zeros
+        for array in self.program.arrays.values():
+            if array.kind == "table":
+                assert array.values is not None
+                whole = np.int64 if array.format is not None or array.logic else dtype
+                values[array.name] = self.table(array.name, np.asarray(array.values, dtype=whole))
+            elif array.kind in ("work", "output"):
+                kind = np.dtype(np.int64) if array.logic else dtype
+                zeros: Numbers = np.zeros((batch, max(1, array.length)), kind)
+                values[array.name] = zeros
         values |= {name: self._rounded(np.asarray(given)) for name, given in inputs.items()}
         values |= state
         self.values = values
@@ -106,8 +106,8 @@ class Emulator:
 
     def value(self, expression: ir.Expression) -> Numbers:
         """Return the value of an expression, (batch or 1, 1 or cells)."""
-        found: Numbers = _VALUES[type(expression)](self, expression)
-        return found
+        result: Numbers = _VALUES[type(expression)](self, expression)
+        return result
 
     def table(self, name: str, values: Numbers) -> Numbers:
         """Return the numbers of a table."""
@@ -246,13 +246,13 @@ class Emulator:
 
 def added_in(loop: ir.Loop) -> set[str]:
     """Return the sums of a loop, and of loops within it."""
-    found = set[str]()
+    result = set[str]()
     for one in loop.body:
         if isinstance(one, ir.Loop):
-            found |= added_in(one)
+            result |= added_in(one)
         elif isinstance(one, ir.Assign) and isinstance(one.target, ir.Name):
-            found.add(one.target.text)
-    return found
+            result.add(one.target.text)
+    return result
 
 
 _VALUES: dict[type, Any] = {

@@ -129,14 +129,14 @@ def precision_named(name: str) -> Precision:
     """
     if name == "float32":
         return Precision(name, 0)
-    if found := re.fullmatch(r"q(\d{1,2})", name):
-        word = 1 + int(found[1])
+    if result := re.fullmatch(r"q(\d{1,2})", name):
+        word = 1 + int(result[1])
         if 4 <= word <= LONGEST:
             return Precision(name, word)
-    if found := re.fullmatch(r"q(\d{1,2})\.(\d{1,2})", name):
-        word = 1 + int(found[1]) + int(found[2])
+    if result := re.fullmatch(r"q(\d{1,2})\.(\d{1,2})", name):
+        word = 1 + int(result[1]) + int(result[2])
         if 4 <= word <= LONGEST:
-            return Precision(name, word, int(found[2]))
+            return Precision(name, word, int(result[2]))
     raise UnknownNameError(
         f"Unknown precision {name!r:.60}: expected 'float32', 'q15', 'q7', another 'qN', or a "
         "'qM.N' with M + N from 3 to 31."

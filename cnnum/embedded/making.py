@@ -61,12 +61,12 @@ class Made:
         -------
         dict of str to (frames, batch, rows, cols) or (frames, batch) float
         """
-        state, found = cleared(self.program, frames.shape[1]), list[dict[str, Floats]]()
+        state, result = cleared(self.program, frames.shape[1]), list[dict[str, Floats]]()
         for number, frame in enumerate(frames):
             inputs = self.inputs(frame)
             answer = self.emulator().run(inputs, state, first=number == 0, batch=len(frame))
-            found.append(self.outputs(answer))
-        return {name: np.stack([one[name] for one in found]) for name in self.program.outputs}
+            result.append(self.outputs(answer))
+        return {name: np.stack([one[name] for one in result]) for name in self.program.outputs}
 
     def emulator(self) -> Emulator:
         """Return the emulator that runs one frame."""
@@ -74,12 +74,12 @@ class Made:
 
     def outputs(self, answer: Mapping[str, Numbers]) -> dict[str, Floats]:
         """Return the outputs of a batch as real numbers."""
-        found = dict[str, Floats]()
+        result = dict[str, Floats]()
         for name, array in self.program.outputs.items():
             numbers = real(self.program.arrays[array], answer[array])
             shape = self.schedule.shape_of(self.schedule.outputs[name])
-            found[name] = numbers.reshape(len(numbers), *shape)
-        return found
+            result[name] = numbers.reshape(len(numbers), *shape)
+        return result
 
     def export(
         self, frames: Floats, about: Sequence[str] = (), *, facts: Facts | None = None

@@ -54,7 +54,7 @@ class Range:
 
 def ranges(program: IntegerProgram) -> list[Range]:
     """Return the interval of every value of a program in whole numbers."""
-    found = list[Range]()
+    result = list[Range]()
     for name, bounds, value in _all(program.body):
         if bounds is None:
             continue
@@ -63,8 +63,8 @@ def ranges(program: IntegerProgram) -> list[Range]:
         if array is not None and array.format is not None:
             fraction = array.format.fraction
         bits = max(_bits(bounds), widest(value))
-        found.append(Range(name, bounds, fraction, bits, saturating(value)))
-    return found
+        result.append(Range(name, bounds, fraction, bits, saturating(value)))
+    return result
 
 
 def _all(body: Sequence[ir.Statement]) -> Iterator[tuple[str, ir.Bounds | None, ir.Expression]]:
@@ -90,7 +90,7 @@ def _bits(bounds: ir.Bounds) -> int:
 
 def widest(value: ir.Expression) -> int:
     """Return the bits of the widest whole number on the way to a value."""
-    inner = max((widest(one) for one in operands(value)), default=0)
+    inner = max((widest(operand) for operand in operands(value)), default=0)
     if isinstance(value, ir.Binary) and value.bounds == LOGIC:
         return inner
     if isinstance(value, ir.Element):
@@ -102,7 +102,7 @@ def widest(value: ir.Expression) -> int:
 def saturating(value: ir.Expression) -> bool:
     """Return whether a value, or a part of it, is limited."""
     limits = isinstance(value, ir.Call) and value.function == "limit"
-    return limits or any(saturating(one) for one in operands(value))
+    return limits or any(saturating(operand) for operand in operands(value))
 
 
 def range_lines(program: IntegerProgram) -> list[str]:
@@ -155,18 +155,18 @@ def needed_sizes(schedule: Schedule, values: Values) -> dict[str, float]:
     dict of str to float
         0 where no value counts.
     """
-    found: dict[str, float] = {}
+    result: dict[str, float] = {}
     for name, mask in _masks(schedule, values).items():
         if mask is True or name not in values:
             continue
         size = np.where(mask, np.abs(values[name]), 0.0)
-        found[name] = float(size.max(initial=0.0))
-    return found
+        result[name] = float(size.max(initial=0.0))
+    return result
 
 
 def _masks(schedule: Schedule, values: Values) -> dict[str, Mask]:
     """Return the cells that count of every variable of a node."""
-    ends = [*schedule.outputs.values(), *(one.store for one in schedule.memories.values())]
+    ends = [*schedule.outputs.values(), *(memory.store for memory in schedule.memories.values())]
     need: dict[int, Mask] = {node.index: True for node in ends}
     inverses: dict[int, Mask] = {}
     for node in reversed(schedule.nodes):
@@ -280,20 +280,20 @@ def measured(schedule: Schedule, solvers: Mapping[int, Solver], frames: Floats) 
         Streams side by side; channels are all of the schedule's.
     """
     program = lower("measured", schedule, solvers, NoFormats(REALS))
-    found, state = Seen(), cleared(program, frames.shape[1])
+    result, state = Seen(), cleared(program, frames.shape[1])
     for number, frame in enumerate(frames):
         emulator = Emulator(program, sizes={})
         assert emulator.sizes is not None
         inputs = inputs_of(schedule, frame)
         emulator.run(inputs, state, first=number == 0, batch=len(frame))
-        _raise(found.idle, emulator.sizes)
+        _raise(result.idle, emulator.sizes)
         emulator.sizes |= needed_sizes(schedule, emulator.values)
         counts = number >= WARMING or number == len(frames) - 1
-        _raise(found.later if counts else found.early, emulator.sizes)
+        _raise(result.later if counts else result.early, emulator.sizes)
     for name, array in _inputs(schedule).items():
         at = schedule.channels.index(name)
-        found.later[array] = float(np.abs(frames[..., at]).max())
-    return found
+        result.later[array] = float(np.abs(frames[..., at]).max())
+    return result
 
 
 def _raise(known: dict[str, float], sizes: Mapping[str, float]) -> None:

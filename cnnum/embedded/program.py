@@ -24,7 +24,7 @@ def array_names(prefix: str, names: Iterable[str]) -> dict[str, str]:
     Names that C allows stay as they are, those that would meet another one get a number. Macros are
     made of them, too, so that capital letters make no difference.
     """
-    found, taken = dict[str, str](), set[str]()
+    result, taken = dict[str, str](), set[str]()
     for name in sorted(names, key=lambda name: plain(name) != name):
         array = base = f"{prefix}_{plain(name)}"
         number = 1
@@ -32,8 +32,8 @@ def array_names(prefix: str, names: Iterable[str]) -> dict[str, str]:
             number += 1
             array = f"{base}_{number}"
         taken.add(array.lower())
-        found[name] = array
-    return found
+        result[name] = array
+    return result
 
 
 Kind = Literal["input", "state", "work", "table", "output"]
@@ -126,8 +126,8 @@ class IntegerProgram:
     @property
     def real(self) -> bool:
         """Whether it counts in reals."""
-        return any(one.format is None and not one.logic for one in self.arrays.values())
+        return any(array.format is None and not array.logic for array in self.arrays.values())
 
     def of_kind(self, kind: Kind) -> list[Array]:
         """Return the arrays of a kind."""
-        return [one for one in self.arrays.values() if one.kind == kind]
+        return [array for array in self.arrays.values() if array.kind == kind]

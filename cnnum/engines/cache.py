@@ -111,10 +111,10 @@ def _is_alone_in(group: int) -> bool:
     import pwd
 
     try:
-        user, found = pwd.getpwuid(os.getuid()).pw_name, grp.getgrgid(group)
+        user, result = pwd.getpwuid(os.getuid()).pw_name, grp.getgrgid(group)
     except KeyError:  # without a name nothing says whose it is
         return False
-    return found.gr_name == user and set(found.gr_mem) <= {user}
+    return result.gr_name == user and set(result.gr_mem) <= {user}
 
 
 @dataclass(frozen=True, slots=True)
@@ -192,9 +192,9 @@ def _content(place: Path) -> bytes:
     if place.is_symlink() or place.parent.is_symlink():
         return b""
     with open_regular(place) as file:  # a pipe in the place of an entry would wait for ever
-        found = os.fstat(file.fileno())
-        ours = os.name != "posix" or found.st_uid == os.getuid()
-        return file.read() if ours and not found.st_mode & _OTHERS_WRITE else b""
+        result = os.fstat(file.fileno())
+        ours = os.name != "posix" or result.st_uid == os.getuid()
+        return file.read() if ours and not result.st_mode & _OTHERS_WRITE else b""
 
 
 def _checksum(content: bytes) -> bytes:

@@ -70,9 +70,9 @@ class FallbackBackend:
 
     def build(self, schedule: Schedule, solvers: Solvers) -> Executable:
         """Return the schedule ready to run."""
-        found = FallbackExecutable(self, lambda on: on.build(schedule, solvers))
-        found.open()
-        return found
+        executable = FallbackExecutable(self, lambda on: on.build(schedule, solvers))
+        executable.open()
+        return executable
 
 
 @dataclass(slots=True, eq=False)
@@ -283,6 +283,6 @@ def opened(
         return open_backend(fallback, None, precision)
     if not first.record.devices:
         return first  # the host is not lost
-    found = FallbackBackend(first, fallback)
-    found.host()  # refuses a precision that it does not have
-    return found
+    backend = FallbackBackend(first, fallback)
+    backend.host()  # refuses a precision that it does not have
+    return backend

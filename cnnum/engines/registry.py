@@ -95,18 +95,18 @@ def record_named(name: str) -> EngineRecord:
     if point is None:
         raise name_error("engine", name, backend_names())
     try:
-        found = point.load()
+        record = point.load()
     except (ImportError, AttributeError) as error:
         raise NotSupportedError(
             f"The engine {shown(name)} is offered as '{point.value}', which cannot be imported "
             f"({error}): reinstall the package that offers it."
         ) from error
-    if not isinstance(found, EngineRecord) or found.name != name:
+    if not isinstance(record, EngineRecord) or record.name != name:
         raise NotSupportedError(
             f"The engine {shown(name)} is offered as '{point.value}': expected a "
-            f"cnnum.engines.backend.EngineRecord named {shown(name)}, got {type(found).__name__}."
+            f"cnnum.engines.backend.EngineRecord named {shown(name)}, got {type(record).__name__}."
         )
-    return found
+    return record
 
 
 def first_that(able: Callable[[EngineRecord], object]) -> EngineRecord:

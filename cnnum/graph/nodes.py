@@ -160,12 +160,12 @@ class Transient:
 
     def by_role(self, arguments: Sequence[Argument]) -> dict[str, tuple[Argument, ...]]:
         """Return the arguments by role; a role that is not given is an empty tuple."""
-        found: dict[str, tuple[Argument, ...]] = {}
+        result: dict[str, tuple[Argument, ...]] = {}
         at = 0
         for role, count in self.roles():
-            found[role] = tuple(arguments[at : at + count])
+            result[role] = tuple(arguments[at : at + count])
             at += count
-        return found
+        return result
 
     def __str__(self) -> str:
         return f"template {self.template.name}"

@@ -85,21 +85,21 @@ class Parts:
 
 def parts_of(nodes: Iterable[Node]) -> Parts:
     """Return the parts of nodes and of the bodies of their loops."""
-    found = Parts()
+    parts = Parts()
     for node in nodes:
         match node.operation:
             case Transient() as run:
                 fed = has_feedback(run.template)
-                found += Parts(feedback=int(fed), feedforward=int(not fed))
+                parts += Parts(feedback=int(fed), feedforward=int(not fed))
             case Reduce():
-                found += Parts(reductions=1)
+                parts += Parts(reductions=1)
             case Apply():
-                found += Parts(scalar=1) if node.scalar else Parts(local=1)
+                parts += Parts(scalar=1) if node.scalar else Parts(local=1)
             case Loop() as loop:
-                found += parts_of(loop.nodes)
+                parts += parts_of(loop.nodes)
             case _:
                 pass
-    return found
+    return parts
 
 
 def has_feedback(template: Template) -> bool:
@@ -143,15 +143,15 @@ class LeftOut:
 
 def grouped(left_out: Sequence[LeftOut]) -> list[LeftOut]:
     """Return outputs, channels and templates that are left out for one reason as one row each."""
-    found: dict[tuple[str, str], list[LeftOut]] = {}
+    result: dict[tuple[str, str], list[LeftOut]] = {}
     for item in left_out:
         kind, _, name = item.what.partition(" ")
-        found.setdefault((kind if name and kind.isalpha() else item.what, item.why), []).append(
+        result.setdefault((kind if name and kind.isalpha() else item.what, item.why), []).append(
             item
         )
     return [
         LeftOut(_names(kind, items), why, sum(x.bytes for x in items), sum(x.flops for x in items))
-        for (kind, why), items in found.items()
+        for (kind, why), items in result.items()
     ]
 
 

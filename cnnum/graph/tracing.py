@@ -101,8 +101,8 @@ def _words(node: Node, memories: Mapping[int, str]) -> str:
 
 def _read(node: Node) -> list[int]:
     """Return the indices of a node's arguments, through the transient or loop it picks from."""
-    found: list[int] = []
+    result: list[int] = []
     for argument in node.arguments:
         through = isinstance(argument.operation, Transient | Loop)
-        found += [a.index for a in argument.arguments] if through else [argument.index]
-    return found
+        result += [a.index for a in argument.arguments] if through else [argument.index]
+    return result

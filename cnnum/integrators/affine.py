@@ -145,12 +145,12 @@ def states(
     moved = _run(template, scheme.still(), columns, shape, still=False)
     constants = [a.constant[np.newaxis] for a in arguments]
     added = _run(template, scheme, _Given.of(operation, constants, shape), shape, still=True)
-    found: list[Affine] = []
+    result: list[Affine] = []
     for layer in range(template.layers):
         by_source = moved[:, layer].reshape(-1, cells, cells)
         parts = {number: by_source[place].T for place, number in enumerate(numbers)}
-        found.append(Affine(parts, added[0, layer].ravel()))
-    return tuple(found)
+        result.append(Affine(parts, added[0, layer].ravel()))
+    return tuple(result)
 
 
 def _columns(value: Affine, numbers: Sequence[int]) -> Floats:
@@ -245,14 +245,14 @@ def fuse(schedule: Schedule, solvers: Mapping[int, Solver]) -> Schedule:
     chosen = chains.cheapest()
     if not chosen:
         return schedule
-    found = _rewritten(schedule, _products(chains, chosen))
+    result = _rewritten(schedule, _products(chains, chosen))
     item = LeftOut(
-        _what(chains, found),
+        _what(chains, result),
         f"linear, and nothing reads the values between: fused into {len(chosen)} dense products",
         0,
         chains.flops(frozenset()) - chains.flops(chosen),
     )
-    return replace(found, left_out=(*schedule.left_out, item))
+    return replace(result, left_out=(*schedule.left_out, item))
 
 
 def _sources(schedule: Schedule, solvers: Mapping[int, Solver]) -> dict[int, frozenset[int]]:
@@ -261,10 +261,10 @@ def _sources(schedule: Schedule, solvers: Mapping[int, Solver]) -> dict[int, fro
     for node in schedule.nodes:
         if isinstance(node.operation, Pick):
             asked.setdefault(node.arguments[0].index, []).append(node.operation)
-    found: dict[int, frozenset[int]] = {}
+    result: dict[int, frozenset[int]] = {}
     for node in schedule.nodes:
         # a number that is not constant is not worth a matrix
-        if any(argument.scalar and argument.index not in found for argument in node.arguments):
+        if any(argument.scalar and argument.index not in result for argument in node.arguments):
             continue
         # nor are stacks, which no transient can read
         if any(each.maps > 1 for each in (node, *node.arguments)):
@@ -274,13 +274,13 @@ def _sources(schedule: Schedule, solvers: Mapping[int, Solver]) -> dict[int, fro
             scheme = solvers[node.index].scheme
             kept = is_linear(operation, scheme, asked.get(node.index, []))
         elif isinstance(operation, Pick):
-            kept = node.arguments[0].index in found
+            kept = node.arguments[0].index in result
         else:
-            kept = is_affine(node, [found.get(a.index) == frozenset() for a in node.arguments])
+            kept = is_affine(node, [result.get(a.index) == frozenset() for a in node.arguments])
         if kept:
-            reads = (found.get(a.index, frozenset({a.index})) for a in node.arguments)
-            found[node.index] = frozenset[int]().union(*reads)
-    return found
+            reads = (result.get(a.index, frozenset({a.index})) for a in node.arguments)
+            result[node.index] = frozenset[int]().union(*reads)
+    return result
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -308,13 +308,13 @@ class _Chains:
     @classmethod
     def of(cls, schedule: Schedule, solvers: Mapping[int, Solver]) -> "_Chains":
         """Return the chains of a schedule."""
-        found = cls(schedule, solvers, _sources(schedule, solvers))
+        result = cls(schedule, solvers, _sources(schedule, solvers))
         roots, others = list[Node](), list[Node]()
-        for node in found._read_outside():
-            worth = not node.scalar and bool(found.sources[node.index])
-            below = found._flops_of(found.below([node])) if worth else 0
-            (roots if below > found._dense(node) else others).append(node)
-        return replace(found, roots=tuple(roots), others=tuple(others))
+        for node in result._read_outside():
+            worth = not node.scalar and bool(result.sources[node.index])
+            below = result._flops_of(result.below([node])) if worth else 0
+            (roots if below > result._dense(node) else others).append(node)
+        return replace(result, roots=tuple(roots), others=tuple(others))
 
     def _read_outside(self) -> list[Node]:
         kept = [*self.schedule.outputs.values()]
@@ -374,16 +374,16 @@ def _products(chains: _Chains, chosen: frozenset[int]) -> dict[int, Node]:
     inside = chains.below(nodes[index] for index in chosen)
     last = {a.index: index for index in sorted(inside) for a in inside[index].arguments}
     values: dict[int, tuple[Affine, ...]] = {}
-    found: dict[int, Node] = {}
+    result: dict[int, Node] = {}
     for index in sorted(inside):
         node = inside[index]
         values[index] = _value(node, values, chains, cells)
         if index in chosen:
-            found[index] = _product(node, values[index][0], chains, nodes)
+            result[index] = _product(node, values[index][0], chains, nodes)
         for argument in node.arguments:  # matrices are large
             if last[argument.index] == index:
                 values.pop(argument.index, None)
-    return found
+    return result
 
 
 def _value(

@@ -228,20 +228,20 @@ class _Choice:
         if self.spec.method in IMPLICIT_METHODS:
             given = (template, self.shape, self.spec, self.duration)
             return implicit_steps(*given, settle=self.settle), "it was asked for", False
-        found = spectrum(template, self.shape)
+        result = spectrum(template, self.shape)
         if self.spec.method == CHEBYSHEV:
-            return self._chebyshev(found)
+            return self._chebyshev(result)
         if self.spec.method in LAYER_METHODS:
             return self._by_layer(LAYER_METHODS[self.spec.method])
         method, preset, reason = _preset(template, self.spec)
         if method is None:
-            return self._cheapest(found)
-        bound, about = tableau_step(method, found), found.reason
+            return self._cheapest(result)
+        bound, about = tableau_step(method, result), result.reason
         delayed = delayed_rates(template, self.shape)
         if delayed is not None and keeps_delays(method):
             bound, about = delayed_step(method, delayed), delayed.reason
         if preset is None and method.adaptive and template.delayed is None:
-            return self._adaptive(method, bound, found), "steps follow the error estimate", False
+            return self._adaptive(method, bound, result), "steps follow the error estimate", False
         if preset is not None and self.spec.dt is None and preset > 0.5 * bound > 0.0:
             preset, reason = None, f"{reason}, in steps of half its stability bound"
         step, forced = self._bounded(method.name, bound, about, preset)
@@ -384,7 +384,7 @@ def _against(best: Effort, efforts: list[Effort]) -> str:
     limit = "stability" if best.stable else "the error estimate"
     text = f"{limit} sets most steps: about {_rounded(best)} evaluations of the rates"
     others = sorted(efforts, key=lambda one: one.evaluations)
-    listed = [f"{_rounded(one)} of {one.name}" for one in others if one is not best]
+    listed = [f"{_rounded(other)} of {other.name}" for other in others if other is not best]
     return f"{text}, against {' and '.join(listed)}" if listed else text
 
 

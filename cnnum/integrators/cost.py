@@ -236,7 +236,7 @@ def chebyshev(name: str, fastest: float) -> Stepper:
 def motion(
     template: Template,
     shape: Shape,
-    found: Spectrum,
+    spectrum: Spectrum,
     duration: float,
     tolerances: tuple[float, float],
     *,
@@ -248,15 +248,15 @@ def motion(
     ----------
     template : Template
     shape : (rows, cols)
-    found : Spectrum
+    spectrum : Spectrum
     duration : float
         Above 0; the limit where it runs to equilibrium.
     tolerances : (rtol, atol)
     settle : bool
     """
     tolerance = SIZE * tolerances[0] + tolerances[1]
-    growth = _growth(template, found)
-    rates = _rates(template, found)
+    growth = _growth(template, spectrum)
+    rates = _rates(template, spectrum)
     if settle:
         duration = min(
             duration, max(math.log(1.0 / tolerance), 1.0) * _rest(template, rates, growth)
@@ -306,31 +306,31 @@ def _rest(template: Template, rates: NDArray[np.complex128], growth: float) -> f
     return 1.0 / float(decays.min()) if len(decays) else math.inf
 
 
-def _growth(template: Template, found: Spectrum) -> float:
+def _growth(template: Template, spectrum: Spectrum) -> float:
     """Return the rate at which cells run into saturation, of couplings that are not plain apart."""
     if template.output.linear:
         return 0.0
-    if not len(found.values):
+    if not len(spectrum.values):
         return max(linear_growth(template), 0.0)
-    fastest = float(found.values.real.max())
-    return fastest if fastest > STILL * found.fastest else 0.0
+    fastest = float(spectrum.values.real.max())
+    return fastest if fastest > STILL * spectrum.fastest else 0.0
 
 
-def _rates(template: Template, found: Spectrum) -> NDArray[np.complex128]:
+def _rates(template: Template, spectrum: Spectrum) -> NDArray[np.complex128]:
     """Return rates that stand for all of them, and those of cells that saturate.
 
     Relative to itself, a state that grows without end never gets slower: it counts as if it turned.
     """
-    rates = found.values
+    rates = spectrum.values
     if len(rates) > MODES:
         ends = [int(np.abs(rates).argmax()), int(rates.real.argmax()), int(rates.real.argmin())]
         rates = np.concatenate([rates[:: -(-len(rates) // MODES)], rates[ends]])
-    growing = rates.real > STILL * found.fastest
+    growing = rates.real > STILL * spectrum.fastest
     others = rates[~growing]
     if template.output.linear:
         others = np.concatenate([others, 1j * np.abs(rates[growing])])
-    if not len(found.values):
-        others = np.array([-found.fastest], dtype=np.complex128)
+    if not len(spectrum.values):
+        others = np.array([-spectrum.fastest], dtype=np.complex128)
     if not template.output.linear or not np.any(others):
         others = np.concatenate([others, -1.0 / template.tau])
     return np.asarray(others, dtype=np.complex128)

@@ -154,8 +154,8 @@ def symbol(kernels: Floats, rows: Floats, cols: Floats) -> Floats:
     radius = int(kernels.shape[-1]) // 2
     offsets = np.arange(-radius, radius + 1)
     along_rows, along_cols = np.cos(np.outer(rows, offsets)), np.cos(np.outer(cols, offsets))
-    found = np.einsum("ri,tfij,cj->tfrc", along_rows, kernels, along_cols, optimize=True)
-    return np.asarray(found, dtype=np.float64)
+    result = np.einsum("ri,tfij,cj->tfrc", along_rows, kernels, along_cols, optimize=True)
+    return np.asarray(result, dtype=np.float64)
 
 
 def mode_rates(template: Template, shape: Shape) -> Floats:
@@ -226,8 +226,8 @@ def _weighed(factors: Floats, modes: Floats) -> Floats:
     """Return Σ_f factors[t, f, k, l] · modes[..., f, k, l]; as matrix products, which are quick."""
     lead, (to, layers, rows, cols) = modes.shape[:-3], factors.shape
     by_mode = np.moveaxis(modes.reshape(-1, layers, rows, cols), (2, 3), (0, 1))
-    found = by_mode @ np.moveaxis(factors, (0, 1, 2, 3), (3, 2, 0, 1))
-    return np.moveaxis(found, (0, 1), (2, 3)).reshape(*lead, to, rows, cols)
+    result = by_mode @ np.moveaxis(factors, (0, 1, 2, 3), (3, 2, 0, 1))
+    return np.moveaxis(result, (0, 1), (2, 3)).reshape(*lead, to, rows, cols)
 
 
 Waves = NDArray[np.complexfloating]
@@ -329,8 +329,8 @@ def _waves(network: Network) -> Waves:
     radius = int(A.shape[-1]) // 2
     offsets = np.arange(-radius, radius + 1)
     along = [np.exp(2j * np.pi / n * np.outer(np.arange(n), offsets)) for n in network.shape]
-    found = np.einsum("ri,tfij,cj->rctf", along[0], A, along[1], optimize=True)
-    return np.asarray(found)
+    result = np.einsum("ri,tfij,cj->rctf", along[0], A, along[1], optimize=True)
+    return np.asarray(result)
 
 
 DENSE_LIMIT = 1024

@@ -117,12 +117,12 @@ def _times(row: Row, matrix: list[list[Fraction]]) -> list[Fraction]:
 def _inverse(lower: list[list[Fraction]]) -> list[list[Fraction]]:
     """Return the inverse of a lower triangular matrix."""
     n = len(lower)
-    found = [[Fraction(0)] * n for _ in range(n)]
+    result = [[Fraction(0)] * n for _ in range(n)]
     for j in range(n):
         for i in range(j, n):
-            known = sum((lower[i][k] * found[k][j] for k in range(j, i)), Fraction(0))
-            found[i][j] = (Fraction(int(i == j)) - known) / lower[i][i]
-    return found
+            known = sum((lower[i][k] * result[k][j] for k in range(j, i)), Fraction(0))
+            result[i][j] = (Fraction(int(i == j)) - known) / lower[i][i]
+    return result
 
 
 def _row(text: str) -> Row:

@@ -161,10 +161,10 @@ def torus_coupling(template: Template, shape: tuple[int, int]) -> Complexes:
     radius = int(template.A.shape[-1]) // 2
     offsets = np.arange(-radius, radius + 1)
     waves = [2j * np.pi * np.outer(np.arange(n) / n, offsets) for n in shape]
-    found = np.einsum(
+    result = np.einsum(
         "ri,tfij,cj->rctf", np.exp(waves[0]), template.A, np.exp(waves[1]), optimize=True
     )
-    return np.asarray(found, dtype=np.complex128)
+    return np.asarray(result, dtype=np.complex128)
 
 
 EIGENVALUE_LIMIT = 256
@@ -273,17 +273,17 @@ def _linear(network: Network) -> Spectrum | None:
 def _of_matrix(network: Network) -> Spectrum:
     """Return the eigenvalues of the matrix, with discs where they miss a part of its growth."""
     matrix = network.linear_system().matrix
-    found = _exact(np.asarray(np.linalg.eigvals(matrix), dtype=np.complex128), "its matrix")
+    result = _exact(np.asarray(np.linalg.eigvals(matrix), dtype=np.complex128), "its matrix")
     if np.allclose(matrix @ matrix.T, matrix.T @ matrix, atol=1e-12):
-        return found
+        return result
     # a matrix that does not commute with its transpose: its powers may grow long before they decay
-    return Spectrum(found.values, True, False, "its matrix", discs=discs(network))
+    return Spectrum(result.values, True, False, "its matrix", discs=discs(network))
 
 
 def _exact(values: NDArray[np.float64] | NDArray[np.complex128], reason: str) -> Spectrum:
-    found = values.astype(np.complex128)
-    real = bool(np.all(np.abs(found.imag) <= 1e-9 * np.abs(found).max()))
-    return Spectrum(found, exact=True, real=real, reason=reason)
+    result = values.astype(np.complex128)
+    real = bool(np.all(np.abs(result.imag) <= 1e-9 * np.abs(result).max()))
+    return Spectrum(result, exact=True, real=real, reason=reason)
 
 
 def _torus(template: Template, shape: Shape) -> NDArray[np.complex128]:

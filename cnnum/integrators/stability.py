@@ -182,12 +182,12 @@ def _modes(template: Template, late: Floats, shape: Shape) -> tuple[Complexes, C
     other = replace(template, A=late)
     tau = float(template.tau[0])
     if diagonal_in_modes(template) and diagonal_in_modes(other):
-        found = [mode_rates(one, shape).ravel().astype(np.complex128) for one in (template, other)]
+        result = [mode_rates(one, shape).ravel().astype(np.complex128) for one in (template, other)]
     elif template.boundary.pad_mode == "wrap":
-        found = [(torus_coupling(one, shape).ravel() - 1.0) / tau for one in (template, other)]
+        result = [(torus_coupling(one, shape).ravel() - 1.0) / tau for one in (template, other)]
     else:
         return none, none
-    return found[0], found[1] + 1.0 / tau
+    return result[0], result[1] + 1.0 / tau
 
 
 def _few_modes(now: Complexes, late: Complexes) -> tuple[Complexes, Complexes]:
@@ -392,19 +392,19 @@ def stability_bound(
         tableau = TABLEAUX.get(method)
         step = delayed_step(tableau, delayed) if tableau else 0.0
         return StabilityBound(step, delayed.exact, delayed.reason)
-    found = spectrum(template, shape)
+    result = spectrum(template, shape)
     if method in TABLEAUX:
-        step = tableau_step(TABLEAUX[method], found)
+        step = tableau_step(TABLEAUX[method], result)
     elif method == CHEBYSHEV:
-        step = chebyshev_step(MAX_STAGES, found)
+        step = chebyshev_step(MAX_STAGES, result)
     elif method in LAYER_METHODS:
-        step = _layer_step(LAYER_METHODS[method], found, template)
+        step = _layer_step(LAYER_METHODS[method], result, template)
     elif method in IMPLICIT_METHODS:
         # |R| ≤ 1 on all of the left half-plane
         step = math.inf if may_be_implicit(template) else 0.0
     else:
         raise name_error("method", method, METHODS)
-    return StabilityBound(step, found.exact, found.reason)
+    return StabilityBound(step, result.exact, result.reason)
 
 
 def tableau_step(method: ButcherTableau, found: Spectrum) -> float:
@@ -507,11 +507,11 @@ class _Growth:
         return self._grows(steps, self._all)
 
     def _grows(self, steps: Floats, parts: list[tuple[Complexes, float]]) -> NDArray[np.bool_]:
-        found = np.zeros(len(steps), dtype=bool)
+        result = np.zeros(len(steps), dtype=bool)
         for rates, allowed in parts:
             sizes = np.abs(self._growth(steps, rates))
-            found |= (sizes > self._limits(steps, allowed)[:, np.newaxis]).any(axis=1)
-        return found
+            result |= (sizes > self._limits(steps, allowed)[:, np.newaxis]).any(axis=1)
+        return result
 
     def _limits(self, steps: Floats, allowed: float) -> Floats:
         """Return how much a rate may grow: as the array itself may, exactly or in such steps."""

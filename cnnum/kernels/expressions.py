@@ -248,10 +248,10 @@ def total(terms: Sequence[Expression]) -> Expression:
     """Return the sum of terms in their order, 0 of none."""
     if not terms:
         return ZERO
-    found = terms[0]
+    expression = terms[0]
     for term in terms[1:]:
-        found = found + term
-    return found
+        expression = expression + term
+    return expression
 
 
 def after(start: Expression, at: Operand) -> Expression:
@@ -335,10 +335,10 @@ def _reader(node: ast.expr, literals: dict[str, str]) -> Reader:
             _SIGNS[type(node.op)], _reader(node.left, literals), _reader(node.right, literals)
         )
     if isinstance(node, ast.Compare):
-        found = _reader(node.left, literals)
+        reader = _reader(node.left, literals)
         for sign, right in zip(node.ops, node.comparators, strict=True):
-            found = _both(_SIGNS[type(sign)], found, _reader(right, literals))
-        return found
+            reader = _both(_SIGNS[type(sign)], reader, _reader(right, literals))
+        return reader
     raise SyntaxError(f"An expression has a part that kernels do not have: {ast.unparse(node)!r}.")
 
 

@@ -350,22 +350,22 @@ class LLVMPrinter:
         at = self._now.body
         return at.sitofp(value, kind) if kind == self._real else at.fptosi(value, kind)
 
-    def _alike(self, one: Value, other: Value) -> tuple[Value, Value]:
+    def _alike(self, value: Value, other: Value) -> tuple[Value, Value]:
         """Return two values of one type: real numbers, unless both are whole."""
-        if one.type == other.type:
-            return one, other
-        return self._as(self._real, one), self._as(self._real, other)
+        if value.type == other.type:
+            return value, other
+        return self._as(self._real, value), self._as(self._real, other)
 
     def name(self, name: ir.Name) -> Value:
         """Return the value of a variable."""
-        found = self._named(name.text)
-        return self._now.body.load(found.address) if isinstance(found, Variable) else found
+        result = self._named(name.text)
+        return self._now.body.load(result.address) if isinstance(result, Variable) else result
 
     def constant(self, word: ir.Constant) -> Value:
         """Return a word's number."""
         words = {"ZERO": 0.0, "ONE": 1.0, "HUGE": float(np.finfo(self.dtype).max)}
-        found = words.get(word.text)
-        return self._literal(float(word.text.removesuffix("f")) if found is None else found)
+        result = words.get(word.text)
+        return self._literal(float(word.text.removesuffix("f")) if result is None else result)
 
     def integer(self, number: ir.Integer) -> Value:
         """Return a whole number."""
@@ -454,15 +454,15 @@ class LLVMPrinter:
         """Return a number as it is."""
         return value
 
-    def larger(self, one: Value, other: Value) -> Value:
+    def larger(self, value: Value, other: Value) -> Value:
         """Return the larger of two; the first one if it is not a number."""
-        less = self._now.body.fcmp_ordered("<", one, other)
-        return self._now.body.select(less, other, one)
+        less = self._now.body.fcmp_ordered("<", value, other)
+        return self._now.body.select(less, other, value)
 
-    def smaller(self, one: Value, other: Value) -> Value:
+    def smaller(self, value: Value, other: Value) -> Value:
         """Return the smaller of two; the first one if it is not a number."""
-        less = self._now.body.fcmp_ordered("<", other, one)
-        return self._now.body.select(less, other, one)
+        less = self._now.body.fcmp_ordered("<", other, value)
+        return self._now.body.select(less, other, value)
 
     def within(self, value: Value, low: Value, high: Value) -> Value:
         """Return a value kept between two."""
@@ -486,8 +486,8 @@ class LLVMPrinter:
             _LLVM.Function(self._module, kind, name)
         single = self._real != DOUBLE
         wide = [at.fpext(value, DOUBLE) if single else value for value in numbers]
-        found = at.call(self._module.globals[name], wide)
-        return at.fptrunc(found, self._real) if single else found
+        result = at.call(self._module.globals[name], wide)
+        return at.fptrunc(result, self._real) if single else result
 
 
 def _without(place: ir.Expression, base: ir.Name) -> ir.Expression:

@@ -288,7 +288,8 @@ class C99Printer(Printer):
         wide = self._wide(call.arguments, result)
         name = self._function(call.function, call.arguments, wide=wide)
         inner = ", ".join(
-            self._widened(one, 0) if wide else self.expression(one) for one in call.arguments
+            self._widened(argument, 0) if wide else self.expression(argument)
+            for argument in call.arguments
         )
         return self._narrowed((f"{name}({inner})", PRIMARY), call, wide=wide)
 
@@ -328,12 +329,12 @@ class C99Printer(Printer):
         whole = len(known) == len(operands)
         return whole and any(self.whole.needs_wide(bounds) for bounds in (*known, *others))
 
-    def _widened(self, one: ir.Expression, least: int) -> str:
+    def _widened(self, expression: ir.Expression, least: int) -> str:
         """Return the text of an operand of the wider type."""
-        fits = one.bounds is not None and not self.whole.needs_wide(one.bounds)
-        if not fits or isinstance(one, ir.Integer):
-            return self.within(one, least)
-        return f"({self.whole.wide}){self.within(one, UNARY)}"
+        fits = expression.bounds is not None and not self.whole.needs_wide(expression.bounds)
+        if not fits or isinstance(expression, ir.Integer):
+            return self.within(expression, least)
+        return f"({self.whole.wide}){self.within(expression, UNARY)}"
 
     def _narrowed(self, text: Ranked, value: ir.Expression, *, wide: bool) -> Ranked:
         """Return the result of an operation as the type that its bounds allow."""
@@ -344,7 +345,7 @@ class C99Printer(Printer):
 
     def _function(self, name: str, arguments: Sequence[ir.Expression], *, wide: bool) -> str:
         """Return the name of a function for these arguments, which may have one width alone."""
-        real = any(one.bounds is None for one in arguments)
+        real = any(argument.bounds is None for argument in arguments)
         width = "_real" if real else "64" if wide else "32"
         names = (f"{name}{width}", f"{name}64")
         return next((one for one in names if one in self.functions), name)

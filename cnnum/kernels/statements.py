@@ -423,6 +423,6 @@ def _live_block(
 def _within(body: Sequence[Statement], needed: set[str], own: set[str]) -> tuple[Statement, ...]:
     """Return the live statements of a block, whose own variables are not known outside."""
     inner = set(needed)
-    found = _live(body, inner, own)
+    result = _live(body, inner, own)
     needed |= inner
-    return found
+    return result

@@ -38,13 +38,13 @@ def planes(values: Floats, channels: tuple[str, ...]) -> Floats:
 
     An array with no axis of these names shows its first channel as the normal.
     """
-    found = np.zeros((3, *values.shape[:2]))
+    result = np.zeros((3, *values.shape[:2]))
     for at, name in enumerate(FORCE_AXES):
         if name in channels:
-            found[at] = values[..., channels.index(name)]
+            result[at] = values[..., channels.index(name)]
     if not set(FORCE_AXES) & set(channels):
-        found[2] = values[..., 0]
-    return np.nan_to_num(found, posinf=0.0, neginf=0.0)
+        result[2] = values[..., 0]
+    return np.nan_to_num(result, posinf=0.0, neginf=0.0)
 
 
 def encoded(moment: FrameResult, loads: Floats, slip: str | None = None) -> bytes:

@@ -167,8 +167,8 @@ def _again(
     module: str, qualname: str, name: str, parameters: tuple[tuple[str, object], ...]
 ) -> Program:
     """Return a program that was pickled."""
-    found = cast(Program, _program_at(module, qualname))
-    return Program(found.function, name, parameters)
+    result = cast(Program, _program_at(module, qualname))
+    return Program(result.function, name, parameters)
 
 
 def program(function: Traced) -> Program:

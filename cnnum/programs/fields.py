@@ -262,8 +262,8 @@ class Field:
         number = constant(self._graph, np.arange(rows * cols, dtype=float).reshape(rows, cols))
         first = where(self.equals(self.max()), number, float(rows * cols)).min()
         row = constant(self._graph, np.indices((rows, cols))[0])
-        found = where(number.equals(first), row, 0.0).max()
-        return found, first - found * cols
+        result = where(number.equals(first), row, 0.0).max()
+        return result, first - result * cols
 
     def any(self) -> "Field":
         """Return whether a logic map holds anywhere (global OR)."""

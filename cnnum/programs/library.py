@@ -22,15 +22,15 @@ def _modules(room: str) -> tuple[str, ...]:
 
 def _program(room: str, name: str) -> Program | None:
     """Return the program that a module of a room holds under its own name."""
-    found = getattr(import_module(f"cnnum.templates.{room}.{name}"), name, None)
-    return found if isinstance(found, Program) else None
+    result = getattr(import_module(f"cnnum.templates.{room}.{name}"), name, None)
+    return result if isinstance(result, Program) else None
 
 
 @cache
 def _programs(room: str) -> dict[str, Program]:
     """Return every program of a room."""
-    found = {name: _program(room, name) for name in _modules(room)}
-    return {name: program for name, program in found.items() if program is not None}
+    result = {name: _program(room, name) for name in _modules(room)}
+    return {name: program for name, program in result.items() if program is not None}
 
 
 def program_names(room: str | None = None) -> tuple[str, ...]:

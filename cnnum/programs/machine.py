@@ -335,7 +335,9 @@ def blocks(frame: FrameFields, rows: int, cols: int) -> list[Block]:
     alone = (around[2:, 1:-1] == around[:-2, 1:-1]) & (around[1:-1, 2:] == around[1:-1, :-2])
     shares = [1.0 * (number == n) for n in range(rows * cols)]
     cells = number.size // len(shares)
-    return [Block(cells, one, _over(frame, one), _over(frame, one * alone)) for one in shares]
+    return [
+        Block(cells, share, _over(frame, share), _over(frame, share * alone)) for share in shares
+    ]
 
 
 def place_on(frame: FrameFields, weight: Field, pads: int) -> tuple[Field, Field]:

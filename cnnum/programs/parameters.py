@@ -98,18 +98,18 @@ def in_own_units(
         If a text is not a number with a unit that fits. Or if a length is given where pitches are
         meant, and no pitch is known.
     """
-    found = dict(parameters)
-    pitch = found.get(PITCH)
+    result = dict(parameters)
+    pitch = result.get(PITCH)
     if pitch is not None:
-        pitch = found[PITCH] = _number(program, PITCH, pitch)
+        pitch = result[PITCH] = _number(program, PITCH, pitch)
         refuse_out_of_range(program, {PITCH: pitch})
     if PITCH not in known and takes_pitch(known):
-        found.pop(PITCH, None)
-    for name in found.keys() & QUANTITIES.keys() & known.keys():
-        value = found[name]
+        result.pop(PITCH, None)
+    for name in result.keys() & QUANTITIES.keys() & known.keys():
+        value = result[name]
         if isinstance(value, str) and QUANTITIES[name].units:
-            found[name] = _number(program, name, value, pitch)
-    return found
+            result[name] = _number(program, name, value, pitch)
+    return result
 
 
 def takes_pitch(known: Mapping[str, object]) -> bool:
@@ -203,7 +203,7 @@ def checked_parameters(
         if key not in kinds:
             if anything:
                 continue
-            choices = ", ".join(f"'{each}'" for each in kinds) or "none"
+            choices = ", ".join(f"'{kind}'" for kind in kinds) or "none"
             raise ProgramError(
                 f"Program '{name}' has no parameter {shown(key)}: expected one of {choices}."
             )

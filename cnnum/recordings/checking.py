@@ -89,10 +89,10 @@ class Order:
 
     def names(self) -> list[str]:
         """Return the names of the channels as they came, with a minus where a sign turns."""
-        found = [""] * 3
+        result = [""] * 3
         for axis, place in enumerate(self.channels):
-            found[place] = f"-{AXES[axis]}" if self.signs[axis] < 0 else AXES[axis]
-        return found
+            result[place] = f"-{AXES[axis]}" if self.signs[axis] < 0 else AXES[axis]
+        return result
 
 
 def orders(shape: Shape) -> Iterator[Order]:
@@ -141,10 +141,10 @@ def patterns(normal: Floats, shears: Floats) -> Floats:
             _over_places("sfij,sfij->fs", kept, kept)[:, :, None]
             * _over_places("afij,afij->fa", wanted, wanted)[:, None, :]
         )
-        found = _over_places("sfij,afij->fsa", kept, wanted) / powers
-    found[~(powers > 0.0)] = 0.0
-    found[~shown] = np.nan
-    return found
+        values = _over_places("sfij,afij->fsa", kept, wanted) / powers
+    values[~(powers > 0.0)] = 0.0
+    values[~shown] = np.nan
+    return values
 
 
 def _over_places(sums: str, some: Floats, others: Floats) -> Floats:
@@ -194,8 +194,8 @@ def scores(presses: Floats) -> Floats:
     return _scored(patterns(presses[..., 2], shears), Order())
 
 
-def _scored(found: Floats, order: Order) -> Floats:
-    x, y = (found[:, shear] for shear in order.channels[:2])
+def _scored(values: Floats, order: Order) -> Floats:
+    x, y = (values[:, shear] for shear in order.channels[:2])
     own = np.minimum(order.signs[0] * x[:, 0], order.signs[1] * y[:, 1])
     score = own - np.maximum(np.abs(x[:, 1]), np.abs(y[:, 0]))
     return np.asarray(np.where(np.isnan(score), -1.0, score))
@@ -295,13 +295,13 @@ def levelled(rest: Floats, moved: Floats) -> Order | None:
     total = float(rest.var())
     if rest.shape[0] * rest.shape[1] < TAXELS or not total > 0.0:
         return None
-    found = [Order(grid=grid) for grid in (GRID, *GRIDS)]
-    shares = [float(one.of(rest[np.newaxis]).var(axis=(1, 2)).mean()) / total for one in found]
+    result = [Order(grid=grid) for grid in (GRID, *GRIDS)]
+    shares = [float(one.of(rest[np.newaxis]).var(axis=(1, 2)).mean()) / total for one in result]
     if min(shares) > LEVELLED or shares[0] < MIXED:
         return None
     alike = [n for n, share in enumerate(shares) if share <= min(shares) + 1e-9]
-    smooth = [float(smoothness(found[n].of(np.abs(moved)).max(axis=-1)).mean()) for n in alike]
-    return found[alike[int(np.argmax(np.round(smooth, 6)))]]
+    smooth = [float(smoothness(result[n].of(np.abs(moved)).max(axis=-1)).mean()) for n in alike]
+    return result[alike[int(np.argmax(np.round(smooth, 6)))]]
 
 
 RESTING = 1.0
@@ -377,18 +377,18 @@ def checked(recording: Recording, pads: int = 1) -> list[Finding]:
             recording = _in_order(recording, places)
     good = recording.quality & int(Quality.CORRUPT | Quality.REPEATED) == 0
     good &= np.isfinite(recording.values).all(axis=(1, 2, 3))
-    found = [*_counted(recording, good), *_rates(recording)]
+    result = [*_counted(recording, good), *_rates(recording)]
     values, times = recording.values[good], recording.times[good]
     if len(values) < 2 * LEAST:
         few = f"{len(values)} good frames are too few to look at."
-        return [*found, Finding("frames", few, wrong=False)]
+        return [*result, Finding("frames", few, wrong=False)]
     rest, noise, begins = _rest(values, times)
-    found += _rests(values, times, rest, noise, begins)
-    found += _taxels(recording, values)
-    found += _wraps(values)
-    found += _units(recording, values, rest)
-    found += _orders(recording, values, rest, noise, pads)
-    return sorted(found, key=lambda one: not one.wrong)
+    result += _rests(values, times, rest, noise, begins)
+    result += _taxels(recording, values)
+    result += _wraps(values)
+    result += _units(recording, values, rest)
+    result += _orders(recording, values, rest, noise, pads)
+    return sorted(result, key=lambda one: not one.wrong)
 
 
 def _in_order(recording: Recording, places: list[int]) -> Recording:
@@ -417,23 +417,23 @@ def steps_noise(values: Floats) -> Floats:
 
 
 def _counted(recording: Recording, good: NDArray[np.bool_]) -> list[Finding]:
-    found: list[Finding] = []
+    result: list[Finding] = []
     flags = recording.quality
     bad = int((~np.isfinite(recording.values).all(axis=(1, 2, 3))).sum())
     bad += int((flags & int(Quality.CORRUPT) != 0).sum())
     if bad:
-        found.append(Finding("bad", f"{bad} frames hold missing values, or are flagged as bad."))
+        result.append(Finding("bad", f"{bad} frames hold missing values, or are flagged as bad."))
     repeated = int((flags & int(Quality.REPEATED) != 0).sum())
     if repeated:
         said = f"{repeated} of {len(good)} frames repeat the one before."
-        found.append(Finding("repeated", said, wrong=False))
+        result.append(Finding("repeated", said, wrong=False))
     ahead = np.diff(recording.sequence) - 1
     gaps = int((ahead > 0).sum())
     if gaps:
         longest = float(np.diff(recording.times)[ahead > 0].max())
         said = f"{gaps} gaps with {int(ahead[ahead > 0].sum())} scans missing, the longest"
-        found.append(Finding("lost", f"{said} {longest:.3g} s.", wrong=False))
-    return found
+        result.append(Finding("lost", f"{said} {longest:.3g} s.", wrong=False))
+    return result
 
 
 def _rates(recording: Recording) -> list[Finding]:
@@ -472,10 +472,10 @@ def _rest(values: Floats, times: Floats) -> tuple[Floats, Floats, bool]:
 def _rests(
     values: Floats, times: Floats, rest: Floats, noise: Floats, begins: bool
 ) -> list[Finding]:
-    found: list[Finding] = []
+    result: list[Finding] = []
     if not begins:
         said = "The recording seems to begin under a load: rest is taken from its end."
-        found.append(Finding("rest", said, cure=_tare(values, times, rest, noise)))
+        result.append(Finding("rest", said, cure=_tare(values, times, rest, noise)))
     count = max(LEAST, min(MOST, int((times < times[0] + 0.1).sum())))
     early: Floats = np.abs(values[:count] - rest) / noise
     if begins and early.max() > TOUCH:
@@ -485,8 +485,8 @@ def _rests(
             f"{col}) moves by {early.max():.0f} times its noise: programs take these frames for "
             "their rest."
         )
-        found.append(Finding("rest", said, cure=_tare(values, times, rest, noise)))
-    return found
+        result.append(Finding("rest", said, cure=_tare(values, times, rest, noise)))
+    return result
 
 
 def _tare(values: Floats, times: Floats, rest: Floats, noise: Floats) -> dict[str, object]:
@@ -505,7 +505,7 @@ def _taxels(recording: Recording, values: Floats) -> list[Finding]:
     noise = steps_noise(values)
     middle = np.median(noise, axis=(0, 1))
     loud = (noise > LOUD * middle) & (middle > 0.0)
-    found: list[Finding] = []
+    result: list[Finding] = []
     for what, marks, said in (
         ("dead", still & (values[0] == 0.0), "read 0 all the time"),
         ("stuck", still & (values[0] != 0.0), "read the same number all the time"),
@@ -518,13 +518,13 @@ def _taxels(recording: Recording, values: Floats) -> list[Finding]:
             more = f" and {len(places) - LISTED} more" if len(places) > LISTED else ""
             if places:
                 cure = {"frames.dead": places}
-                found.append(Finding(what, f"The taxels {shown}{more} {said}.", cure=cure))
+                result.append(Finding(what, f"The taxels {shown}{more} {said}.", cure=cure))
             for n in np.flatnonzero(whole).tolist():
                 name = recording.channels[n]
-                found.append(Finding(what, f"All taxels {said} in the channel '{name}'."))
+                result.append(Finding(what, f"All taxels {said} in the channel '{name}'."))
         elif whole.all() and marks.size:
-            found.append(Finding(what, f"All taxels {said}: the array is not connected."))
-    return found
+            result.append(Finding(what, f"All taxels {said}: the array is not connected."))
+    return result
 
 
 def _wraps(values: Floats) -> list[Finding]:

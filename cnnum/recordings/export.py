@@ -504,10 +504,10 @@ def _sets(target: Any, contents: Contents) -> dict[str, Any]:
         "quality": np.uint32,
         **{f"truth/{name}": np.float64 for name in layout.truths},
     }
-    found = {name: target.create_dataset(name, (frames,), kind) for name, kind in kinds.items()}
+    result = {name: target.create_dataset(name, (frames,), kind) for name, kind in kinds.items()}
     maps = (("values", layout.whole, np.float64), ("saturated", layout.shape, np.bool_))
     for name, shape, kind in maps:
-        found[name] = target.create_dataset(
+        result[name] = target.create_dataset(
             name,
             (frames, *shape),
             kind,
@@ -515,7 +515,7 @@ def _sets(target: Any, contents: Contents) -> dict[str, Any]:
             compression="gzip",
             shuffle=True,
         )
-    return found
+    return result
 
 
 WRITERS: Mapping[str, Callable[[IO[bytes], Contents], None]] = {

@@ -266,7 +266,7 @@ class Layout:
 
 
 def _names(text: str) -> tuple[str, ...]:
-    found: Any = json.loads(text)
-    if not isinstance(found, list) or not all(isinstance(n, str) for n in cast(Any, found)):
+    result: Any = json.loads(text)
+    if not isinstance(result, list) or not all(isinstance(n, str) for n in cast(Any, result)):
         raise ValueError(f"expected a list of names, got {text[:60]!r}")
-    return tuple(cast(Any, found))
+    return tuple(cast(Any, result))

@@ -201,13 +201,13 @@ def read_prefix(file: IO[bytes], place: int, size: int) -> tuple[int, int] | Non
 
 def index_end(file: IO[bytes], place: int, size: int) -> int | None:
     """Return the end of the index of messages at `place`, None where no whole one is."""
-    found = read_prefix(file, place, size)
-    if found is None or found[0] != Opcode.MESSAGE_INDEX:
+    result = read_prefix(file, place, size)
+    if result is None or result[0] != Opcode.MESSAGE_INDEX:
         return None
     inside = file.read(6)
-    length = found[1] - place - PREFIX.size
+    length = result[1] - place - PREFIX.size
     entries = int.from_bytes(inside[2:], "little")
-    return found[1] if entries % 16 == 0 and length == 6 + entries else None
+    return result[1] if entries % 16 == 0 and length == 6 + entries else None
 
 
 def summary_holds(file: IO[bytes], data_end: int, footer: int, size: int) -> bool:

@@ -149,14 +149,14 @@ def holds_frames(path: Path) -> bool:
 
 def topics(path: Path) -> dict[str, Topic]:
     """Return the topics of a file by name; it raises as `messages`."""
-    found: dict[str, Topic] = {}
+    result: dict[str, Topic] = {}
     with closing(messages(path, "")) as every:
         for message in every:
             kind = getattr(message.content, "kind", "")
-            found.setdefault(message.topic, Topic(message.topic, kind)).count += 1
-            if len(found) > MOST_TOPICS:
+            result.setdefault(message.topic, Topic(message.topic, kind)).count += 1
+            if len(result) > MOST_TOPICS:
                 raise CodecError(f"'{path}' has more than {MOST_TOPICS} topics.")
-    return found
+    return result
 
 
 class _Later:
@@ -286,14 +286,14 @@ class _Decoding:
             raise missing_extra(f"{what} messages in '{self._path.name}'", library, "bags")
         try:
             factory: Any = import_module(module).DecoderFactory()
-            found: Any = factory.decoder_for(encoding, self._schema)
+            result: Any = factory.decoder_for(encoding, self._schema)
         except Exception as error:  # a schema that is damaged
             raise CodecError(
                 f"'{self._path}': the schema '{self.kind}' cannot be read: {_said(error)}."
             ) from None
-        if found is None:
+        if result is None:
             raise CodecError(f"'{self._path}': there is no schema of '{self._channel.topic}'.")
-        return cast("Callable[[bytes], Any]", found)
+        return cast("Callable[[bytes], Any]", result)
 
 
 def _of_bag(path: Path, topic: str) -> Generator[Message, None, None]:
@@ -409,11 +409,11 @@ def field_arrays(path: Path, topic: str, names: Sequence[str]) -> dict[str, NDAr
     ordered = all(b >= a for a, b in pairwise(times))
     if not ordered:
         rows.sort(key=lambda row: row[0])
-    found: dict[str, NDArray[Any]] = {"order": np.array(ordered)}
+    result: dict[str, NDArray[Any]] = {"order": np.array(ordered)}
     for place, name in enumerate(names):
         column = [row[place] for _, row in rows]
         if name in (LOG_TIME, PUBLISH_TIME) or isinstance(column[0], int):
-            found[name] = 1e-9 * (np.array(column, np.int64) - column[0])
+            result[name] = 1e-9 * (np.array(column, np.int64) - column[0])
             continue
         shapes = {part.shape for part in column}
         if len(shapes) > 1:
@@ -421,8 +421,8 @@ def field_arrays(path: Path, topic: str, names: Sequence[str]) -> dict[str, NDAr
                 f"'{path}': the field '{name}' has {len(shapes)} shapes, as {_few(shapes)}; "
                 "expected one."
             )
-        found[name] = np.stack(column)
-    return found
+        result[name] = np.stack(column)
+    return result
 
 
 def _few(kinds: set[Any]) -> str:

@@ -107,7 +107,7 @@ def _loose(file: IO[bytes], size: int, budget: Budget) -> Generator[WholeChunk, 
     if file.read(len(MAGIC)) != MAGIC:
         return 0
     place = begin = len(MAGIC)
-    end, held, channels, found = place, list[bytes](), set[bytes](), False
+    end, held, channels, result = place, list[bytes](), set[bytes](), False
     while prefix := read_prefix(file, place, size):
         opcode, end = prefix
         budget.look(RECORD)
@@ -122,15 +122,15 @@ def _loose(file: IO[bytes], size: int, budget: Budget) -> Generator[WholeChunk, 
             elif opcode == Opcode.MESSAGE:
                 if record[PREFIX.size : PREFIX.size + 2] not in channels:
                     break
-                found = True
+                result = True
             held.append(record)
         place = end
-        if found and (place - begin >= WINDOW):
+        if result and (place - begin >= WINDOW):
             yield WholeChunk(begin, place, "", place - begin, b"".join(held))
             begin, held = place, []
-    if found and held:
+    if result and held:
         yield WholeChunk(begin, place, "", place - begin, b"".join(held))
-    return place if found else 0
+    return place if result else 0
 
 
 def _follow(file: IO[bytes], place: int, size: int, budget: Budget) -> tuple[int, bool]:

@@ -217,7 +217,7 @@ class Recording(ByContent):
         """
         columns = {str(name): frame[name] for name in frame.columns}
         cells = {name: found for name in columns if (found := CELL.fullmatch(name))}
-        names = list(dict.fromkeys(found[1] for found in cells.values()))
+        names = list(dict.fromkeys(cell[1] for cell in cells.values()))
         rows, cols = (max((int(f[n]) for f in cells.values()), default=-1) + 1 for n in (2, 3))
         wanted = [f"{n}[{r}, {c}]" for n in names for r in range(rows) for c in range(cols)]
         missing = [name for name in wanted if name not in cells]
@@ -437,15 +437,15 @@ def channel_names(names: Sequence[str] | None, count: int) -> tuple[str, ...]:
     if names is None and count in usual:
         return usual[count]
     given = [] if names is None else [names] if isinstance(names, str) else list(names)
-    found = tuple(AXES.get(name, name) for name in given)
-    for name in found:
+    result = tuple(AXES.get(name, name) for name in given)
+    for name in result:
         checked_name("a channel", name, ArrayError)
-    if len(found) != count or len(set(found)) != count:
+    if len(result) != count or len(set(result)) != count:
         raise ArrayError(
             f"'channels' must name each of the {count} channels once, as in ('x', 'y', 'z'), got "
             f"{shown(names)}."
         )
-    return found
+    return result
 
 
 def _whole(name: str, values: ArrayLike, frames: int) -> NDArray[np.int64]:
@@ -466,9 +466,9 @@ def _rate(times: ArrayLike | None, frames: int) -> float:
     ArrayError
         If there are none, or they give none.
     """
-    found = 0.0 if times is None else rate_of(_per_frame("times", times, frames))
-    if found > 0.0:
-        return found
+    result = 0.0 if times is None else rate_of(_per_frame("times", times, frames))
+    if result > 0.0:
+        return result
     given = "no times" if times is None else "times that give none"
     raise ArrayError(f"A recording needs its rate, and there are {given}: set 'rate' in Hz.")
 
@@ -476,23 +476,23 @@ def _rate(times: ArrayLike | None, frames: int) -> float:
 def _times(times: ArrayLike | None, frames: int, rate: float) -> Floats:
     if times is None:
         return np.arange(frames) / rate
-    found = _per_frame("times", times, frames)
-    if not (np.isfinite(found).all() and (np.diff(found) >= 0.0).all()):
+    values = _per_frame("times", times, frames)
+    if not (np.isfinite(values).all() and (np.diff(values) >= 0.0).all()):
         raise ArrayError("'times' must be finite, each no earlier than the one before (s).")
-    return found
+    return values
 
 
 def _per_frame(name: str, values: ArrayLike, frames: int) -> Floats:
-    found = numbers(name, values)
-    if found.shape != (frames,):
-        raise ArrayError(f"{name!r} must be one number a frame, ({frames},), got {found.shape}.")
-    return found
+    result = numbers(name, values)
+    if result.shape != (frames,):
+        raise ArrayError(f"{name!r} must be one number a frame, ({frames},), got {result.shape}.")
+    return result
 
 
 def _marks(saturated: ArrayLike | None, shape: tuple[int, ...]) -> NDArray[np.bool_] | None:
     if saturated is None:
         return None
-    found = numbers("saturated", saturated)
-    if found.shape != shape:
-        raise ArrayError(f"'saturated' must be one mark per taxel, {shape}, got {found.shape}.")
-    return read_only(found != 0.0) if found.any() else None
+    result = numbers("saturated", saturated)
+    if result.shape != shape:
+        raise ArrayError(f"'saturated' must be one mark per taxel, {shape}, got {result.shape}.")
+    return read_only(result != 0.0) if result.any() else None

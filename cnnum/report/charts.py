@@ -55,11 +55,11 @@ def decades(low: float, high: float) -> tuple[float, ...]:
     """Return the powers of ten within a range, or 1, 2 and 5 of each where those are few."""
     first, last = floor(log10(low)), ceil(log10(high))
     apart = 2 if last - first > 9 else 1
-    found = [10.0**n for n in range(first, last + 1, apart) if low <= 10.0**n <= high]
-    if len(found) < 3:
+    result = [10.0**n for n in range(first, last + 1, apart) if low <= 10.0**n <= high]
+    if len(result) < 3:
         fine = (m * 10.0**n for n in range(first, last + 1) for m in (1, 2, 5))
-        found = [value for value in fine if low <= value <= high]
-    return tuple(found)
+        result = [value for value in fine if low <= value <= high]
+    return tuple(result)
 
 
 def round_up(value: float) -> float:
@@ -277,10 +277,10 @@ def ladder_series(
     points: Iterable[WorkPrecision],
 ) -> dict[tuple[str, str, str], list[WorkPrecision]]:
     """Return the points by method, engine and precision."""
-    found: dict[tuple[str, str, str], list[WorkPrecision]] = {}
+    result: dict[tuple[str, str, str], list[WorkPrecision]] = {}
     for point in points:
-        found.setdefault((point.method, point.engine, point.precision), []).append(point)
-    return found
+        result.setdefault((point.method, point.engine, point.precision), []).append(point)
+    return result
 
 
 def ladder_style(method: str, engine: str, precision: str) -> str:

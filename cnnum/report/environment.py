@@ -44,14 +44,14 @@ class Environment:
         device : str
             Name that an engine gives to its device.
         """
-        found = (("cnnum", __version__), ("Python", platform.python_version()))
+        result = (("cnnum", __version__), ("Python", platform.python_version()))
         packages = ((name, _version(name)) for name in _PACKAGES)
         return cls(
             date=datetime.now(UTC).isoformat(timespec="seconds"),
             machine=f"{processor().name}, {_cores()} cores",
             system=f"{platform.system()} {platform.machine()}",
             device=device,
-            versions=(*found, *((name, number) for name, number in packages if number)),
+            versions=(*result, *((name, number) for name, number in packages if number)),
         )
 
 

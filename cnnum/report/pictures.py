@@ -51,22 +51,22 @@ def _by_truth(record: SceneRecord) -> list[KeyFrame]:
     if not contacts:
         return [KeyFrame("no contact", record.frames // 2)]
     start, end = contacts[0]
-    found = [KeyFrame("before", start // 2)] if start > 1 else []
+    result = [KeyFrame("before", start // 2)] if start > 1 else []
     slips = [first for name in SHOWN[1:] for first, _ in times[name][:1]]
-    found.append(KeyFrame("contact", (start + min([end, *slips])) // 2))
+    result.append(KeyFrame("contact", (start + min([end, *slips])) // 2))
     for name in SHOWN[1:]:
         for first, after in times[name][:1]:
-            found.append(KeyFrame(name, (first + after) // 2))
+            result.append(KeyFrame(name, (first + after) // 2))
     if end < record.frames:
-        found.append(KeyFrame("release", max(start, end - max(2, round(0.15 * record.rate)))))
-    return found
+        result.append(KeyFrame("release", max(start, end - max(2, round(0.15 * record.rate)))))
+    return result
 
 
 def _by_events(record: SceneRecord) -> list[KeyFrame]:
-    found = [KeyFrame("before", 0)]
+    result = [KeyFrame("before", 0)]
     for event in record.events[:7]:
-        found.append(KeyFrame(event.title, min(event.frame, record.frames - 1)))
-    return found
+        result.append(KeyFrame(event.title, min(event.frame, record.frames - 1)))
+    return result
 
 
 CELL = 10.0
@@ -338,23 +338,23 @@ def timeline(record: SceneRecord, verdicts: tuple[Verdict, ...], width: float) -
 def panels(record: SceneRecord) -> tuple[Panel, ...]:
     """Return the loads and radii of the ground truth."""
     truth = record.truth
-    found: list[Panel] = []
+    result: list[Panel] = []
     if "normal_force" in truth:
         load = Curve("normal load P", truth["normal_force"], "load", filled=True)
-        found.append(Panel("Normal load P", "N", (load,)))
+        result.append(Panel("Normal load P", "N", (load,)))
     if "shear_x" in truth and "shear_y" in truth:
         shear = np.hypot(truth["shear_x"], truth["shear_y"])
-        found.append(Panel("Shear force Q", "N", (Curve("Q", shear, "shear", filled=True),)))
+        result.append(Panel("Shear force Q", "N", (Curve("Q", shear, "shear", filled=True),)))
     if "torque" in truth:
         torque = Curve("T", 1e3 * truth["torque"], "torque", filled=True)
-        found.append(Panel("Torque T", "mN m", (torque,)))
+        result.append(Panel("Torque T", "mN m", (torque,)))
     if "contact_radius" in truth and "stick_radius" in truth:
         radii = (
             Curve("stick radius c", 1e3 * truth["stick_radius"], "stick", filled=True),
             Curve("contact radius a", 1e3 * truth["contact_radius"], "contact"),
         )
-        found.append(Panel("Radius of contact (line), stick (area)", "mm", radii))
-    return tuple(found)
+        result.append(Panel("Radius of contact (line), stick (area)", "mm", radii))
+    return tuple(result)
 
 
 def _end(record: SceneRecord) -> float:

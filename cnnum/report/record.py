@@ -171,11 +171,11 @@ def _values(scene: Scene, moments: list[FrameResult]) -> Floats:
 def _outputs(moments: list[FrameResult]) -> dict[str, Floats]:
     none: dict[str, Floats] = {}
     known = next((moment.outputs for moment in moments if moment.outputs), none)
-    found = {name: np.full((len(moments), *np.shape(v)), np.nan) for name, v in known.items()}
+    result = {name: np.full((len(moments), *np.shape(v)), np.nan) for name, v in known.items()}
     for number, moment in enumerate(moments):
         for name, value in moment.outputs.items():
-            found[name][number] = value
-    return found
+            result[name][number] = value
+    return result
 
 
 MAX_DELAY = 5
@@ -321,13 +321,13 @@ def true_events(record: SceneRecord) -> tuple[TrueEvent, ...]:
 
     A phase that the scene's program does not report is not among it.
     """
-    found = (
+    result = (
         event
         for lane in LANES
         if lane.want in record.needs and lane.flag in record.outputs
         for event in _events_of(record, lane)
     )
-    return tuple(sorted(found, key=lambda event: event.frame))
+    return tuple(sorted(result, key=lambda event: event.frame))
 
 
 def _events_of(record: SceneRecord, lane: Lane) -> Iterator[TrueEvent]:

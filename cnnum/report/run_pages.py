@@ -310,8 +310,8 @@ def _maps(step: TraceStep) -> str:
     # a gap of a cell between the maps of a stack
     width, height = across * (cols + 1) - 1, -(-count // across) * (rows + 1) - 1
     cells = "".join(
-        _map(one, top, (k // across) * (rows + 1), (k % across) * (cols + 1))
-        for k, one in enumerate(values)
+        _map(value, top, (k // across) * (rows + 1), (k % across) * (cols + 1))
+        for k, value in enumerate(values)
     )
     note = f"±{top:.3g}" if count == 1 else f"{count} maps, ±{top:.3g}"
     return (

@@ -202,12 +202,12 @@ def _truth(template: Template, case: Case, pictures: int) -> Floats:
     """Return outputs of a case's pictures, repeated up to a number at least."""
     form = form_of(template)
     if form.name in EXACT:
-        found = form.expected(template, case)
-        found = template.output.numpy(found) if form.compares == "state" else found
+        result = form.expected(template, case)
+        result = template.output.numpy(result) if form.compares == "state" else result
     else:
-        found = _run(template, case, Engine("reference"), Rung("auto", rtol=REFERENCE_RTOL))[0]
-    times = -(-pictures // max(len(found), 1))
-    return np.tile(found, (times, *(1,) * (found.ndim - 1))) if found.ndim > 2 else found
+        result = _run(template, case, Engine("reference"), Rung("auto", rtol=REFERENCE_RTOL))[0]
+    times = -(-pictures // max(len(result), 1))
+    return np.tile(result, (times, *(1,) * (result.ndim - 1))) if result.ndim > 2 else result
 
 
 def _climb(

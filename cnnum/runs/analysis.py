@@ -159,26 +159,26 @@ def analyse_program(
     """
     expect("program", program, Program, ProgramError)
     thinned = schedule(program.trace(shape, channels), channels, None)
-    found = {node.operation: None for node in thinned.transients}
-    return tuple(_analysed(one, thinned.shape) for one in found if isinstance(one, Transient))
+    result = {node.operation: None for node in thinned.transients}
+    return tuple(_analysed(one, thinned.shape) for one in result if isinstance(one, Transient))
 
 
 def _analysed(transient: Transient, shape: Shape) -> Analysis:
     solver, template = choose(transient, shape), transient.template
     kind = stability_class(template, shape)
     template = _as_sampled(template)
-    found, delayed = spectrum(template, shape), delayed_rates(template, shape)
+    result, delayed = spectrum(template, shape), delayed_rates(template, shape)
     free = _unsaturated(template, shape)
     decays = np.zeros(0) if free is None else -free.values.real
     decays = decays[decays > STILL * (0.0 if free is None else np.abs(free.values).max())]
     slowest = float(decays.min()) if len(decays) else math.nan
-    exact = found.exact and delayed is None
-    fastest = float(np.abs(found.values).max(initial=0.0)) if exact else found.fastest
+    exact = result.exact and delayed is None
+    fastest = float(np.abs(result.values).max(initial=0.0)) if exact else result.fastest
     return Analysis(
         template=template.name,
         shape=shape,
         kind=kind,
-        source=found.reason if delayed is None else delayed.reason,
+        source=result.reason if delayed is None else delayed.reason,
         exact=exact,
         fastest=fastest if delayed is None else fastest + delayed.reach,
         slowest=slowest,
@@ -186,7 +186,7 @@ def _analysed(transient: Transient, shape: Shape) -> Analysis:
         turning=math.nan if free is None else float(np.abs(free.values.imag).max()),
         stiffness=float(decays.max()) / slowest if len(decays) else math.nan,
         condition=_condition(template, shape),
-        saturation=_saturation(template, found),
+        saturation=_saturation(template, result),
         largest=state_bound(template),
         bounds={name: stability_bound(template, shape, name) for name in METHODS},
         method=solver.method,
@@ -220,8 +220,8 @@ def _unsaturated(template: Template, shape: Shape) -> Spectrum | None:
     linear = _linear_range(template)
     if linear is None:
         return None
-    found = spectrum(linear, shape)
-    return found if found.exact else None
+    result = spectrum(linear, shape)
+    return result if result.exact else None
 
 
 def _condition(template: Template, shape: Shape) -> float:

@@ -210,7 +210,7 @@ def _start(template: Template, maps: Maps, frames: tuple[int, ...]) -> NDArray[n
 
 def _patterns(batch: TemplateBatch) -> dict[str, NDArray[np.bool_]]:
     """Return which numbers any template has; values of gains and each cell's own weight always."""
-    found: dict[str, NDArray[np.bool_]] = {}
+    result: dict[str, NDArray[np.bool_]] = {}
     for name, part in own_parts(batch.parts).items():
         lead = tuple(range(part.ndim - inner(name)))
         used = np.asarray((part != 0.0).any(axis=lead))
@@ -219,8 +219,8 @@ def _patterns(batch: TemplateBatch) -> dict[str, NDArray[np.bool_]]:
         if name == "A":
             middle = used.shape[-1] // 2
             used[range(len(used)), range(len(used)), middle, middle] = True
-        found[name] = used
-    return found
+        result[name] = used
+    return result
 
 
 def _packed(
@@ -345,8 +345,8 @@ def _halved(
     """Return a run of frames; with a delay in shorter steps until the tolerance is kept."""
 
     def finer(step: float, frames: NDArray[np.intp]) -> Result:
-        found = run(step)
-        return replace(found, **{name: getattr(found, name)[frames] for name in PARTS})
+        result = run(step)
+        return replace(result, **{name: getattr(result, name)[frames] for name in PARTS})
 
     first = run(asked["dt"])
     duration = template.duration if asked["duration"] is None else asked["duration"]

@@ -258,7 +258,7 @@ class Cells:
         self.beside = sparse.csr_matrix((off.data[beside], places), shape=matrix.shape)
         self.pairs = tuple(self.pairs_of(one) for one in template.nonlinear if not one.static)
         per_row = int(np.diff(sizes.tocsr().indptr).max(initial=0))
-        per_row += sum(int(np.bincount(one.to).max(initial=0)) for one in self.pairs)
+        per_row += sum(int(np.bincount(pair.to).max(initial=0)) for pair in self.pairs)
         self.roundings = (per_row + int(np.count_nonzero(template.B)) + SPARE_TERMS) * EPSILON
 
     def pairs_of(self, coupling: NonlinearCoupling) -> Pairs:
@@ -431,8 +431,8 @@ class Frame:
             step = 1e-6
             f = template.output.numpy
             slope = np.asarray((f(x + step) - f(x - step)) / (2.0 * step), dtype=np.float64)
-        found: Any = cells.matrix.multiply(slope)
-        found = found.tocsr() - sparse.identity(cells.count, format="csr")
+        result: Any = cells.matrix.multiply(slope)
+        result = result.tocsr() - sparse.identity(cells.count, format="csr")
         for pairs in cells.pairs:
             maps = self.maps(x)
             centre, near = pairs.quantities(maps)
@@ -457,5 +457,5 @@ class Frame:
                 part = pairs.weights[there] * steep[there]
                 if quantity == "y":
                     part = part * slope[of]
-                found = found + sparse.csr_matrix((part, (to, of)), shape=found.shape)
-        return found.tocsr()
+                result = result + sparse.csr_matrix((part, (to, of)), shape=result.shape)
+        return result.tocsr()

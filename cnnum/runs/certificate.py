@@ -102,8 +102,8 @@ class Between:
     def off(self) -> Floats:
         """How far the true state is from it at most, (n,)."""
         size = np.maximum(np.abs(self._low), np.abs(self._high))
-        found = 0.5 * (self._high - self._low) + 2.0 * EPSILON * size
-        return np.where(self.frame.moving, found, 0.0)
+        result = 0.5 * (self._high - self._low) + 2.0 * EPSILON * size
+        return np.where(self.frame.moving, result, 0.0)
 
     def advance(self, until: float) -> bool:
         """Go on to a time; return whether there are bounds."""
@@ -147,18 +147,18 @@ class Between:
             ahead = h * slope
             away = np.maximum(side * (np.clip(x + ahead, -1.0, 1.0) - y), 0.0)
             spare = 1.0 + 64.0 * cells.roundings
-            found = (self._own * np.abs(ahead) + cells.beside @ away) * spare + 2.0 * rounded
-            return np.asarray(np.where(frame.moving, found, 0.0))
+            result = (self._own * np.abs(ahead) + cells.beside @ away) * spare + 2.0 * rounded
+            return np.asarray(np.where(frame.moving, result, 0.0))
 
         # what falls in one cell reaches all others, by less and less
         slack = SPARE * lost(rate / cells.tau)
         slack += np.where(frame.moving, LEAST * float(np.abs(rate).max(initial=0.0)), 0.0)
         for _ in range(TRIES):
             slope = (rate + side * slack) / cells.tau
-            found = lost(slope)
-            if bool((found <= slack).all()):
+            result = lost(slope)
+            if bool((result <= slack).all()):
                 return slope
-            slack = SPARE * np.maximum(slack, found)
+            slack = SPARE * np.maximum(slack, result)
         return None
 
 
@@ -295,9 +295,9 @@ class Certificate:
                 rate, rounded = frame.rates(x)
                 target = (rate + x) * np.sign(x) - rounded
                 return bool(((target >= 1.0) | ~frame.moving).all())
-        found = region(frame, x, off)
+        result = region(frame, x, off)
         tolerance = self._atol + self._rtol * np.abs(x)
-        return found is not None and bool((2.0 * found.width <= tolerance).all())
+        return result is not None and bool((2.0 * result.width <= tolerance).all())
 
     def _replayed(self, frame: Frame, start: Floats) -> Known | None:
         """Return the end in discrete time, step by step, where no sign is in doubt."""
@@ -380,9 +380,9 @@ def _followed_to_rest(frame: Frame, way: Enclosure | Between) -> tuple[Floats, F
     """Return the equilibrium to which an enclosure leads, and how far off it may be."""
     look, slowest = FIRST_LOOK, float(frame.cells.tau.max())
     while look < LATEST * slowest and way.advance(look * slowest):
-        found = _rest(frame, way.x, way.off)
-        if found is not None:
-            return found
+        result = _rest(frame, way.x, way.off)
+        if result is not None:
+            return result
         look *= LATER
     return None
 

@@ -252,12 +252,12 @@ class ChipModel:
             off = chip.offsets(own, held.get("input"), shape)
             held["bias"] = off + held["bias"] if "bias" in held else off
             feedback = uneven_feedback(chip, own, shape)
-        found = solve(replace(operation, template=own), held, feedback)
-        output = found["output"]
+        result = solve(replace(operation, template=own), held, feedback)
+        output = result["output"]
         if chip.noise:
             random = np.random.default_rng([chip.seed, next(self.runs)])
             output = output + chip.noise * largest(output) * random.standard_normal(output.shape)
-        return found | {"output": scaled(chip, output)}
+        return result | {"output": scaled(chip, output)}
 
 
 def chip_backend(chip: Chip, backend: Backend) -> Backend:

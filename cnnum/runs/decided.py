@@ -239,7 +239,7 @@ def in_one_pass(ask: Ask, down: Callable[[Ask], Result]) -> Result:
 
     def made() -> Result:
         # as they were when the output was found
-        maps = tuple(None if one is None else np.reshape(one, shape) for one in arrays)
+        maps = tuple(None if array is None else np.reshape(array, shape) for array in arrays)
         rest = Ask(ask.engine, ask.template, maps, options)
         result = down(rest)
         if reason == EXACTLY:
@@ -284,9 +284,11 @@ def _found(ask: Ask) -> tuple[Floats, tuple[Any, ...], str] | None:
     assert duration is not None
     if ranks is not None:
         begun = None if template.initial == "input" else float(template.initial)
-        found = one_pass.ranks(u, begun, ranks.places, ranks.between, ranks.shift, rim)
+        result = one_pass.ranks(u, begun, ranks.places, ranks.between, ranks.shift, rim)
         return (
-            None if found is None else (found[0].reshape(shape), _as_read(ask, found[1]), BY_RANK)
+            None
+            if result is None
+            else (result[0].reshape(shape), _as_read(ask, result[1]), BY_RANK)
         )
     begins = _begins(ask)
     about, apart = signs_of(template, duration, begins), begins == "apart"
@@ -300,10 +302,10 @@ def _found(ask: Ask) -> tuple[Floats, tuple[Any, ...], str] | None:
     levels = (about.constant, about.level + margin, -about.level - margin)
     if not size < float(np.finfo(u.dtype).max) / 4.0:
         return None
-    found = one_pass.signs(u, start, about.places, about.weights.astype(u.dtype), levels, rim)
-    if found is None:
+    result = one_pass.signs(u, start, about.places, about.weights.astype(u.dtype), levels, rim)
+    if result is None:
         return None
-    return found[0].reshape(shape), _as_read(ask, found[1], start if apart else None), EXACTLY
+    return result[0].reshape(shape), _as_read(ask, result[1], start if apart else None), EXACTLY
 
 
 def _as_read(ask: Ask, seen: Any, start: Any = None) -> tuple[Any, ...]:

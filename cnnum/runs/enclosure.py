@@ -316,8 +316,8 @@ class _Series:
         """Return the state of all cells, or some, at a time within the step."""
         terms = self.x if cells is None else [one[cells] for one in self.x]
         total = terms[ORDER]
-        for one in terms[-2::-1]:
-            total = total * t + one
+        for term in terms[-2::-1]:
+            total = total * t + term
         return np.asarray(total)
 
     def to_corner(self, h: float) -> tuple[float, bool]:
@@ -358,8 +358,8 @@ class _Series:
     def _pushes(self, t: float) -> Floats:
         """Return the rate outwards of cells at a limit at a time within the step."""
         total = np.zeros_like(self.x[0])
-        for one in self._pulls[::-1]:
-            total = total * t + one
+        for pull in self._pulls[::-1]:
+            total = total * t + pull
         return np.asarray(total * np.sign(self.x[0]))
 
     def push(self, h: float) -> Floats:
@@ -423,7 +423,7 @@ class _Series:
         outputs = [np.abs(self.y[k]) * h**k for k in range(ORDER)]
         all_x, all_y = sum(sizes[1:], sizes[0]), sum(outputs[1:], outputs[0])
         rest = self._output_rest(h, low, high)
-        found = sizes[ORDER] + cells.sizes @ rest
+        result = sizes[ORDER] + cells.sizes @ rest
         rounded = frame.drive_size + all_x + cells.sizes @ all_y
         for number, pairs in enumerate(cells.pairs):
             _, _, first, last = self.pieces[number]
@@ -441,14 +441,14 @@ class _Series:
             beyond = np.where(np.isfinite(beyond), beyond, 0.0)
             bend = float(np.abs(slopes[:, np.newaxis] - slopes).max())
             part = steep * pairs.argument_sizes(tops, 0.0) + bend * beyond
-            found = found + np.bincount(pairs.to, np.abs(pairs.weights) * part, cells.count)
+            result = result + np.bincount(pairs.to, np.abs(pairs.weights) * part, cells.count)
             size = np.abs(pairs.weights) * (
                 float(np.abs(values).max())
                 + steep * pairs.argument_sizes(magnitudes, abs(pairs.edge))
             )
             rounded = rounded + np.bincount(pairs.to, size, cells.count)
-        found = found + (cells.roundings + ORDER * EPSILON) * rounded
-        return np.where(self.moving, found, 0.0)
+        result = result + (cells.roundings + ORDER * EPSILON) * rounded
+        return np.where(self.moving, result, 0.0)
 
     def _output_rest(self, h: float, low: Floats, high: Floats) -> Floats:
         """Return a bound on |f(p) − the series of the output, without its last term|."""

@@ -84,10 +84,10 @@ def region(frame: Frame, x: Floats, reach: Floats, *, close: bool = True) -> Reg
         Whether quadratic forms are tried, too; they take longer.
     """
     with np.errstate(all="ignore"):
-        found = _by_rows(frame, x, reach)
-        if found is None and close and bool(np.isfinite(reach).all()):
-            found = _by_energy(frame, x, reach) or _by_form(frame, x, reach)
-    return found
+        result = _by_rows(frame, x, reach)
+        if result is None and close and bool(np.isfinite(reach).all()):
+            result = _by_energy(frame, x, reach) or _by_form(frame, x, reach)
+    return result
 
 
 def _by_rows(frame: Frame, x: Floats, reach: Floats) -> Region | None:
@@ -322,9 +322,9 @@ def verdict(frame: Frame, x: Floats, reach: float, tolerance: Floats) -> Verdict
     if frame.cells.template.output.limited:
         x = np.where(frame.moving, np.clip(x, -1.0, 1.0), x)
     from_here = np.where(frame.moving, reach, 0.0)
-    found = region(frame, x, from_here, close=False)
-    if found is not None and bool((found.off <= tolerance).all()):
-        return Verdict("stable", x, float(found.off.max(initial=0.0)))
+    result = region(frame, x, from_here, close=False)
+    if result is not None and bool((result.off <= tolerance).all()):
+        return Verdict("stable", x, float(result.off.max(initial=0.0)))
     rest = newton(frame, x)
     if rest is not None:
         away = np.abs(rest - x)

@@ -120,7 +120,7 @@ def in_halves(request: Request, down: Callable[[Request], Result]) -> Result:
     def finer(step: float, frames: NDArray[np.intp]) -> Result:
         return down(request.by(replace(spec, dt=step), request.frames(frames)))
 
-    found = halved(
+    result = halved(
         down(request),
         finer,
         delay_of(template),
@@ -130,7 +130,7 @@ def in_halves(request: Request, down: Callable[[Request], Result]) -> Result:
         growth=delayed_growth(template),
         turns=bool(turning_points(template, solver.duration)),
     )
-    return unknown(found) if lets_go(template, solver.duration) else found
+    return unknown(result) if lets_go(template, solver.duration) else result
 
 
 def lets_go(template: Template, duration: float) -> bool:
@@ -193,19 +193,19 @@ def halved(
     if step is None:
         step = float(np.max(first.time)) / count
     order = TABLEAUX[first.method].order
-    found = _Frames(first, tolerances, 2.0**order, float(np.finfo(precision).eps), turns=turns)
-    waiting = np.arange(found.count)
-    room = min(MAX_STEPS / count, MOST_KEPT / (delay / step * found.states))
+    result = _Frames(first, tolerances, 2.0**order, float(np.finfo(precision).eps), turns=turns)
+    waiting = np.arange(result.count)
+    room = min(MAX_STEPS / count, MOST_KEPT / (delay / step * result.states))
     for _ in range(min(MOST_HALVINGS, int(np.log2(max(room, 1.0))))):
         step *= 0.5
         try:
             resolved = step * growth <= RESOLVED
-            waiting = found.take(waiting, run(step, waiting), resolved=resolved)
+            waiting = result.take(waiting, run(step, waiting), resolved=resolved)
         except SizeError:  # the outputs that steps keep fill the memory: the error says the rest
             break
         if not len(waiting):
             break
-    return found.result(f"{first.reason}; {REASON}")
+    return result.result(f"{first.reason}; {REASON}")
 
 
 def by_differences(

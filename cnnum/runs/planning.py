@@ -59,29 +59,29 @@ class OpGroup:
 def op_groups(schedule: Schedule, solvers: dict[int, Solver]) -> tuple[OpGroup, ...]:
     """Return the operations by line, in the order in which the lines first run."""
     live = _live_bytes(schedule)
-    found: dict[tuple[str, int], OpGroup] = {}
+    result: dict[tuple[str, int], OpGroup] = {}
     for node in schedule.nodes:
         if isinstance(node.operation, FREE):
             continue
         done = work([node], solvers, schedule.shape)
         key = _place(node)
-        group = found.get(key, OpGroup(*key, 0, 0, 0, 0))
-        found[key] = replace(
+        group = result.get(key, OpGroup(*key, 0, 0, 0, 0))
+        result[key] = replace(
             group,
             count=group.count + done.ops,
             flops=group.flops + done.flops,
             bytes=group.bytes + _size(node, schedule),
             live_bytes=max(group.live_bytes, live[node.index]),
         )
-    return tuple(found.values())
+    return tuple(result.values())
 
 
 def by_function(groups: Sequence[OpGroup]) -> tuple[OpGroup, ...]:
     """Return one group a function, the costliest first."""
-    found: dict[str, OpGroup] = {}
+    result: dict[str, OpGroup] = {}
     for group in groups:
-        known = found.get(group.program, OpGroup(group.program, 0, 0, 0, 0, 0))
-        found[group.program] = OpGroup(
+        known = result.get(group.program, OpGroup(group.program, 0, 0, 0, 0, 0))
+        result[group.program] = OpGroup(
             group.program,
             0,
             known.count + group.count,
@@ -89,7 +89,7 @@ def by_function(groups: Sequence[OpGroup]) -> tuple[OpGroup, ...]:
             known.bytes + group.bytes,
             max(known.live_bytes, group.live_bytes),
         )
-    return tuple(sorted(found.values(), key=lambda group: -group.flops))
+    return tuple(sorted(result.values(), key=lambda group: -group.flops))
 
 
 def _place(node: Node) -> tuple[str, int]:
@@ -113,12 +113,12 @@ def _live_bytes(schedule: Schedule) -> dict[int, int]:
     ends: dict[int, list[Node]] = {}
     for node in schedule.nodes:
         ends.setdefault(last[node.index], []).append(node)
-    live, found = 0, dict[int, int]()
+    live, result = 0, dict[int, int]()
     for place, node in enumerate(schedule.nodes):
         live += _size(node, schedule)
-        found[node.index] = live
+        result[node.index] = live
         live -= sum(_size(gone, schedule) for gone in ends.get(place, []))
-    return found
+    return result
 
 
 NOTHING: Mapping[str, Any] = MappingProxyType({})

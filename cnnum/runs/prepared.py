@@ -146,12 +146,12 @@ class PreparedRun:
             begun = self._begun() if self._roles else 0.0
         if not all_finite(packed):
             self._plan.refuse_infinite(outputs)
-        found = result_of(outputs, 1, self._solver.method, self._solver.reason)
+        result = result_of(outputs, 1, self._solver.method, self._solver.reason)
         if self._roles:
-            ended, error = float(np.abs(found.state).max()), float(np.max(found.error))
+            ended, error = float(np.abs(result.state).max()), float(np.max(result.error))
             if looks_again(self._solver, begun, ended, error):
                 return None
-        return with_fallback(found, self._plan)
+        return with_fallback(result, self._plan)
 
     def _begun(self) -> float:
         """Return a bound on the size of all that the run began with."""
@@ -188,7 +188,7 @@ def as_prepared(ask: Ask, down: Callable[[Ask], Result]) -> Result:
     if ask.engine.whole:
         return done
     # their caller may change the arrays before a proof is read
-    own = [None if one is None else cast(np.ndarray, one).copy() for one in ask.arrays]
+    own = [None if array is None else cast(np.ndarray, array).copy() for array in ask.arrays]
     return with_proof(done, ask.template, own, duration, (rtol, atol))
 
 

@@ -192,11 +192,11 @@ def maps_by_role(
     counts = {"input": template.inputs, "previous": template.inputs, "mask": 1}
     if not has_many_cells(shape):
         given = {role: finite(role, array) for role, array in given.items()}
-    found = {
+    result = {
         role: maps(role, array, shape, counts.get(role, template.layers))
         for role, array in given.items()
     }
-    return found, shape
+    return result, shape
 
 
 def _common_shape(values: Sequence[NDArray[np.floating]]) -> Shape:

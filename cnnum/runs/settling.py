@@ -87,19 +87,19 @@ def at_rest(
     from cnnum.runs.cells import Cells, Frame
     from cnnum.runs.equilibrium import Verdict, verdict
 
-    found = Frames(result, template, given)
-    cells = Cells(template, found.shape)
+    frames = Frames(result, template, given)
+    cells = Cells(template, frames.shape)
     slowest = float(template.tau.max())
     seen: dict[int, Verdict] = {}
     still: dict[int, bool] = {}
     coarser = float(np.finfo(precision).eps / np.finfo(np.float64).eps)
-    waiting, first = np.flatnonzero(found.settled), True
+    waiting, first = np.flatnonzero(frames.settled), True
     while len(waiting):
         left: list[int] = []
         for frame in waiting.tolist():
-            x = found.state[frame]
+            x = frames.state[frame]
             tolerance = spec.atol + spec.rtol * np.abs(x)
-            reach = float(found.error[frame])
+            reach = float(frames.error[frame])
             # a run that ended on time may still move
             ready = None
             if first and spec.rtol >= LEAST_RTOL[precision]:
@@ -107,12 +107,12 @@ def at_rest(
             if ready is not None:
                 seen[frame] = Verdict("stable", x, ready)
                 continue
-            one = Frame(cells, found.given_of(frame))
+            one = Frame(cells, frames.given_of(frame))
             # masked cells stay at their start, whatever the precision makes of it
             x = np.where(one.moving, x, one.start())
             seen[frame] = verdict(one, x, reach, tolerance)
-            late = longer(found.time[frame] / slowest) > spec.settle_limit
-            late |= bool(found.steps[frame] > MOST_STEPS)
+            late = longer(frames.time[frame] / slowest) > spec.settle_limit
+            late |= bool(frames.steps[frame] > MOST_STEPS)
             rate, rounded = one.rates(x)
             still[frame] = bool((np.abs(rate) <= coarser * rounded).all())
             late |= still[frame]
@@ -120,12 +120,12 @@ def at_rest(
                 left.append(frame)
         waiting = np.array(left, dtype=np.intp)
         if len(waiting):
-            waiting, first = found.run_on(waiting, again), False
+            waiting, first = frames.run_on(waiting, again), False
     for frame, what in seen.items():
-        found.state[frame], found.error[frame] = what.state, what.error
+        frames.state[frame], frames.error[frame] = what.state, what.error
         known = what.decided and not (what.stability == "unknown" and still.get(frame, False))
-        found.settled[frame] = what.stability == "stable" or not known
-    return found.result()
+        frames.settled[frame] = what.stability == "stable" or not known
+    return frames.result()
 
 
 def longer(time: float) -> float:

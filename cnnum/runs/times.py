@@ -100,10 +100,10 @@ def _looks(request: Request, times: tuple[float, ...], end: Result) -> Result | 
     def again(finer: RunSpec, frames: NDArray[np.intp]) -> Result:
         own = Request(engine, ran, request.frames(frames), request.shape, finer)
         plan = engine.plan_for(ran, request.shape, own.names, finer)
-        found = looked_at(plan, own.given, own.lead, times, engine.precision)
-        if found is None:  # its steps are implicit: nothing is known of the error
+        result = looked_at(plan, own.given, own.lead, times, engine.precision)
+        if result is None:  # its steps are implicit: nothing is known of the error
             raise MethodError("Implicit steps give no states at intermediate times.")
-        return found
+        return result
 
     return compared(looks, ran, solver, request.given, spec, again)
 
@@ -194,10 +194,10 @@ def looked_at(
 
 def reached(template: Template, times: Sequence[float], lead: tuple[int, ...]) -> Floats:
     """Return the time that runs to each of some times reach: in discrete time, whole steps."""
-    found = np.reshape(np.asarray(times, dtype=np.float64), (-1, *(1,) * len(lead)))
+    result = np.reshape(np.asarray(times, dtype=np.float64), (-1, *(1,) * len(lead)))
     if template.output.discrete:
-        found = np.ceil(found - ALMOST) + 0.0  # no −0
-    return np.broadcast_to(found, (len(times), *lead)).copy()
+        result = np.ceil(result - ALMOST) + 0.0  # no −0
+    return np.broadcast_to(result, (len(times), *lead)).copy()
 
 
 def _ends_at(plan: Plan, solver: Solver, times: Sequence[float]) -> list[Exact]:

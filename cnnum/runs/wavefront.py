@@ -258,22 +258,22 @@ def _rest(
         """Return the end of cells that go one way, else the one that bounds of both ways share."""
         # the other way where the first is none; which is first saves time where all begin alike
         first = 1.0 if start[0, 0] > 0.0 else -1.0
-        found = gone(start, first, margin)
-        if found[0] in (END, GREY):
-            return found
-        found = gone(start, -first, margin)
-        if found[0] == END:
-            return found
+        result = gone(start, first, margin)
+        if result[0] in (END, GREY):
+            return result
+        result = gone(start, -first, margin)
+        if result[0] == END:
+            return result
         ends = list[tuple[int, float, Floats]]()
         for sign, bound in ((1.0, np.minimum), (-1.0, np.maximum)):
             # from a state below (above): all that may fall (rise) has done so at once
             outcome, _, reached = gone(start, sign, margin, alone=True)
             if outcome != END:
-                return found
+                return result
             ends.append(gone(bound(start, np.sign(reached)), -sign, margin))
         (below, early, low), (above, late, high) = ends
         if below != END or above != END or not bool((low == high).all()):
-            return found
+            return result
         return END, max(early, late), low
 
     outcome, time, state = end_within(rounding)
@@ -310,7 +310,7 @@ def _sums_exactly(template: Template, known: Monotone, maps: Given) -> bool:
     numbers += [maps[role] for role in ("input", "bias") if role in maps]
     if template.input_boundary.constant is not None:
         numbers.append(np.float64(template.input_boundary.constant))
-    scaled = (np.asarray(one, dtype=np.float64) * FINEST for one in numbers)
+    scaled = (np.asarray(number, dtype=np.float64) * FINEST for number in numbers)
     return all(
         bool((np.abs(one) < FINEST * LARGEST).all() and (one == np.rint(one)).all())
         for one in scaled

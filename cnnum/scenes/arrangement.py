@@ -84,13 +84,13 @@ def named(program: str, base: Path = Path()) -> Program:
         return get_program(program)
     if place.endswith(".py"):
         return load_program(base / place, name)
-    found = getattr(module_of("program", place, base), name, None)
-    if not isinstance(found, Program):
+    result = getattr(module_of("program", place, base), name, None)
+    if not isinstance(result, Program):
         raise SceneError(
             f"The program {shown(program)}: expected a function '{name}' under @cnnum.program in "
             f"the module '{place}'."
         )
-    return found
+    return result
 
 
 def refuse_other_limits(spec: SceneSpec, driver: Driver) -> None:
@@ -451,7 +451,7 @@ def given_by(shape: Shape, channels: Sequence[str]) -> tuple[Given, ...]:
     able: dict[str, list[str]] = {event: [] for event in EVENT_RULES}
     named = dict.fromkeys(able, False)
     rooms = (*program_names("tactile"), *program_names("tactile.contact_mechanics"))
-    for name in (one for one in rooms if one != ALL):
+    for name in (room for room in rooms if room != ALL):
         program = get_program(name)
         whole = _outputs(program, shape, (*channels, *missing))
         here = _outputs(program, shape, channels) if missing else whole

@@ -467,26 +467,26 @@ class Dropouts:
         jumps, far = np.abs(steps) > JUMP, np.abs(away) > JUMP * noise
         free = np.asarray(ways < LEFT * np.abs(away) + SPREAD * noise)
         zero = jumps & far & free & (values == 0.0) & self._analog
-        found: Mask = np.asarray(zero.any(axis=2) & living)
+        result: Mask = np.asarray(zero.any(axis=2) & living)
         # where noise keeps neighbours apart at rest, one number is none of the rest either
         told = np.where(np.abs(away) > SPREAD * noise, free, ~self._alike) & self._analog
         for line in lines_of(living):
             there, was = values[line], raw[line]
             alike = (there == there[0]).all(axis=0) & ~(was == was[0]).all(axis=0)
             if (alike & told[line].all(axis=0) & jumps[line].any(axis=0)).any():
-                found |= line
-        return np.asarray(found & living)
+                result |= line
+        return np.asarray(result & living)
 
     def _over(self, steps: Floats, place: int | None, time: float) -> Mask:
         """Return the taxels whose step was over within the frame before."""
         if self._doubted is None or self._doubt is None:
             return self._none
         first, after = np.abs(_main(self._doubt, place)), np.abs(_main(steps, place))
-        found = self._doubted & (after < ASIDE * first)
+        result = self._doubted & (after < ASIDE * first)
         # an array that zeroes itself makes one step in all its taxels, and stays there
-        if found.all() and time - self._doubted_at >= STEADY:
+        if result.all() and time - self._doubted_at >= STEADY:
             return self._none
-        return np.asarray(found)
+        return np.asarray(result)
 
     def _as_before(self, values: Floats, filled: Floats, held: Mask) -> Mask:
         """Return the taxels that read rather as they were continued, or as the mean load around
@@ -496,15 +496,15 @@ class Dropouts:
         if self._lost is None:
             return self._none
         away, near = (np.abs(values - other).max(axis=2) for other in (self._lost, filled))
-        found = np.asarray((near < away) | (away == near))
+        mask = np.asarray((near < away) | (away == near))
         loads = values - self._rest
-        for row, col in np.argwhere(held & ~found).tolist():
+        for row, col in np.argwhere(held & ~mask).tolist():
             around = np.s_[max(0, row - 1) : row + 2, max(0, col - 1) : col + 2]
             some = loads[around][~held[around]]
             if len(some):
                 apart = np.abs(loads[row, col] - some.mean(axis=0)).max()
-                found[row, col] = apart < away[row, col]
-        return found
+                mask[row, col] = apart < away[row, col]
+        return mask
 
     def _say(self, new: Mask, frame: Frame) -> None:
         named = new & ~self._said
@@ -529,19 +529,19 @@ def _one_number(values: Floats) -> bool:
 
 def at_end(frame: Frame, end: float) -> Mask:
     """Return the taxels that stand at an end of their range."""
-    found = np.asarray((np.abs(frame.values) >= end).any(axis=2))
-    return found if frame.saturated is None else found | frame.saturated
+    result = np.asarray((np.abs(frame.values) >= end).any(axis=2))
+    return result if frame.saturated is None else result | frame.saturated
 
 
 def lines_of(living: Mask) -> list[Mask]:
     """Return the rows, the columns, and all of the taxels that are looked at, as masks."""
-    found: list[Mask] = []
+    result: list[Mask] = []
     for axis in (1, 0):
         for number in range(living.shape[1 - axis]):
             line = np.zeros_like(living)
             line[(number, slice(None)) if axis else (slice(None), number)] = True
-            found.append(line & living)
-    return [line for line in (*found, living) if line.sum() >= LINE]
+            result.append(line & living)
+    return [line for line in (*result, living) if line.sum() >= LINE]
 
 
 def _main(steps: Floats, place: int | None) -> Floats:
@@ -564,21 +564,21 @@ def _alone(steps: Floats, had: Floats, away: Floats, living: Mask, place: int | 
     place : int or None
         Of the normal channel.
     """
-    found = np.zeros_like(living)
+    mask = np.zeros_like(living)
     ways = [tuple(np.abs(one).max(axis=2) for one in (steps, had, away))]
     if place is not None:
         ways.append((steps[..., place], had[..., place], away[..., place]))
     for step, was, rest in ways:
         size = np.abs(was)
         gone = living & (np.abs(step) > JUMP) & (size > JUMP) & (np.abs(rest) < LEFT * size)
-        for row, col in np.argwhere(gone & ~found).tolist():
+        for row, col in np.argwhere(gone & ~mask).tolist():
             near = np.s_[max(0, row - 1) : row + 2, max(0, col - 1) : col + 2]
             others = (living & ~gone)[near]
             stays = np.abs(steps[near][others]) < ASIDE * abs(step[row, col])
             loaded = np.sign(was[row, col]) * was[near][others]
             loaded = loaded > max(JUMP, LOADED * size[row, col])
-            found[row, col] = loaded.sum() >= 2 and bool(stays.all())
-    return found
+            mask[row, col] = loaded.sum() >= 2 and bool(stays.all())
+    return mask
 
 
 def _quick(steps: Floats, living: Mask) -> Mask:
@@ -592,20 +592,20 @@ def _quick(steps: Floats, living: Mask) -> Mask:
     """
     size = np.where(living, np.abs(steps), 0.0)
     jumps = size > JUMP
-    found = np.zeros_like(living)
+    mask = np.zeros_like(living)
     for row, col in np.argwhere(jumps).tolist():
         near = np.s_[max(0, row - 1) : row + 2, max(0, col - 1) : col + 2]
         others = living[near].copy()
         others[row - near[0].start, col - near[1].start] = False
-        found[row, col] = others.any() and size[near][others].max() < ASIDE * size[row, col]
+        mask[row, col] = others.any() and size[near][others].max() < ASIDE * size[row, col]
     for axis in (0, 1):
         whole = (jumps | ~living).all(axis=axis) & (living.sum(axis=axis) >= LINE)
         if whole.any():
             lines = np.expand_dims(whole, axis) & living
             outside = size[~lines]
             if not outside.size or outside.max() < ASIDE * np.median(size[lines]):
-                found |= lines
-    return found
+                mask |= lines
+    return mask
 
 
 def _near_rest(away: Floats, held: Mask) -> Mask:

@@ -378,32 +378,32 @@ def event_rule(table: Mapping[str, object], about: str) -> EventRule:
     for key in table:
         if key not in known:
             raise SceneError(f"{about}: {name_error('key of an event', key, known)}")
-    found: dict[str, Any] = {}
+    result: dict[str, Any] = {}
     for key, value in table.items():
         if key in _TEXTS:
-            found[key] = checked_name(f"{about}: '{key}'", value, SceneError)
+            result[key] = checked_name(f"{about}: '{key}'", value, SceneError)
         elif key in _PAIRS:
             several = isinstance(value, list | tuple)
             two = list(cast("Sequence[object]", value)) if several else []
             if len(two) != 2:
                 raise SceneError(f"{about}: '{key}' must name two outputs, got {shown(value)}.")
-            found[key] = tuple(checked_name(f"{about}: '{key}'", one, SceneError) for one in two)
+            result[key] = tuple(checked_name(f"{about}: '{key}'", one, SceneError) for one in two)
         else:
             real = isinstance(value, int | float) and not isinstance(value, bool)
             if not (real and math.isfinite(cast("float", value))):
                 raise SceneError(f"{about}: '{key}' is a number, got {shown(value)}.")
-            found[key] = float(cast("float", value))
+            result[key] = float(cast("float", value))
     for key in ("kind", "flag"):
-        if not found.get(key):
+        if not result.get(key):
             raise SceneError(f"{about}: '{key}' is missing: an event needs a kind and a flag.")
-    on = found.setdefault("on", 0.0)
-    if found.setdefault("off", on) > on:
-        raise SceneError(f"{about}: 'off' is {found['off']:g}, above 'on', which is {on:g}.")
-    if found.get("steady", 0.0) < 0.0:
+    on = result.setdefault("on", 0.0)
+    if result.setdefault("off", on) > on:
+        raise SceneError(f"{about}: 'off' is {result['off']:g}, above 'on', which is {on:g}.")
+    if result.get("steady", 0.0) < 0.0:
         raise SceneError(
-            f"{about}: 'steady' must be a time of at least 0 s, got {found['steady']:g}."
+            f"{about}: 'steady' must be a time of at least 0 s, got {result['steady']:g}."
         )
-    return EventRule(**found, own=True)
+    return EventRule(**result, own=True)
 
 
 def rules_that_fit(events: Iterable[str], outputs: Collection[str]) -> tuple[EventRule, ...]:

@@ -51,11 +51,11 @@ def trials(shape: Shape, seed: int, count: int, rate: float = RATE) -> tuple[Tri
         ("slip, gains", pulled(power(2.0), array, SHAKEN)),
         ("twist", twisted(array)),
     )
-    found = [maker(arrays, name, n) for name, maker in makers for n in range(seed, seed + count)]
+    result = [maker(arrays, name, n) for name, maker in makers for n in range(seed, seed + count)]
     if shape == (8, 8):
         grip = hands.held(hands.grips)
-        found += [grip(arrays, "grip", n) for n in range(seed, seed + count)]
-    return tuple(found)
+        result += [grip(arrays, "grip", n) for n in range(seed, seed + count)]
+    return tuple(result)
 
 
 def side_by_side(some: Sequence[Trial], most: int | None = None) -> Floats:
@@ -109,24 +109,24 @@ def made(
     UnknownNameError
         If there is no such program, output or precision.
     """
-    kind, found = precision_named(precision), schedule_of(name, shape, needs)
+    kind, result = precision_named(precision), schedule_of(name, shape, needs)
     wanted = None if needs is None else tuple(needs)
     seen = _seen(name, shape, method, wanted) if kind.integer else Seen()
-    return make_with(named(name).name, found, solvers_for(found, method), kind, seen, method)
+    return make_with(named(name).name, result, solvers_for(result, method), kind, seen, method)
 
 
 @lru_cache(maxsize=4)
 def _seen(name: str, shape: Shape, method: str, needs: tuple[str, ...] | None) -> Seen:
     """Return the ranges of a program's values: whole numbers of any length share them."""
-    found = schedule_of(name, shape, needs)
-    step = 1 if found.memories else APART
-    return measured(found, solvers_for(found, method), measuring_frames(shape)[::step])
+    result = schedule_of(name, shape, needs)
+    step = 1 if result.memories else APART
+    return measured(result, solvers_for(result, method), measuring_frames(shape)[::step])
 
 
 def vector_streams(shape: Shape, count: int, rate: float = RATE) -> Floats:
     """Return simulated streams among which a test vector is chosen, as `vector_parts` does."""
     scenes = trials(shape, 0, MEASURED, rate)[::MEASURED]
-    return vector_parts([one.frames for one in scenes], count)
+    return vector_parts([scene.frames for scene in scenes], count)
 
 
 def vector_parts(scenes: Sequence[NDArray[Any]], count: int) -> Floats:
@@ -141,21 +141,21 @@ def vector_parts(scenes: Sequence[NDArray[Any]], count: int) -> Floats:
     count : int
         Frames of a stream.
     """
-    found, like = list[Floats](), scenes[0]
-    for one in scenes:
-        whole = len(one) // count or 1
+    result, like = list[Floats](), scenes[0]
+    for scene in scenes:
+        whole = len(scene) // count or 1
         for step in sorted({1, whole}):
-            last = max(0, len(one) - step * count)
+            last = max(0, len(scene) - step * count)
             for start in sorted({0, last // 2, last}):
-                part = one[start::step][:count].astype(np.float64)
+                part = scene[start::step][:count].astype(np.float64)
                 rest = np.repeat(part[-1:], count - len(part), axis=0)
-                found.append(np.concatenate([part, rest]))
-    largest = np.max([np.abs(one).max(axis=(0, 1, 2)) for one in scenes], axis=0)
+                result.append(np.concatenate([part, rest]))
+    largest = np.max([np.abs(scene).max(axis=(0, 1, 2)) for scene in scenes], axis=0)
     random = np.random.default_rng(0)
     for held in (1, 1, 3, 8):
         numbers = random.uniform(-1.0, 1.0, (-(-count // held), *like.shape[1:])) * largest
-        found.append(np.repeat(numbers, held, axis=0)[:count])
-    return np.stack(found, axis=1).astype(np.float64)
+        result.append(np.repeat(numbers, held, axis=0)[:count])
+    return np.stack(result, axis=1).astype(np.float64)
 
 
 def vector_frames(shape: Shape, count: int) -> Floats:

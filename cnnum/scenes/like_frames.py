@@ -106,4 +106,4 @@ def like_frames(
     # the last frame comes once more with all marks set: they are 0 or 1 in any recording
     values.append(values[-1])
     marks.append(np.ones(driver.shape if grid is None else grid.shape, dtype=np.bool_))
-    return np.stack([marked(one, at_end) for one, at_end in zip(values, marks, strict=True)])
+    return np.stack([marked(value, at_end) for value, at_end in zip(values, marks, strict=True)])

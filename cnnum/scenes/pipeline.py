@@ -409,7 +409,7 @@ class Scene(OfThisProcess):
                 if moment.values is not None and self.holds.look(moment.values, frame.time):
                     self.tare()
                 if moment.events and self.holds.marks:
-                    marked_events = tuple(replace(one, rest_held=True) for one in moment.events)
+                    marked_events = tuple(replace(event, rest_held=True) for event in moment.events)
                     moment = moment._replace(events=marked_events)
                 if frame.time - first < begin - SAME_TIME:
                     self._before, self._last_before = self._before + 1, frame
@@ -780,10 +780,10 @@ def _rules(
     SceneError
         If the program gives nothing of a wanted event.
     """
-    found: list[EventRule] = []
+    result: list[EventRule] = []
     for want in wants:
         if own := [rule for rule in spec.events if rule.kind == want]:
-            found += [_fitting(spec, rule, outputs) for rule in own]
+            result += [_fitting(spec, rule, outputs) for rule in own]
             continue
         fitting = rules_that_fit([want], outputs)
         if want in EVENT_RULES and not fitting:
@@ -791,8 +791,8 @@ def _rules(
                 f"Scene '{spec.name}' wants '{want}', which the program '{spec.program_name}' does "
                 f"not give: it has {', '.join(outputs)}."
             )
-        found += fitting
-    return tuple(found)
+        result += fitting
+    return tuple(result)
 
 
 def _fitting(spec: SceneSpec, rule: EventRule, outputs: Collection[str]) -> EventRule:

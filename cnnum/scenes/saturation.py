@@ -154,9 +154,9 @@ class Saturation:
         if not before.learned:
             frames, total = frames + 1, frame.values if total is None else total + frame.values
         learned = frames >= ENOUGH and frame.time - began >= BEGINS
-        found = at_end & ~stuck & ~(broken & alone)
+        result = at_end & ~stuck & ~(broken & alone)
         past = _Past(frames, began, learned, total, stuck, since, broken)
-        return Seen(found if found.any() else None, known, frame, past)
+        return Seen(result if result.any() else None, known, frame, past)
 
     def take(self, seen: Seen | None) -> None:
         """Keep in mind what a good frame shows, and say it where it is new."""
@@ -180,13 +180,13 @@ class Saturation:
 
     def _at_end(self, frame: Frame, flagged: bool) -> tuple[Mask, bool]:
         """Return the taxels at their end, all of them where it is not known which; and whether."""
-        found = np.zeros(frame.shape, dtype=np.bool_)
+        result = np.zeros(frame.shape, dtype=np.bool_)
         if frame.saturated is not None:
-            found = found | frame.saturated
+            result = result | frame.saturated
         if self._limit < float("inf"):
-            found = found | (np.abs(frame.values) >= self._limit).any(axis=2)
-        known = bool(found.any()) or not flagged
-        return (found if known else ~found) & self._looked_at, known
+            result = result | (np.abs(frame.values) >= self._limit).any(axis=2)
+        known = bool(result.any()) or not flagged
+        return (result if known else ~result) & self._looked_at, known
 
     def _alone(self, frame: Frame, at_end: Mask) -> Mask:
         """Return the taxels at their end around which no other one feels a load."""
@@ -261,12 +261,12 @@ def marked(values: Floats, at_end: Mask | None) -> Floats:
 
 def _reached(cells: Mask, group: Mask) -> Mask:
     """Return the part of a group that hangs together with a neighbour of the cells."""
-    found = group & _around(cells)
+    mask = group & _around(cells)
     while True:
-        more = group & _around(found)
-        if (more == found).all():
-            return found
-        found = more
+        more = group & _around(mask)
+        if (more == mask).all():
+            return mask
+        mask = more
 
 
 def _around(cells: Mask) -> Mask:

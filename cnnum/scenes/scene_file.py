@@ -190,8 +190,10 @@ def read_scene(
 
 def _parameters_of(table: Mapping[str, object]) -> list[str]:
     program = table.get("program")
-    found = cast("dict[str, object]", program).get("parameters") if isinstance(program, dict) else 0
-    return list(cast("dict[str, object]", found)) if isinstance(found, dict) else []
+    result = (
+        cast("dict[str, object]", program).get("parameters") if isinstance(program, dict) else 0
+    )
+    return list(cast("dict[str, object]", result)) if isinstance(result, dict) else []
 
 
 def _refuse_code(spec: SceneSpec, scene: str | Path, changes: Mapping[str, object]) -> None:
@@ -321,8 +323,8 @@ def _events(scene: str, value: object) -> tuple[EventRule, ...]:
             f"Scene '{scene}': 'event' must be a list of tables, each begun by [[event]], got "
             f"{shown(value)}."
         )
-    found = enumerate(cast("list[Mapping[str, object]]", tables), 1)
-    return tuple(event_rule(table, f"Scene '{scene}', event {n}") for n, table in found)
+    result = enumerate(cast("list[Mapping[str, object]]", tables), 1)
+    return tuple(event_rule(table, f"Scene '{scene}', event {n}") for n, table in result)
 
 
 def _scale(scene: str, table: Mapping[str, Any]) -> ArrayCalibration | None:
@@ -381,16 +383,16 @@ def _positive(scene: str, key: str, value: object, what: str) -> float | None:
 def _limits(scene: str, value: object) -> Limits | None:
     """Return the limits of raw values, None where a scene says nothing."""
     try:
-        found = cast(Limits | None, convert("frames.limits", value, Limits | None, Path()))
-        several = found is not None and (not found or isinstance(found[0], tuple))
-        if found is not None:
-            limits_of(found, len(found) if several else 1)
+        result = cast(Limits | None, convert("frames.limits", value, Limits | None, Path()))
+        several = result is not None and (not result or isinstance(result[0], tuple))
+        if result is not None:
+            limits_of(result, len(result) if several else 1)
     except (SceneError, ArrayError):
         raise SceneError(
             f"Scene '{scene}': 'frames.limits' must be the least and the largest raw value of a "
             f"sound taxel, as in [1, 65534], or such a pair a channel, got {value!r}."
         ) from None
-    return found
+    return result
 
 
 def _tares(scene: str, value: object) -> tuple[float, ...]:

@@ -435,10 +435,10 @@ def _write_address_events(file: IO[bytes], record: SceneRecord) -> None:
 def _channel_of(names: Iterable[str]) -> str:
     """Return the only channel whose spikes are among some fields; "" without exactly one."""
     first = SPIKES[0]
-    found = {name.removesuffix(first) for name in names if name.endswith(first)}
+    result = {name.removesuffix(first) for name in names if name.endswith(first)}
     known = set(names)
-    whole = [each for each in found if known >= {each + ending for ending in SPIKES}]
-    return whole[0] if len(found) == len(whole) == 1 else ""
+    whole = [each for each in result if known >= {each + ending for ending in SPIKES}]
+    return whole[0] if len(result) == len(whole) == 1 else ""
 
 
 def refuse_no_spikes(target: Path, names: Iterable[str]) -> None:

@@ -330,11 +330,11 @@ def drawn(
     rng: np.random.Generator, radii: tuple[float, float], cells: int, count: int
 ) -> list[Touch]:
     """Draw touches that lie on the array as a whole, pulled by 0.1 to 0.65 of their load."""
-    found: list[Touch] = []
+    result: list[Touch] = []
     for _ in range(count):
         radius = float(rng.uniform(radii[0], min(radii[1], WIDEST * cells)))
         room = 0.9 * (cells / 2 - radius)
         x, y = (float(place) for place in rng.uniform(-room, room, 2))
         pull, angle = float(rng.uniform(0.1, 0.65)), float(rng.uniform(0.0, 2 * np.pi))
-        found.append(Touch(radius, (x, y), pull, angle))
-    return found
+        result.append(Touch(radius, (x, y), pull, angle))
+    return result

@@ -43,11 +43,11 @@ def inner(part: str) -> int:
 
 def parts_of(template: Template) -> Parts:
     """Return the numbers of a template by their name."""
-    found = {key: n for key, n in numbers_of(template).items() if not key.startswith("table")}
-    found["tau"] = template.tau
+    parts = {key: n for key, n in numbers_of(template).items() if not key.startswith("table")}
+    parts["tau"] = template.tau
     if template.delayed is not None:
-        found["delay"] = np.asarray(template.delayed.delay, dtype=np.float64)
-    return found
+        parts["delay"] = np.asarray(template.delayed.delay, dtype=np.float64)
+    return parts
 
 
 def own_parts(parts: Parts) -> Parts:
@@ -92,21 +92,21 @@ def checked_parts(template: Template, given: Given) -> dict[str, Floats]:
         raise TemplateError(
             f"A batch of '{template.name}' has no part '{part}': its template must have it, too."
         )
-    found = {key: _checked(template, key, own[key], asked.get(key)) for key in own}
-    for part in found.keys() & {"tau", "delay"}:
-        if (found[part] <= 0.0).any():
+    result = {key: _checked(template, key, own[key], asked.get(key)) for key in own}
+    for part in result.keys() & {"tau", "delay"}:
+        if (result[part] <= 0.0).any():
             raise TemplateError(f"A batch of '{template.name}' needs a {part} above 0.")
-    return {key: frozen(value) for key, value in found.items()}
+    return {key: frozen(value) for key, value in result.items()}
 
 
 def _by_name(template: Template, given: Given) -> dict[str, ArrayLike]:
     """Return the given parts, each of a sequence by its own name."""
-    found: dict[str, ArrayLike] = {}
+    result: dict[str, ArrayLike] = {}
     for part, value in given.items():
         if value is None or (part == "B" and not template.inputs and np.size(value) == 0):  # type: ignore[arg-type]
             continue
         if part not in SEQUENCES:
-            found[part.replace("_", " ")] = cast(ArrayLike, value)
+            result[part.replace("_", " ")] = cast(ArrayLike, value)
             continue
         count = len(getattr(template, part))
         if not isinstance(value, Sequence) or len(value) > count:
@@ -115,39 +115,39 @@ def _by_name(template: Template, given: Given) -> dict[str, ArrayLike]:
                 f"of its {count}."
             )
         each = enumerate(cast("Sequence[ArrayLike | None]", value), 1)
-        found |= {f"{SEQUENCES[part]} {n}": one for n, one in each if one is not None}
-    return found
+        result |= {f"{SEQUENCES[part]} {n}": one for n, one in each if one is not None}
+    return result
 
 
 def _checked(template: Template, part: str, own: Floats, value: ArrayLike | None) -> Floats:
     if value is None:
         return np.asarray(own, dtype=np.float64)
-    found = finite(f"{part} of a batch of '{template.name}'", value)
+    values = finite(f"{part} of a batch of '{template.name}'", value)
     if inner(part) == INNER["A"]:
-        return _kernels(template, part, own, found)
-    if part in ("z", "tau") and own.shape == (1,) and (found.ndim == 0 or found.shape[-1] != 1):
-        return found[..., np.newaxis]
-    if found.shape[found.ndim - own.ndim :] != own.shape:
+        return _kernels(template, part, own, values)
+    if part in ("z", "tau") and own.shape == (1,) and (values.ndim == 0 or values.shape[-1] != 1):
+        return values[..., np.newaxis]
+    if values.shape[values.ndim - own.ndim :] != own.shape:
         raise TemplateError(
             f"{part} of a batch of '{template.name}' must have the last axes {own.shape}, got the "
-            f"shape {found.shape}."
+            f"shape {values.shape}."
         )
-    return found
+    return values
 
 
-def _kernels(template: Template, part: str, own: Floats, found: Floats) -> Floats:
+def _kernels(template: Template, part: str, own: Floats, values: Floats) -> Floats:
     couples = own.shape[:2]
-    plain = 2 <= found.ndim < 4 or (found.ndim >= 4 and found.shape[-4:-2] != (1, 1))
-    shape = found.shape
+    plain = 2 <= values.ndim < 4 or (values.ndim >= 4 and values.shape[-4:-2] != (1, 1))
+    shape = values.shape
     if couples == (1, 1) and plain:
-        found = found[..., np.newaxis, np.newaxis, :, :]
-    sizes = found.shape[-4:]
+        values = values[..., np.newaxis, np.newaxis, :, :]
+    sizes = values.shape[-4:]
     if len(sizes) < 4 or sizes[:2] != couples or sizes[-1] != sizes[-2] or sizes[-1] % 2 == 0:
         raise TemplateError(
             f"{part} of a batch of '{template.name}' must be (..., k, k) with k odd, for {couples} "
             f"couplings, got the shape {shape}."
         )
-    return found
+    return values
 
 
 @dataclass(frozen=True, slots=True, eq=False, init=False)
@@ -238,8 +238,8 @@ class TemplateBatch(ByContent):
         expect("templates", templates, Sequence, TemplateError)
         if not templates:
             raise TemplateError("A batch needs at least one template, got none.")
-        for one in templates:
-            expect("templates", one, Template, TemplateError)
+        for template in templates:
+            expect("templates", template, Template, TemplateError)
         first = templates[0]
         for other in templates[1:]:
             if _form(other) != _form(first):
@@ -247,7 +247,7 @@ class TemplateBatch(ByContent):
                     f"A batch needs templates of one form, got '{first.name}' and '{other.name}': "
                     "boundary, start, duration, output, tables and sizes must be the same."
                 )
-        each = [parts_of(one) for one in templates]
+        each = [parts_of(template) for template in templates]
         stacked = {key: np.stack([parts[key] for parts in each]) for key in each[0]}
         return _made(first, stacked, (len(templates),))
 
@@ -290,10 +290,10 @@ class TemplateBatch(ByContent):
 
 def _made(template: Template, parts: Parts, lead: tuple[int, ...]) -> TemplateBatch:
     """Return a batch of numbers that are known to fit."""
-    found = object.__new__(TemplateBatch)
+    template_batch = object.__new__(TemplateBatch)
     for key, value in (("template", template), ("parts", parts), ("lead", lead)):
-        object.__setattr__(found, key, value)
-    return found
+        object.__setattr__(template_batch, key, value)
+    return template_batch
 
 
 def _form(template: Template) -> tuple[object, ...]:

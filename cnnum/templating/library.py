@@ -57,10 +57,10 @@ def template_path(name: str) -> Path:
     if not isinstance(cast(object, name), str):
         raise name_error("template", name, template_names())
     key = name.lower()
-    found = _files().get(key) or _aliases().get(key)
-    if found is None:
+    path = _files().get(key) or _aliases().get(key)
+    if path is None:
         raise _unknown(name)
-    return found
+    return path
 
 
 def as_template(template: object) -> Template:
@@ -107,15 +107,15 @@ def _walk() -> Iterator[Path]:
 
 
 def _unique(pairs: Iterator[tuple[str, Path]]) -> Mapping[str, Path]:
-    found: dict[str, Path] = {}
+    result: dict[str, Path] = {}
     for name, path in pairs:
-        if name in found and found[name] != path:
+        if name in result and result[name] != path:
             raise TemplateError(
-                f"The template library has '{name}' twice, in '{found[name]}' and '{path}'; "
+                f"The template library has '{name}' twice, in '{result[name]}' and '{path}'; "
                 "rename one of them."
             )
-        found[name] = path
-    return MappingProxyType(found)
+        result[name] = path
+    return MappingProxyType(result)
 
 
 def _unknown(name: str) -> UnknownNameError:

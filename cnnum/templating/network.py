@@ -48,8 +48,8 @@ def reads_inputs_around(template: Template) -> bool:
 def moving_inputs(template: Template) -> list[int]:
     """Return the inputs that the cells go on reading as their states change."""
     moving = [coupling for coupling in template.nonlinear if not coupling.static]
-    found = {coupling.source for coupling in moving if coupling.neighbour == "u"}
-    return sorted(found | {c.centre_source for c in moving if c.centre == "u"})
+    result = {coupling.source for coupling in moving if coupling.neighbour == "u"}
+    return sorted(result | {c.centre_source for c in moving if c.centre == "u"})
 
 
 def delays_outputs(template: Template) -> bool:

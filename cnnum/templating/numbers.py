@@ -24,18 +24,18 @@ def weights_of(template: Template) -> dict[str, Floats]:
         "A", "z", "B", "coupling 1" (weights of a nonlinear coupling), "delayed A", "delayed B",
         as far as the template has them.
     """
-    found = {"A": template.A, "z": template.z}
-    found |= {"B": template.B} if template.inputs else {}
-    found |= {f"coupling {n}": each.weights for n, each in enumerate(template.nonlinear, 1)}
+    result = {"A": template.A, "z": template.z}
+    result |= {"B": template.B} if template.inputs else {}
+    result |= {f"coupling {n}": each.weights for n, each in enumerate(template.nonlinear, 1)}
     if template.delayed is not None:
-        found |= {"delayed A": template.delayed.A, "delayed B": template.delayed.B}
-    return found
+        result |= {"delayed A": template.delayed.A, "delayed B": template.delayed.B}
+    return result
 
 
 def numbers_of(template: Template) -> dict[str, Floats]:
     """Return all weights, and the values of function tables, "table 1", and of gains, "gain 1"."""
     functions = {f"table {n}": c.function for n, c in enumerate(template.nonlinear, 1)}
-    tables = {name: each for name, each in functions.items() if isinstance(each, Table)}
+    tables = {name: function for name, function in functions.items() if isinstance(function, Table)}
     tables |= {f"gain {n}": gain.table for n, gain in enumerate(template.gains, 1)}
     return weights_of(template) | {name: _values(table) for name, table in tables.items()}
 
@@ -98,8 +98,8 @@ def matrices(template: Template) -> list[tuple[str, Floats]]:
         late = f" of {template.timed(template.delayed.delay)} ago"
         both = {f"A{late}": template.delayed.A, f"B{late}": template.delayed.B}
         parts |= {label: couplings for label, couplings in both.items() if couplings.any()}
-    found = [pair for label, couplings in parts.items() for pair in _kernels(label, couplings)]
-    return found + [
+    result = [pair for label, couplings in parts.items() for pair in _kernels(label, couplings)]
+    return result + [
         (f"coupling {n}{_place(template, each)}, weights of f{n}({_argument(each)}", each.weights)
         for n, each in enumerate(template.nonlinear, 1)
     ]
@@ -107,8 +107,8 @@ def matrices(template: Template) -> list[tuple[str, Floats]]:
 
 def functions(template: Template) -> list[tuple[str, str]]:
     """Return each function of a nonlinear coupling or gain by its name, in words."""
-    found = [(f"f{n}", _function(each)) for n, each in enumerate(template.nonlinear, 1)]
-    return found + [
+    result = [(f"f{n}", _function(each)) for n, each in enumerate(template.nonlinear, 1)]
+    return result + [
         (f"gain of A[{gain.to}, {gain.source}] in time", _steps(gain.table))
         for gain in template.gains
     ]
@@ -118,12 +118,12 @@ def _kernels(label: str, couplings: Floats) -> list[tuple[str, Floats]]:
     layers, sources = couplings.shape[:2]
     if layers * sources == 1:
         return [(label, couplings[0, 0])]
-    found = [
+    result = [
         (f"{label}[{to}, {source}]", couplings[to, source])
         for to in range(layers)
         for source in range(sources)
     ]
-    return [pair for pair in found if pair[1].any()] or found[:1]
+    return [pair for pair in result if pair[1].any()] or result[:1]
 
 
 def _place(template: Template, coupling: NonlinearCoupling) -> str:

@@ -120,8 +120,8 @@ def sampled_slopes(output: OutputFunction, reach: float) -> tuple[float, float]:
     for end in ends:
         x = np.linspace(-end, end, INTERVALS + 1)
         slopes.append(np.diff(np.asarray(output.numpy(x), dtype=np.float64)) / np.diff(x))
-    found = np.concatenate(slopes)
-    return float(found.min()), float(found.max())
+    result = np.concatenate(slopes)
+    return float(result.min()), float(result.max())
 
 
 def refuted(output: OutputFunction, sampled: tuple[float, float]) -> bool:

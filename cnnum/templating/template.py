@@ -330,15 +330,15 @@ class Template:
 
 def kernels_of(template: Template) -> dict[str, Floats]:
     """Return each (k, k) kernel of A and B by its name; a single one needs no indices."""
-    found: dict[str, Floats] = {}
+    result: dict[str, Floats] = {}
     for part in ("A", "B"):
         couplings: Floats = getattr(template, part)
         layers, sources = couplings.shape[:2]
         for to in range(layers):
             for source in range(sources):
                 name = part if layers * sources == 1 else f"{part}[{to}, {source}]"
-                found[name] = couplings[to, source]
-    return found
+                result[name] = couplings[to, source]
+    return result
 
 
 def _couplings(template: str, part: str, value: ArrayLike) -> Floats:

@@ -177,14 +177,14 @@ def _pillars(sensor: Block) -> Floats:
 
 def _extras(blocks: dict[int, Block]) -> dict[str, float]:
     """Return the array's own loads and slip, by sensor."""
-    found: dict[str, float] = {}
+    result: dict[str, float] = {}
     names = ("fx", "fy", "fz", "tx", "ty", "tz")
     for number, part in enumerate(_items(blocks[GLOBAL]) if GLOBAL in blocks else []):
         _, *loads = struct.unpack_from("<H6f", part.data)
-        found |= {f"device_{n}_{number}": v for n, v in zip(names, loads, strict=True)}
+        result |= {f"device_{n}_{number}": v for n, v in zip(names, loads, strict=True)}
     for number, part in enumerate(_items(blocks[SENSOR_SLIP]) if SENSOR_SLIP in blocks else []):
         _, state, friction, grip = struct.unpack_from("<HBff", part.data)
-        found |= {
+        result |= {
             f"device_slip_{number}": float(state),
             f"device_friction_{number}": friction,
             f"device_grip_{number}": grip,
@@ -192,8 +192,8 @@ def _extras(blocks: dict[int, Block]) -> dict[str, float]:
     slips = blocks.get(PILLAR_SLIP)
     for number, sensor in enumerate(_items(slips) if slips is not None else []):
         states = [struct.unpack_from("<Hbf", pillar.data)[1] for pillar in _items(sensor)]
-        found[f"device_slipped_{number}"] = float(sum(state == 3 for state in states))
-    return found
+        result[f"device_slipped_{number}"] = float(sum(state == 3 for state in states))
+    return result
 
 
 def encode(scan: Scan) -> bytes:

@@ -188,12 +188,12 @@ def _kind(scan: Scan) -> tuple[object, ...]:
     return scan.values.shape, scan.channels, scan.unit
 
 
-def _step(one: Scan, other: Scan) -> Floats:
+def _step(scan: Scan, other: Scan) -> Floats:
     """Return how far time, count and each channel go from a scan to another."""
-    before, after = (np.asarray(each.values, np.float64) for each in (one, other))
+    before, after = (np.asarray(each.values, np.float64) for each in (scan, other))
     moved = np.nan_to_num(np.abs(after - before)).max(axis=(0, 1))  # NaN of a lost taxel
-    time_us = _ahead(one.time_us, other.time_us, other.time_wrap)
-    count = _ahead(one.sequence, other.sequence, other.sequence_wrap)
+    time_us = _ahead(scan.time_us, other.time_us, other.time_wrap)
+    count = _ahead(scan.sequence, other.sequence, other.sequence_wrap)
     return np.array([time_us, count, *moved.tolist()])
 
 
@@ -427,9 +427,9 @@ def overtaken(
 
 def places(data: bytearray, marker: bytes, begin: int, end: int) -> list[int]:
     """Return the places from `begin` on, before `end`, at which a marker begins."""
-    found: list[int] = []
+    result: list[int] = []
     at = data.find(marker, begin)
     while 0 <= at < end:
-        found.append(at)
+        result.append(at)
         at = data.find(marker, at + 1)
-    return found
+    return result

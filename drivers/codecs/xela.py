@@ -96,11 +96,11 @@ class Server:
 
 def _message(line: bytes) -> dict[str, object] | None:
     try:
-        found: Any = json.loads(line)
+        result: Any = json.loads(line)
     except (ValueError, RecursionError):
         return None
-    known = isinstance(found, dict) and "message" in found
-    return cast("dict[str, object]", found) if known else None
+    known = isinstance(result, dict) and "message" in result
+    return cast("dict[str, object]", result) if known else None
 
 
 def scan_of(message: dict[str, object], shape: Shape | None = None) -> Scan:

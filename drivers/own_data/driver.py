@@ -249,7 +249,7 @@ def _saturated(held: Columns, shape: tuple[int, int]) -> NDArray[np.bool_] | Non
     if CSV_MARKS not in held.texts:
         return None
     rows, cols = shape
-    found = np.zeros((len(held.lines), rows, cols), np.bool_)
+    result = np.zeros((len(held.lines), rows, cols), np.bool_)
     for number, text in enumerate(held.texts[CSV_MARKS]):
         for name in text.split():
             cell = _TAXEL.fullmatch(name)
@@ -259,8 +259,8 @@ def _saturated(held: Columns, shape: tuple[int, int]) -> NDArray[np.bool_] | Non
                     f"{rows}×{cols} in the column '{CSV_MARKS}', as in 'r0_c3 r1_c3', got "
                     f"{shown(name)}."
                 )
-            found[number, int(cell[1]), int(cell[2])] = True
-    return found
+            result[number, int(cell[1]), int(cell[2])] = True
+    return result
 
 
 MOST_SHARE_BACK = 0.05

@@ -68,19 +68,19 @@ def of_parquet(file: Any, wanted: list[str], most: int) -> tuple[dict[str, Any],
 def answer(file: Any, wanted: list[str], most: int) -> tuple[dict[str, Any], list[Any]]:
     """Return the head of the answer, and the arrays."""
     h5py: Any = import_module("h5py")
-    found: list[str] = []
+    result: list[str] = []
 
     def note(name: Any, item: Any) -> None:
-        listed = len(found) < (LISTED if wanted else MOST_LISTED) or name in wanted
+        listed = len(result) < (LISTED if wanted else MOST_LISTED) or name in wanted
         if listed and isinstance(item, h5py.Dataset) and isinstance(name, str):
-            found.append(name)
+            result.append(name)
 
     with h5py.File(file, "r") as opened:
         opened.visititems(note)
         if not wanted:
-            return _listed(opened, found), []
-        if any(name not in found for name in wanted):
-            return {"names": found}, []
+            return _listed(opened, result), []
+        if any(name not in result for name in wanted):
+            return {"names": result}, []
         arrays: list[Any] = [opened[name] for name in wanted]
         total = 0
         for name, array in zip(wanted, arrays, strict=True):
@@ -92,7 +92,7 @@ def answer(file: Any, wanted: list[str], most: int) -> tuple[dict[str, Any], lis
             )
         held: list[Any] = [array[...] for array in arrays]
     head = [[array.dtype.newbyteorder("<").str, list(array.shape)] for array in held]
-    return {"names": found, "arrays": head}, held
+    return {"names": result, "arrays": head}, held
 
 
 def _listed(opened: Any, names: list[str]) -> dict[str, Any]:

@@ -60,8 +60,8 @@ def read_hdf5(path: Path, names: Sequence[str]) -> tuple[list[str], Mapping[str,
         hold far more than it is large.
     """
     head, arrays = _asked(path, names)
-    found = [str(name) for name in head.get("names", ())]
-    return found, dict(zip(names, arrays, strict=False))
+    result = [str(name) for name in head.get("names", ())]
+    return result, dict(zip(names, arrays, strict=False))
 
 
 def list_hdf5(path: Path) -> tuple[dict[str, tuple[tuple[int, ...], str]], dict[str, Any]]:

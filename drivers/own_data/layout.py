@@ -220,20 +220,20 @@ class DataLayout:
             If there are more or fewer than the numbers of a frame.
         """
         if isinstance(self.values, tuple):
-            found = self.values
+            names = self.values
         elif not self.header and not self.values:
-            found = tuple(name for name in header if name not in {self.time, *self.truth})
+            names = tuple(name for name in header if name not in {self.time, *self.truth})
         else:
             pattern = self.values or "r{row}_c{col}_{channel}"
-            found = tuple(_named(pattern, place) for place in self._places())
-        if len(set(found)) != self.numbers:
+            names = tuple(_named(pattern, place) for place in self._places())
+        if len(set(names)) != self.numbers:
             rows, cols = self.shape
             raise SceneError(
                 f"'values' must name {rows}×{cols}×{len(self.channels)} = {self.numbers} different "
-                f"columns, got {len(set(found))}: a pattern has {{row}} and {{col}}, or {{n}}, and "
+                f"columns, got {len(set(names))}: a pattern has {{row}} and {{col}}, or {{n}}, and "
                 "{channel}, as in 't{n}_{channel}'."
             )
-        return found
+        return names
 
     def _places(self) -> Iterator[dict[str, str]]:
         rows, cols = self.shape

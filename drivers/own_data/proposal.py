@@ -154,8 +154,8 @@ def propose(path: Path, topic: str = "") -> Proposal:
         If it cannot be read, or shows no frames.
     """
     suffix = path.suffix.lower()
-    if suffix in LINES and (found := _sent(path, ("xela",))) is not None:
-        return found
+    if suffix in LINES and (proposal := _sent(path, ("xela",))) is not None:
+        return proposal
     if is_bag(path) or suffix in (".mcap", *LINES, *BAGS):
         return _of_messages(path, topic)
     if path.is_dir():
@@ -167,15 +167,15 @@ def propose(path: Path, topic: str = "") -> Proposal:
         return _of_arrays(path, list_hdf5(path)[0])
     text = _lines(path)
     if text is None or suffix in (".bin", ".raw"):
-        found = _sent(path, protocol_names())
-        if found is None:
+        proposal = _sent(path, protocol_names())
+        if proposal is None:
             raise CodecError(
                 f"'{path}' is neither a table in a text file, nor what an array of a known "
                 "protocol sent."
             )
-        return found
-    if suffix == ".log" and (found := _sent(path, protocol_names())) is not None:
-        return found
+        return proposal
+    if suffix == ".log" and (proposal := _sent(path, protocol_names())) is not None:
+        return proposal
     return _of_text(path, text)
 
 
@@ -614,14 +614,14 @@ def _of_table(path: Path, lines: list[str], form: TextForm, width: int) -> Propo
 
 def _date_forms(texts: list[str]) -> list[str]:
     """Return the forms that dates of a column have other than ISO's, days before months."""
-    found: list[str] = []
+    result: list[str] = []
     for sign, days in product("/.-", ("%d{0}%m{0}%Y", "%m{0}%d{0}%Y", "%d{0}%m{0}%y")):
         for clock in ("%H:%M:%S.%f", "%H:%M:%S,%f", "%H:%M:%S", "%I:%M:%S.%f %p", "%I:%M:%S %p"):
             form = f"{days.format(sign)} {clock}"
             read = by_format(form)
             if all(read(text) is not None for text in texts):
-                found.append(form)
-    return found
+                result.append(form)
+    return result
 
 
 def _columns(
@@ -697,16 +697,16 @@ def _taken_apart(name: str) -> _Name:
     # units in brackets are no words for an axis, and of several words the last is
     end = next((n for n, part in enumerate(parts) if "(" in part or "[" in part), len(parts))
     end = end or len(parts)
-    found = [
+    result = [
         (n, axis)
         for n, part in enumerate(parts[:end])
         for axis, words in WORDS.items()
         if re.sub("[ _-]", "", part.lower()) in words
     ]
-    at, axis = found[-1] if found else (-1, "")
+    at, axis = result[-1] if result else (-1, "")
     kind = ["#" if part.isdigit() else "*" if n == at else part for n, part in enumerate(parts)]
     numbers = tuple(int(part) for part in parts if part.isdigit())
-    return _Name(tuple(kind), numbers, axis, parts[at] if found else "")
+    return _Name(tuple(kind), numbers, axis, parts[at] if result else "")
 
 
 def _family(names: Sequence[str]) -> list[str]:
@@ -861,12 +861,12 @@ def _block(lines: list[str], separator: str, decimal: str) -> Proposal | None:
 
 def _block_times(proposal: Proposal, head: list[str], between: list[list[str]]) -> None:
     for line in head:
-        found = re.search(
+        match = re.search(
             r"(seconds_per_frame|frame.?rate|frames.?per.?second|frequency)\W+([\d.]+)", line, re.I
         )
-        if found and float(found[2]) > 0.0:
-            value = float(found[2])
-            proposal.table["rate"] = 1.0 / value if found[1].lower().startswith("sec") else value
+        if match and float(match[2]) > 0.0:
+            value = float(match[2])
+            proposal.table["rate"] = 1.0 / value if match[1].lower().startswith("sec") else value
             return
     from cnnum.drivers.own_data.sources import stamp
 

@@ -56,11 +56,11 @@ def csv_columns(path: Path, layout: DataLayout) -> Arrays:
         )
 
     held = read_columns(path, pick, layout.form)
-    found: dict[str, NDArray[Any]] = {VALUES: held.cells, LINES: held.lines}
-    found |= {name: held.facts[:, place] for place, name in enumerate(layout.truth)}
+    arrays: dict[str, NDArray[Any]] = {VALUES: held.cells, LINES: held.lines}
+    arrays |= {name: held.facts[:, place] for place, name in enumerate(layout.truth)}
     if held.clock is not None:
-        found[layout.time] = held.clock / (SECONDS[layout.time_unit] if held.dated else 1.0)
-    return found
+        arrays[layout.time] = held.clock / (SECONDS[layout.time_unit] if held.dated else 1.0)
+    return arrays
 
 
 def npy_array(path: Path, layout: DataLayout) -> Arrays:
@@ -120,11 +120,11 @@ def message_fields(path: Path, layout: DataLayout) -> Arrays:
         )
     parts = [held[name].reshape(len(held[name]), -1) for name in values]
     main = held[values[0]] if len(values) == 1 else np.concatenate(parts, axis=1)
-    found = {VALUES: main, **{name: held[name] for name in layout.truth}}
+    arrays = {VALUES: main, **{name: held[name] for name in layout.truth}}
     if times:
         stamped = times in (LOG_TIME, PUBLISH_TIME)
-        found[times] = held[times] / (SECONDS[layout.time_unit] if stamped else 1.0)
-    return found
+        arrays[times] = held[times] / (SECONDS[layout.time_unit] if stamped else 1.0)
+    return arrays
 
 
 def sent_scans(path: Path, layout: DataLayout) -> Arrays:
@@ -150,19 +150,19 @@ def sent_scans(path: Path, layout: DataLayout) -> Arrays:
             stacklevel=2,
         )
     values = np.stack([np.asarray(scan.values, np.float64) for scan in scans])
-    found: dict[str, NDArray[Any]] = {VALUES: values}
+    arrays: dict[str, NDArray[Any]] = {VALUES: values}
     stamps = [scan.time_us for scan in scans if scan.time_us is not None]
     if len(stamps) == len(scans):
         steps = np.diff(np.array(stamps, np.int64))
         wrap = scans[0].time_wrap
         steps[steps < -(wrap // 2)] += wrap if wrap < 1 << 62 else 0
         seconds = 1e-6 * np.concatenate([[0], np.cumsum(steps)])
-        found[layout.time or LOG_TIME] = seconds / SECONDS[layout.time_unit]
+        arrays[layout.time or LOG_TIME] = seconds / SECONDS[layout.time_unit]
     elif not layout.rate:
         raise CodecError(
             f"'{path}': the protocol '{layout.protocol}' has no times: set 'rate' in the layout."
         )
-    return found
+    return arrays
 
 
 def blocks(path: Path, layout: DataLayout) -> Arrays:

@@ -26,9 +26,9 @@ def components(frame: FrameFields) -> Mapping[str, Field]:
     def take_one(left: Field, count: Field, largest: Field) -> tuple[Field, Field, Field]:
         first = left & number.equals(where(left, number, rows * cols).min())
         filled = apply(recall, input=left.picture(), state=first.picture())
-        found = left & filled.black()
-        size = found.count()
-        return left & ~found, count + where(size > 0.0, 1.0, 0.0), maximum(size, largest)
+        result = left & filled.black()
+        size = result.count()
+        return left & ~result, count + where(size > 0.0, 1.0, 0.0), maximum(size, largest)
 
     def none_left(left: Field, *_: Field) -> Field:
         return ~left.any()

@@ -166,9 +166,9 @@ def active_contour(
 def _next_to(region: Field) -> Field:
     """Return the cells that have one of a region among their eight neighbours."""
     rows, cols = region.graph.shape
-    found = region & ~region
+    field = region & ~region
     for down in (-1, 0, 1):
         for right in (-1, 0, 1):
             if (down or right) and abs(down) < rows and abs(right) < cols:
-                found = found | shift(region, down, right)
-    return found
+                field = field | shift(region, down, right)
+    return field

@@ -83,12 +83,12 @@ def edge_enhancement(frame: FrameFields, *, push: float = PUSH) -> Mapping[str, 
         _links(where(loads.contact, fall, 0.0), other, enhanced > 0.0, least, way)
         for fall, other, way in zip(falls, across, WAYS, strict=True)
     )
-    found = _nearest(right, WAYS[0]) | _nearest(down, WAYS[1])
-    row, column = frame.centroid(found)
+    result = _nearest(right, WAYS[0]) | _nearest(down, WAYS[1])
+    row, column = frame.centroid(result)
     return {
         "edge_enhanced": enhanced,
-        "edges": found,
-        "edge_count": found.count(),
+        "edges": result,
+        "edge_count": result.count(),
         "edge_row": row,
         "edge_column": column,
         "edge_to_right": where(right.crossed, right.place, -1.0),

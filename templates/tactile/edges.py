@@ -114,11 +114,11 @@ def edges(
     links = _links(load, inside, FALLS * peak, sharp)
     edged = _decided(loads, links, peak) & (inside.count() > WIDE - 0.5)
     links = [link._replace(crosses=link.crosses & edged) for link in links]
-    found = _nearest(links)
-    row, column = frame.centroid(found)
+    result = _nearest(links)
+    row, column = frame.centroid(result)
     return {
-        "edges": found,
-        "edge_count": found.count(),
+        "edges": result,
+        "edge_count": result.count(),
         "edge_row": row,
         "edge_column": column,
         "edge_to_right": _between(links[0], links[2], WAYS[2]),
@@ -174,15 +174,15 @@ def _decided(loads: Loads, links: list[_Link], peak: Field) -> Field:
 
 def _nearest(links: list[_Link]) -> Field:
     """Return the taxels that the outline passes nearest to."""
-    found: Field | None = None
+    field: Field | None = None
     for link, (rows, cols) in zip(links, WAYS, strict=True):
         within = link.crosses & (link.place < -0.5)
         own = link.crosses & (link.place >= -0.5) & (link.place <= 0.5)
         beyond = link.crosses & (link.place > 0.5)
         here = own | shift(beyond, rows, cols) | shift(within, -rows, -cols)
-        found = here if found is None else found | here
-    assert found is not None
-    return found
+        field = here if field is None else field | here
+    assert field is not None
+    return field
 
 
 def _between(out: _Link, back: _Link, way: tuple[int, int]) -> Field:

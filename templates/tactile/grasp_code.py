@@ -98,14 +98,14 @@ def _decoded(signs: list[list[Field]], known: Field, agree: float) -> Mapping[st
 
 def _best(scores: list[Field], known: Field, agree: float) -> list[Field]:
     """Return flags of which at most one holds; of equal scores the first."""
-    found: list[Field] = []
+    result: list[Field] = []
     for number, score in enumerate(scores):
         flag = known & (score >= agree)
         for other, value in enumerate(scores):
             if other != number:
                 flag = flag & ((score > value) if other < number else (score >= value))
-        found.append(flag)
-    return found
+        result.append(flag)
+    return result
 
 
 def _straight(pull: tuple[Field, Field]) -> Field:

@@ -91,12 +91,12 @@ def on_off(
     sustained = near - far
     transient = sustained - late
     noise = clock.noise(square(transient).mean(), ("normal",))
-    found = {
+    result = {
         f"{sign}_{name}": maximum(factor * answer, 0.0)
         for sign, factor in (("on", 1.0), ("off", -1.0))
         for name, answer in (("sustained", sustained), ("transient", transient))
     }
-    peaks = {sign: found[f"{sign}_transient"].max() for sign in ("on", "off")}
+    peaks = {sign: result[f"{sign}_transient"].max() for sign in ("on", "off")}
     lately = frame.memory("largest answer of late", scalar=True)
     fades = exp(-1.0 / (frame.rate * LASTS * adapting))
     largest = maximum(fades * lately.value, maximum(peaks["on"], peaks["off"]))
@@ -105,7 +105,7 @@ def on_off(
         wins = ~clock.resting & (peaks[sign] > WINS * peaks[other])
         wins = wins & (peaks[sign] > ECHO * largest)
         strength = where(wins, peaks[sign] / noise, 0.0)
-        row, column = frame.centroid(square(found[f"{sign}_transient"]))
-        found |= {f"{sign}_strength": strength, f"{sign}_row": row, f"{sign}_column": column}
-        found[flag] = report(frame, strength, level, hold_time * frame.rate)
-    return found
+        row, column = frame.centroid(square(result[f"{sign}_transient"]))
+        result |= {f"{sign}_strength": strength, f"{sign}_row": row, f"{sign}_column": column}
+        result[flag] = report(frame, strength, level, hold_time * frame.rate)
+    return result

@@ -131,7 +131,7 @@ def receptors(
         "pc": clock.behind(vibrating, over_field(push_map, pc_field)),
         "sa2": length([x, y]),
     }
-    found = {**channels, "sa2_x": x, "sa2_y": y, "stretch_x": x.sum(), "stretch_y": y.sum()}
+    result = {**channels, "sa2_x": x, "sa2_y": y, "stretch_x": x.sum(), "stretch_y": y.sum()}
     for name, output in channels.items():
         reads = ("shear_x", "shear_y") if name == "sa2" else ("normal",)
         noise = clock.noise(square(output).mean(), reads)
@@ -139,13 +139,13 @@ def receptors(
         drive = maximum(output, 0.0) if name == "sa1" else output
         peak = abs(drive).max(), noise
         if name == "sa2":
-            net = length([found["stretch_x"], found["stretch_y"]])
+            net = length([result["stretch_x"], result["stretch_y"]])
             pulled = where(net > ONE_WAY * output.sum(), net, 0.0)
             peak = pulled, clock.noise(square(net), reads)
-        found |= clock.event(name, drive, *peak, level, hold_time)
+        result |= clock.event(name, drive, *peak, level, hold_time)
         fires = frame.constant(threshold) if threshold > 0.0 else level * noise
-        found |= clock.spikes(name, drive, fires, membrane, refractory)
-    return found
+        result |= clock.spikes(name, drive, fires, membrane, refractory)
+    return result
 
 
 class _Channels(Clock):

@@ -149,8 +149,8 @@ def read_outs(frame: FrameFields, *, recent: RecentLoads, load: float) -> list[d
     # templates: the change of the shear, its local mean, and the region that sticks
     changes = [recent.per_s * (s - o) for s, o in zip(recent.shear, recent.old_shear, strict=True)]
     spreads = get_template("tactile_diffusion")
-    around = [apply(spreads, input=each, duration=SPREAD) for each in changes]
-    rests = [each - local for each, local in zip(changes, around, strict=True)]
+    around = [apply(spreads, input=change, duration=SPREAD) for change in changes]
+    rests = [change - local for change, local in zip(changes, around, strict=True)]
     stick = stick_region(recent, rests, around)
     # read-outs
     share = 1.0 - exp(-1.0 / (recent.rate * load))

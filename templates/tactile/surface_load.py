@@ -78,7 +78,7 @@ class LoadNetwork:
     def influence(self) -> Floats:
         """Return (strain, load, 2 reach + 1, 2 reach + 1), 1/Pa, as a template's weights."""
         steps = self.pitch * np.arange(self.reach, -self.reach - 1, -1.0)
-        found = [
+        result = [
             halfspace.rectangle_strain(
                 steps[None, :],
                 steps[:, None],
@@ -89,7 +89,7 @@ class LoadNetwork:
             )[..., 2, :]
             for load in np.eye(3)
         ]
-        return np.moveaxis(np.stack(found), (0, 3), (1, 0))
+        return np.moveaxis(np.stack(result), (0, 3), (1, 0))
 
     @property
     def likely_loads(self) -> Floats:
@@ -125,9 +125,9 @@ class LoadNetwork:
         return self.influence() * (self.likely_loads / self.noise)[:, None, None]
 
 
-def _shared(one: Floats, other: Floats) -> Floats:
+def _shared(values: Floats, other: Floats) -> Floats:
     """Return the coupling of two strains, by how their taxels lie to each other."""
-    products: Floats = fftconvolve(one, other[:, ::-1, ::-1], axes=(-2, -1))
+    products: Floats = fftconvolve(values, other[:, ::-1, ::-1], axes=(-2, -1))
     return np.asarray(products.sum(axis=0))
 
 

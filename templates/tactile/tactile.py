@@ -65,13 +65,13 @@ def tactile(
     cover = {"push": push, "depth": depth, "reads": reads}
     bumps = {"bump_pitch": bump_pitch, "bump_depth": bump_depth, "unit": bump_unit}
     moves = {"push": push, "rest": rest, "shear_gain": shear_gain, "pads": pads}
-    found: dict[str, Field] = {}
+    result: dict[str, Field] = {}
     if pushed:
-        found |= contact.bind(**cover, unit=unit, normal_gain=1.0 / shear_gain, pads=pads)(frame)
+        result |= contact.bind(**cover, unit=unit, normal_gain=1.0 / shear_gain, pads=pads)(frame)
     if sheared:
-        found |= slip.bind(**moves, false_reports=slip_false_reports)(frame)
-        found |= twist.bind(**moves, false_reports=twist_false_reports)(frame)
+        result |= slip.bind(**moves, false_reports=slip_false_reports)(frame)
+        result |= twist.bind(**moves, false_reports=twist_false_reports)(frame)
     if pushed:
-        found |= edges.bind(**cover)(frame)
-        found |= localize.bind(push=push, **bumps)(frame)
-    return found
+        result |= edges.bind(**cover)(frame)
+        result |= localize.bind(push=push, **bumps)(frame)
+    return result

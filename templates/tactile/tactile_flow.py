@@ -122,8 +122,8 @@ def tactile_flow(
     clock = Clock(frame, rest)
     share = 1.0 - exp(-1.0 / (frame.rate * look))
     held = {
-        name: frame.memory(name).mean(each, share)
-        for name, each in _products(clock, push, to).items()
+        name: frame.memory(name).mean(product, share)
+        for name, product in _products(clock, push, to).items()
     }
     sums = {name: each.sum() for name, each in held.items()}
     # noise has slopes, too: their energy at rest

@@ -87,7 +87,7 @@ def read_outs(frame: FrameFields, *, recent: RecentLoads, still: float) -> dict[
     )
     changes = recent.load_rate > still
     turns = [_since(recent, "curl", each, changes) for each in curls]
-    parts = [abs(_since(recent, "divergence", each, changes)) for each in parts]
+    parts = [abs(_since(recent, "divergence", part, changes)) for part in parts]
     rows = [
         (abs(turn), turn, part, pad.ratio, *_centre(recent, pad))
         for turn, part, pad in zip(turns, parts, recent.pads, strict=True)

@@ -44,25 +44,25 @@ def command(recording: Path, topic: str, as_json: bool) -> int:
         positions = getattr(driver, "positions", ())
     findings = checked(held, pads)
     if positions:
-        findings = [one for one in findings if one.what != "order"]
+        findings = [finding for finding in findings if finding.what != "order"]
         findings += [one for one in checked(_on_grid(held, positions)) if one.what == "order"]
-    findings = [one if laid_out else _of_scene(one) for one in findings]
+    findings = [finding if laid_out else _of_scene(finding) for finding in findings]
     if not as_json:
         click.echo(visible(f"{recording}: {held!r}"))
-    for one in findings:
-        toml = "; ".join(f"{key} = {_toml(value)}" for key, value in one.cure.items())
-        text = f"{'wrong' if one.wrong else '     '}  {one.what:<8} {one.sentence}"
+    for finding in findings:
+        toml = "; ".join(f"{key} = {_toml(value)}" for key, value in finding.cure.items())
+        text = f"{'wrong' if finding.wrong else '     '}  {finding.what:<8} {finding.sentence}"
         output.record(
             {
                 "kind": "check",
-                "what": one.what,
-                "wrong": one.wrong,
-                "sentence": one.sentence,
-                "cure": dict(one.cure),
+                "what": finding.what,
+                "wrong": finding.wrong,
+                "sentence": finding.sentence,
+                "cure": dict(finding.cure),
             },
             visible(f"{text}\n       {'':<8} {toml}" if toml else text),
         )
-    return FAULTS if any(one.wrong for one in findings) else 0
+    return FAULTS if any(finding.wrong for finding in findings) else 0
 
 
 def _on_grid(recording: "Recording", positions: "Positions") -> "Recording":

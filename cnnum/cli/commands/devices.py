@@ -158,12 +158,12 @@ def _arrays(ports: tuple[str, ...], *, as_json: bool) -> None:
     from cnnum.drivers.serial_port import guesses, serial_ports
 
     output = Output(as_json)
-    for found in guesses(ports, serial_ports()):
-        port = found.port
-        said = f"{found.protocol}, {found.baud} baud: {found.said}" if found.baud else found.said
+    for guess in guesses(ports, serial_ports()):
+        port = guess.port
+        said = f"{guess.protocol}, {guess.baud} baud: {guess.said}" if guess.baud else guess.said
         record = {"kind": "array", "port": port.path, "about": port.about, "usb": port.usb}
         output.record(
-            {**record, "protocol": found.protocol, "baud": found.baud, "said": found.said},
+            {**record, "protocol": guess.protocol, "baud": guess.baud, "said": guess.said},
             f"{' '.join(filter(None, (port.path, port.about, port.usb)))}\n    {said}",
         )
     output.show(facts([("protocols", ", ".join(protocol_names()))]))

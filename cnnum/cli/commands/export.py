@@ -191,7 +191,7 @@ def shape_of(text: str) -> tuple[int, int]:
     click.UsageError
         If it is none.
     """
-    found = re.fullmatch(r"(\d{1,3})x(\d{1,3})(x3)?", text)
-    if found is None or int(found[1]) < 2 or int(found[2]) < 2:
+    match = re.fullmatch(r"(\d{1,3})x(\d{1,3})(x3)?", text)
+    if match is None or int(match[1]) < 2 or int(match[2]) < 2:
         raise click.UsageError(f"A shape is ROWSxCOLSx3, as in 8x8x3, got '{text:.60}'.")
-    return int(found[1]), int(found[2])
+    return int(match[1]), int(match[2])

@@ -189,13 +189,13 @@ class ProbeFigures:
 
         A push straight down must move the normal most; one to the right shear_x, upwards.
         """
-        found: dict[str, tuple[float, int, int]] = {}
+        result: dict[str, tuple[float, int, int]] = {}
         for n, name in enumerate(self._channels if self.scans else ()):
             low, high = self._low[..., n], self._high[..., n]
             far = np.where(-low > high, low, high)
             row, col = np.unravel_index(int(np.abs(far).argmax()), far.shape)
-            found[name] = (float(far[row, col]), int(row), int(col))
-        return found
+            result[name] = (float(far[row, col]), int(row), int(col))
+        return result
 
     @property
     def noisy(self) -> list[Cell]:

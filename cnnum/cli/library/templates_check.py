@@ -267,4 +267,6 @@ def _figure(value: float | None) -> str:
 
 def _notes(results: "list[CheckResult]") -> list[str]:
     """Return the differences from the measured figures, a line each."""
-    return [f"{one.template} on {one.engine}: {one.note}." for one in results if one.note]
+    return [
+        f"{result.template} on {result.engine}: {result.note}." for result in results if result.note
+    ]

@@ -40,10 +40,10 @@ def _under(place: Path) -> list[Path]:
 
     if not place.is_dir():
         return [place]
-    found = sorted(place.rglob("*.toml"))
-    if not found:
+    result = sorted(place.rglob("*.toml"))
+    if not result:
         raise TemplateFileError(f"The folder '{place}' holds no template: expected .toml files.")
-    return found
+    return result
 
 
 @click.command("import")

@@ -120,8 +120,8 @@ def _analysed(name: str, shape: tuple[int, int]) -> "tuple[Analysis, ...]":
     return (analyse(name, shape),)
 
 
-def _record(one: "Analysis") -> dict[str, object]:
+def _record(analysis: "Analysis") -> dict[str, object]:
     """Return the record, with the step of each method in place of its bound."""
-    found: dict[str, object] = asdict(one)
-    del found["bounds"]
-    return found | {"steps": {name: bound.step for name, bound in one.bounds.items()}}
+    result: dict[str, object] = asdict(analysis)
+    del result["bounds"]
+    return result | {"steps": {name: bound.step for name, bound in analysis.bounds.items()}}

@@ -90,10 +90,10 @@ TAKEN = {
 
 def identifier(name: str) -> str:
     """Return the name of a program in C: of its files, its functions and its macros."""
-    found = plain(name)
-    if found.lower() in TAKEN or not found[0].isalpha():
-        return f"program_{found}"
-    return found
+    result = plain(name)
+    if result.lower() in TAKEN or not result[0].isalpha():
+        return f"program_{result}"
+    return result
 
 
 def in_the_way(folder: Path, program: str) -> str | None:
@@ -154,8 +154,8 @@ def exported(
         f'#include "{name}.h"',
         *(_LIBM if program.real else []),
         "",
-        *(line for one in text.helpers for line in (one, "")),
-        *(line for one in text.tables for line in (*table_lines(one, "static const"), "")),
+        *(line for helper in text.helpers for line in (helper, "")),
+        *(line for table in text.tables for line in (*table_lines(table, "static const"), "")),
         *reset_lines(name),
         "",
         f"void {name}_step({name}_memory *m, const {name}_input *in, {name}_output *out)",
@@ -327,16 +327,18 @@ def _vector(name: str, program: IntegerProgram, vector: Vector) -> str:
         f'#include "{name}.h"',
         "",
     ]
-    for one in inputs:
-        lines += _rows(f"{one.name}_given", one, [frame[one.name] for frame in vector.frames])
-    for one in outputs:
-        lines += _rows(f"{one.name}_wanted", one, [answer[one.name] for answer in vector.answers])
+    for array in inputs:
+        lines += _rows(f"{array.name}_given", array, [frame[array.name] for frame in vector.frames])
+    for output in outputs:
+        lines += _rows(
+            f"{output.name}_wanted", output, [answer[output.name] for answer in vector.answers]
+        )
     lines += [
         "/* before which frames the memory is cleared */",
         f"static const uint8_t begins[{count}] = {{{', '.join(begins)}}};",
         "",
         *_kept(name),
-        *(_FAR if any(one.format is None and not one.logic for one in outputs) else []),
+        *(_FAR if any(output.format is None and not output.logic for output in outputs) else []),
         "",
         *_MAIN,
         "    int wrong = 0;",
@@ -359,10 +361,10 @@ def _wrapped(sentences: Sequence[str]) -> list[str]:
     return textwrap.wrap(" ".join(sentences), 90, break_long_words=False)
 
 
-def _compared(one: Array, vector: Vector) -> str:
-    if one.format is not None or one.logic:
+def _compared(array: Array, vector: Vector) -> str:
+    if array.format is not None or array.logic:
         return "wrong += output.{n}{i} != {n}_wanted[n]{at};"
-    off = literal(one, tolerance([answer[one.name] for answer in vector.answers]))
+    off = literal(array, tolerance([answer[array.name] for answer in vector.answers]))
     return f"wrong += far(output.{{n}}{{i}}, {{n}}_wanted[n]{{at}}, {off});"
 
 
@@ -394,13 +396,13 @@ def _rows(name: str, array: Array, rows: Sequence[Numbers]) -> list[str]:
 
 def _each(arrays: Sequence[Array], text: Callable[[Array], str]) -> list[str]:
     lines = list[str]()
-    for one in arrays:
-        if one.length:
-            lines.append(f"        for (int i = 0; i < {one.length}; ++i) {{")
-            lines.append(f"            {text(one).format(n=one.name, i='[i]', at='[i]')}")
+    for array in arrays:
+        if array.length:
+            lines.append(f"        for (int i = 0; i < {array.length}; ++i) {{")
+            lines.append(f"            {text(array).format(n=array.name, i='[i]', at='[i]')}")
             lines.append("        }")
         else:
-            lines.append(f"        {text(one).format(n=one.name, i='', at='[0]')}")
+            lines.append(f"        {text(array).format(n=array.name, i='', at='[0]')}")
     return lines
 
 

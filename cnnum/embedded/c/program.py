@@ -138,20 +138,20 @@ def c_text(program: IntegerProgram) -> CText:
     body = live(program.body, set[str]())
     printer = C99Printer(
         FLOAT32,
-        {name: f"{PREFIX[one.kind]}{name}" for name, one in program.arrays.items()},
-        {name: element_type(one) for name, one in program.arrays.items()},
+        {name: f"{PREFIX[array.kind]}{name}" for name, array in program.arrays.items()},
+        {name: element_type(array) for name, array in program.arrays.items()},
         HELPERS,
     )
     lines, used = printer.lines(body, 1), names_in(body)
     text = "\n".join(lines)
     called = set(re.findall(r"\w+(?=\()", text))
     helpers = [code for name, code in HELPERS.items() if name in called]
-    arrays = [one for one in program.arrays.values() if one.name in used]
+    arrays = [array for array in program.arrays.values() if array.name in used]
     return CText(
         helpers,
-        [one for one in arrays if one.kind == "table"],
+        [array for array in arrays if array.kind == "table"],
         lines,
-        [one for one in arrays if one.kind in ("state", "work")],
+        [array for array in arrays if array.kind in ("state", "work")],
     )
 
 
@@ -205,7 +205,7 @@ def table_lines(array: Array, kind: str) -> list[str]:
 
 def size_of(arrays: Iterable[Array]) -> int:
     """Return how many bytes arrays take."""
-    return sum(WIDTHS[element_type(one)] * max(1, one.length) for one in arrays)
+    return sum(WIDTHS[element_type(array)] * max(1, array.length) for array in arrays)
 
 
 CODES = {"float": "<f4", "uint8_t": "<u1", "int8_t": "<i1", "int16_t": "<i2", "int32_t": "<i4"}
@@ -239,9 +239,9 @@ def packed(
 ) -> NDArray[Any]:
     """Return a batch of structures; fields that are not given are 0."""
     records = np.zeros(batch, dtype=record_type(arrays, memory=memory))
-    for one in arrays:
-        if one.name in values:
-            records[one.name] = values[one.name]
+    for array in arrays:
+        if array.name in values:
+            records[array.name] = values[array.name]
     return records
 
 
@@ -249,6 +249,6 @@ def unpacked(arrays: Sequence[Array], records: NDArray[Any]) -> dict[str, Number
     """Return the numbers of structures by array, (batch, length) each."""
     real = {"f": np.float64}
     return {
-        one.name: records[one.name].astype(real.get(records[one.name].dtype.kind, np.int64))
-        for one in arrays
+        array.name: records[array.name].astype(real.get(records[array.name].dtype.kind, np.int64))
+        for array in arrays
     }

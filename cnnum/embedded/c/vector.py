@@ -63,14 +63,14 @@ class Vector:
 
     def about(self, program: IntegerProgram) -> list[str]:
         """Return what the vector shows, and what it does not, a sentence each."""
-        found = list[str]()
+        result = list[str]()
         if self.still:
             names = ", ".join(f"'{name}'" for name in self.still)
-            found.append(f"It tells nothing of {names}: no frame changes them.")
+            result.append(f"It tells nothing of {names}: no frame changes them.")
         if program.of_kind("state") and not self.remembers:
-            found.append("No answer shows whether the memory is cleared.")
+            result.append("No answer shows whether the memory is cleared.")
         seen = self.flipped - sum(self.unseen.values())
-        found.append(
+        result.append(
             f"Of {self.flipped} constants with another sign (of {self.constants} in all), {seen} "
             "change an answer."
         )
@@ -78,8 +78,8 @@ class Vector:
             places = ", ".join(
                 name if count == 1 else f"{name} ({count})" for name, count in self.unseen.items()
             )
-            found.append(f"None shows those of {places}.")
-        return found
+            result.append(f"None shows those of {places}.")
+        return result
 
 
 def vector_of(program: IntegerProgram, streams: Frames) -> Vector:
@@ -120,53 +120,53 @@ def _answers(
     program: IntegerProgram, parts: Sequence[tuple[Frames, int]]
 ) -> list[Mapping[str, Numbers]]:
     """Return the answers to frames, of which each part begins with a reset."""
-    found = list[Mapping[str, Numbers]]()
+    result = list[Mapping[str, Numbers]]()
     for frames, batch in parts:
         state = cleared(program, batch)
         for number, frame in enumerate(frames):
             one = Emulator(program, single=program.real)
-            found.append(one.run(frame, state, first=number == 0, batch=batch))
-    return found
+            result.append(one.run(frame, state, first=number == 0, batch=batch))
+    return result
 
 
 def _moving(answers: Sequence[Mapping[str, Numbers]]) -> dict[str, Numbers]:
     """Return how often each output changes from frame to frame, (batch,) each."""
-    found = dict[str, Numbers]()
+    result = dict[str, Numbers]()
     for name in answers[0]:
         values = np.stack([answer[name] for answer in answers])
-        found[name] = (values[1:] != values[:-1]).any(axis=-1).sum(axis=0)
-    return found
+        result[name] = (values[1:] != values[:-1]).any(axis=-1).sum(axis=0)
+    return result
 
 
 def _finite(
     program: IntegerProgram, answers: Sequence[Mapping[str, Numbers]], batch: int
 ) -> NDArray[np.bool_]:
     """Return of each stream whether all its answers are finite, (batch,); some must be."""
-    found = np.ones(batch, dtype=bool)
+    result = np.ones(batch, dtype=bool)
     for name, array in program.outputs.items():
         for answer in answers:
-            found &= np.isfinite(answer[array]).all(axis=-1)
-        if not found.any():
+            result &= np.isfinite(answer[array]).all(axis=-1)
+        if not result.any():
             raise ArrayError(
                 f"Output '{name}' is not finite in float32 in any stream of the test vector: scale "
                 "the quantity behind it, or leave it out of the outputs that are needed."
             )
-    return found
+    return result
 
 
 def _chosen(moving: Mapping[str, Numbers], batch: int, finite: NDArray[np.bool_]) -> list[int]:
     """Return the streams that change the most outputs which those before do not."""
     moves = np.stack([np.broadcast_to(one, batch) for one in moving.values()])
-    left, found = np.ones(len(moves), dtype=bool), list[int]()
-    while len(found) < STREAMS:
+    left, result = np.ones(len(moves), dtype=bool), list[int]()
+    while len(result) < STREAMS:
         gain = (moves[left] > 0).sum(axis=0) + moves.mean(axis=0) / (1.0 + moves.max())
-        gain[found] = gain[~finite] = -1.0
+        gain[result] = gain[~finite] = -1.0
         best = int(np.argmax(gain))
-        if gain[best] < 0.0 or (found and not (moves[left, best] > 0).any()):
+        if gain[best] < 0.0 or (result and not (moves[left, best] > 0).any()):
             break
-        found.append(best)
+        result.append(best)
         left &= moves[:, best] == 0
-    return found
+    return result
 
 
 def _same(
@@ -187,7 +187,7 @@ def _same(
 
 def tolerance(values: Sequence[Numbers]) -> float:
     """Return by how much a float of an output may be off."""
-    largest = max(float(np.abs(one).max()) for one in values)
+    largest = max(float(np.abs(value).max()) for value in values)
     return OFF * largest if largest > 0.0 else OFF**2
 
 
@@ -255,8 +255,8 @@ class _Flipping(Emulator):
     def value(self, expression: ir.Expression) -> Numbers:
         """Return the value of an expression, (batch or 1, 1 or cells)."""
         flips = self.flips.get(id(expression))
-        found = Emulator.value(self, expression)
-        return found if flips is None else found * flips
+        result = Emulator.value(self, expression)
+        return result if flips is None else result * flips
 
     def table(self, name: str, values: Numbers) -> Numbers:
         """Return the numbers of a table."""
@@ -289,7 +289,7 @@ def _unseen(
             emulator = _Flipping(program, single=program.real, flips=flips, tables=tables)
             given.append(emulator.run(frame, state, first=number == 0, batch=batch))
     same = np.broadcast_to(_same(program, wanted, given), batch)
-    found = dict[str, int]()
+    result = dict[str, int]()
     for one in (tried[at] for at in np.flatnonzero(same).tolist()):
-        found[one.place] = found.get(one.place, 0) + 1
-    return found
+        result[one.place] = result.get(one.place, 0) + 1
+    return result

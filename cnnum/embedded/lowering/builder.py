@@ -129,12 +129,12 @@ class Builder:
             )
         return Quantity(value, fraction)
 
-    def let(self, name: str, one: Quantity) -> Quantity:
+    def let(self, name: str, quantity: Quantity) -> Quantity:
         """Return a quantity by a new name."""
-        made = ir.Name(name, one.value.bounds)
-        self.body.append(ir.fixed(made, one.value))
-        self.fractions[name] = one.fraction
-        return Quantity(made, one.fraction)
+        made = ir.Name(name, quantity.value.bounds)
+        self.body.append(ir.fixed(made, quantity.value))
+        self.fractions[name] = quantity.fraction
+        return Quantity(made, quantity.fraction)
 
     def stored(self, one: Quantity, array: Array) -> ir.Expression:
         """Return the expression that an array holds for a quantity."""
@@ -164,8 +164,8 @@ class Builder:
             return ir.Number(value)
         from fractions import Fraction
 
-        found = nearest(Fraction(value) * Fraction(2) ** array.format.fraction)
-        return ir.Integer(max(array.format.least, min(array.format.largest, found)))
+        result = nearest(Fraction(value) * Fraction(2) ** array.format.fraction)
+        return ir.Integer(max(array.format.least, min(array.format.largest, result)))
 
     @contextmanager
     def within(self) -> Generator[list[ir.Statement]]:
@@ -311,13 +311,13 @@ def solvers_for(schedule: Schedule, method: str = "auto") -> dict[int, Solver]:
 
     Uncoupled cells, and equilibria that are one product, are exact by any method.
     """
-    found = dict[int, Solver]()
+    result = dict[int, Solver]()
     for node in schedule.transients:
         operation = node.operation
         assert isinstance(operation, Transient)
         spec = replace(operation.spec, method=method)
-        found[node.index] = whole_solver(replace(operation, spec=spec), schedule.shape)
-    return found
+        result[node.index] = whole_solver(replace(operation, spec=spec), schedule.shape)
+    return result
 
 
 def whole_solver(transient: Transient, shape: Shape) -> Solver:
@@ -335,14 +335,14 @@ def whole_solver(transient: Transient, shape: Shape) -> Solver:
 
 def _exact(transient: Transient, shape: Shape) -> Solver:
     """Return the method that "auto" takes; on a torus the equilibrium as a product of shifts."""
-    found = choose(replace(transient, spec=replace(transient.spec, method="auto")), shape)
+    solver = choose(replace(transient, spec=replace(transient.spec, method="auto")), shape)
     if (
-        not found.settle
+        not solver.settle
         or transient.has_mask
-        or isinstance(found.scheme, Decay | Spectral | Circulant)
+        or isinstance(solver.scheme, Decay | Spectral | Circulant)
     ):
-        return found
+        return solver
     around = circulant(Network(transient.template, shape))
     if around is None:
-        return found
-    return replace(found, method="propagator", reason=SHIFTS, scheme=around)
+        return solver
+    return replace(solver, method="propagator", reason=SHIFTS, scheme=around)

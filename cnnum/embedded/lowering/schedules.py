@@ -236,16 +236,16 @@ def levels_of(nodes: Iterable[Node], outputs: Iterable[Node], memories: Iterable
     stored = {n.index for n in [*outputs, *(m.store for m in memories)] if is_local(n)}
     last: dict[int, int] = {}
     for node in nodes:
-        place = max((_after(node, one, at) for one in node.arguments), default=0)
+        place = max((_after(node, argument, at) for argument in node.arguments), default=0)
         at[node.index] = place
         while len(levels) <= place:
             levels.append(Level())
         _file(node, levels[place])
-        for one in node.arguments:
-            last[one.index] = max(place, last.get(one.index, 0))
-            apart = isinstance(node.operation, Transient | Loop) or at[one.index] < place
-            if is_local(one) and apart:
-                stored.add(one.index)
+        for argument in node.arguments:
+            last[argument.index] = max(place, last.get(argument.index, 0))
+            apart = isinstance(node.operation, Transient | Loop) or at[argument.index] < place
+            if is_local(argument) and apart:
+                stored.add(argument.index)
     return Levels(levels, at, stored, last)
 
 
@@ -409,8 +409,8 @@ class Lowering:
     def _ends(self, node: Node) -> bool:
         """Return whether a value is read after all operations: by an output or a memory."""
         memories = self.schedule.memories.values()
-        ends = [*self.schedule.outputs.values(), *(one.store for one in memories)]
-        return any(one is node for one in ends)
+        ends = [*self.schedule.outputs.values(), *(memory.store for memory in memories)]
+        return any(end is node for end in ends)
 
     def level(self, number: int) -> None:
         """Write the operations of a level."""
@@ -427,13 +427,13 @@ class Lowering:
         operation = node.operation
         if not isinstance(operation, Apply):
             raise NotSupportedError(f"{operation} is not exported yet as one number.")
-        given = [self.operand(one) for one in node.arguments]
+        given = [self.operand(argument) for argument in node.arguments]
         self.numbers[node.index] = self._named(node, operation, given)
 
     def _named(self, node: Node, operation: Apply, given: list[Quantity]) -> Quantity:
         name = f"n{node.index}"
         form = self.to.formats.register(name)
-        found = applied(
+        result = applied(
             self.to.arithmetic,
             operation.function.name,
             given,
@@ -441,8 +441,8 @@ class Lowering:
         )
         if form is not None and not node.logic:
             assert isinstance(self.to.arithmetic, Fixed)
-            found = self.to.arithmetic.fit(found, form)
-        return self.to.let(name, found)
+            result = self.to.arithmetic.fit(result, form)
+        return self.to.let(name, result)
 
     def operand(self, node: Node) -> Quantity:
         """Return the value of a node where statements go now: of a cell within a loop."""
@@ -521,7 +521,7 @@ class Lowering:
     def _cell(self, node: Node) -> None:
         operation = node.operation
         assert isinstance(operation, Apply)
-        given = [self.operand(one) for one in node.arguments]
+        given = [self.operand(argument) for argument in node.arguments]
         divisor = _divisor(node)
         if divisor is not None:
             operation = Apply(MULTIPLY)

@@ -78,17 +78,17 @@ class TransientWork:
 
     def drive_terms(self, layer: int, share: float) -> Terms:
         """Return the terms of a share of B ∗ u + z + bias of a cell; loops are padded by `halo`."""
-        template, found = self.template, list[tuple[float, Quantity]]()
+        template, terms = self.template, list[tuple[float, Quantity]]()
         if self.given["input"]:
             boundary = template.input_boundary
             for tap in taps(template.B, layer):
                 padded = self.padded(self.given["input"][tap.source], boundary.constant)
-                found.append((share * tap.weight, padded.at(tap.row, tap.col)))
+                terms.append((share * tap.weight, padded.at(tap.row, tap.col)))
         if template.z[layer]:
-            found.append((1.0, self.fixed(share * float(template.z[layer]))))
+            terms.append((1.0, self.fixed(share * float(template.z[layer]))))
         if self.given["bias"]:
-            found.append((share, self.cell(self.given["bias"][layer])))
-        return found
+            terms.append((share, self.cell(self.given["bias"][layer])))
+        return terms
 
     def fixed(self, value: float) -> Quantity:
         """Return a constant term as the arithmetic has it."""
@@ -144,7 +144,7 @@ class TransientWork:
     def uncoupled(self, kept: Floats) -> dict[int, Array]:
         """Write x = (1 − k) w + k x₀ of every layer that is read; masked cells stay at x₀."""
         self.prepare()
-        found, masks = dict[int, Array](), self.given["mask"]
+        result, masks = dict[int, Array](), self.given["mask"]
         for layer in self.layers:
             share = float(kept[layer])
             with self.to.within() as body:
@@ -155,9 +155,9 @@ class TransientWork:
                 state = self.to.arithmetic.weighted(terms, FINE)
                 if masks:
                     state = self.masked(state, start)
-                found |= self.answers(layer, state)
+                result |= self.answers(layer, state)
             self.to.loop(body, cols=self.halo > 0, halo=self.halo)
-        return found
+        return result
 
     def masked(self, new: Quantity, kept: Quantity | None) -> Quantity:
         """Return a new state where the mask leaves a cell free, and the kept one elsewhere."""
@@ -168,7 +168,7 @@ class TransientWork:
 
     def answers(self, layer: int, state: Quantity) -> dict[int, Array]:
         """Store the state of a layer, and its output where that is another."""
-        found = dict[int, Array]()
+        result = dict[int, Array]()
         if self.watched:
             self.to.store(self.target(layer, "state"), state)
         for index, pick in self.picks.items():
@@ -177,10 +177,10 @@ class TransientWork:
             linear = self.template.output.linear or pick.what == "state"
             array = self.target(layer, "state" if linear else "output")
             value = state if linear else self.clipped(state)
-            if array not in found.values() and not (linear and self.watched):
+            if array not in result.values() and not (linear and self.watched):
                 self.to.store(array, value)
-            found[index] = array
-        return found
+            result[index] = array
+        return result
 
     def clipped(self, state: Quantity) -> Quantity:
         """Return a state kept within −1 and 1."""

@@ -57,7 +57,7 @@ def _total(
 
 def _sources(work: TransientWork) -> list[tuple[str, int, Array]]:
     """Write drives and starts that are not 0, once; return them with their kind and layer."""
-    found = list[tuple[str, int, Array]]()
+    result = list[tuple[str, int, Array]]()
     work.prepare()
     to, template = work.to, work.template
     for layer in range(template.layers):
@@ -65,16 +65,16 @@ def _sources(work: TransientWork) -> list[tuple[str, int, Array]]:
         with to.within() as body:
             terms = work.drive_terms(layer, 1.0)
             if terms and name in to.arrays:
-                found.append(("drive", layer, to.arrays[name]))
+                result.append(("drive", layer, to.arrays[name]))
             elif terms:
                 array = to.array(name, "work", to.cells, to.formats.stored(name), "drive")
                 to.store(array, to.arithmetic.weighted(terms, FINE))
-                found.append(("drive", layer, array))
+                result.append(("drive", layer, array))
         to.loop(body, cols=work.halo > 0, halo=work.halo)
         start = _start(work, layer)
         if start is not None:
-            found.append(("state", layer, start))
-    return found
+            result.append(("state", layer, start))
+    return result
 
 
 def _start(work: TransientWork, layer: int) -> Array | None:
@@ -99,9 +99,9 @@ def _start(work: TransientWork, layer: int) -> Array | None:
 
 def propagated(work: TransientWork, scheme: Propagator) -> dict[int, Array]:
     """Write x(t) = state · x₀ + drive · w + constant."""
-    found = dict[int, Array]()
-    _dense(work, scheme, _sources(work), _answering(work, found))
-    return found
+    result = dict[int, Array]()
+    _dense(work, scheme, _sources(work), _answering(work, result))
+    return result
 
 
 def _answering(work: TransientWork, found: dict[int, Array]) -> Ends:
@@ -137,8 +137,8 @@ def _sum(work: TransientWork, parts: list[Quantity], rim: Floats, layer: int) ->
     if not parts:
         return work.fixed(0.0)
     total = parts[0]
-    for one in parts[1:]:
-        total = to.arithmetic.add(total, one, FINE)
+    for part in parts[1:]:
+        total = to.arithmetic.add(total, part, FINE)
     return total
 
 
@@ -151,7 +151,7 @@ def around_torus(work: TransientWork, scheme: Circulant) -> dict[int, Array]:
     to, (rows, cols) = work.to, work.to.shape
     sources = _sources(work)
     apart = [np.arange(n - 1, -n, -1) for n in (rows, cols)]
-    width, found = 2 * cols - 1, dict[int, Array]()
+    width, result = 2 * cols - 1, dict[int, Array]()
     row = call("add", call("subtract", ir.Integer(rows - 1), ROW), DOWN)
     col = call("add", call("subtract", ir.Integer(cols - 1), COLUMN), J)
     for layer in work.layers:
@@ -164,16 +164,16 @@ def around_torus(work: TransientWork, scheme: Circulant) -> dict[int, Array]:
                     a, b = _item(work, table, row, width, col), _item(work, array, DOWN, cols, J)
                     over = [(DOWN, rows), (J, cols)]
                     parts.append(_total(work, f"s_{layer}_{source}", over, a, b))
-            found |= work.answers(layer, _sum(work, parts, np.zeros(1), layer))
+            result |= work.answers(layer, _sum(work, parts, np.zeros(1), layer))
         to.loop(body, cols=True)
-    return found
+    return result
 
 
 def through_modes(work: TransientWork, scheme: Spectral) -> dict[int, Array]:
     """Write x(t) = Rᵀ [factors · (R s Cᵀ)] C + constant, summed over starts and drives s."""
-    found = dict[int, Array]()
-    _modal(work, scheme, _sources(work), _answering(work, found))
-    return found
+    result = dict[int, Array]()
+    _modal(work, scheme, _sources(work), _answering(work, result))
+    return result
 
 
 def _modal(
@@ -233,7 +233,7 @@ def rests(work: TransientWork, solver: Solver) -> Quantity:
         to.body.append(ir.Accumulate(moves, "maximum", moving))
 
     to.body.append(ir.declare(moves, 0))
-    begun = [("state", n, one.array) for n, one in enumerate(rates)]
+    begun = [("state", n, rate.array) for n, rate in enumerate(rates)]
     if isinstance(scheme, Decay):
         decayed = scheme.kept.tolist()
     else:
@@ -264,13 +264,13 @@ def _rates(work: TransientWork) -> list[_Rate]:
     halo, slowest = reach(template.A), float(template.tau.max())
     sources = {(kind, layer): one for kind, layer, one in _sources(work)}
     starts = [sources.get(("state", n)) for n in range(template.layers)]
-    rim, found = bool(halo and template.boundary.constant), list[_Rate]()
+    rim, result = bool(halo and template.boundary.constant), list[_Rate]()
     seen = {
         n: Padded.copied(
-            to, f"{tag}_x{n}", constant(0.0) if one is None else one, template.boundary, halo
+            to, f"{tag}_x{n}", constant(0.0) if start is None else start, template.boundary, halo
         )
-        for n, one in enumerate(starts)
-        if rim or one is not None
+        for n, start in enumerate(starts)
+        if rim or start is not None
     }
     for layer in range(template.layers):
         ratio, couplings = slowest / float(template.tau[layer]), taps(template.A, layer)
@@ -278,10 +278,10 @@ def _rates(work: TransientWork) -> list[_Rate]:
         name = f"{tag}_rate{layer}"
         rates = to.array(name, "work", to.cells, to.formats.kept(name), "rates at the start")
         with to.within() as body:
-            for one in couplings:
-                if one.source in seen:
-                    there = seen[one.source].at(one.row, one.col)
-                    terms.append((ratio * one.weight, there))
+            for coupling in couplings:
+                if coupling.source in seen:
+                    there = seen[coupling.source].at(coupling.row, coupling.col)
+                    terms.append((ratio * coupling.weight, there))
             if layer in seen:
                 terms.append((-ratio, seen[layer].at(0, 0)))
             if ("drive", layer) in sources:
@@ -290,9 +290,9 @@ def _rates(work: TransientWork) -> list[_Rate]:
         to.loop(body, cols=halo > 0, halo=halo)
         steps = [_quantum(starts[n]) for n in range(template.layers)]
         rounded = steps[layer] + _quantum(sources.get(("drive", layer)))
-        rounded += sum(abs(one.weight) * steps[one.source] for one in couplings)
-        found.append(_Rate(rates, 0.5 * ratio * rounded))
-    return found
+        rounded += sum(abs(coupling.weight) * steps[coupling.source] for coupling in couplings)
+        result.append(_Rate(rates, 0.5 * ratio * rounded))
+    return result
 
 
 def _quantum(array: Array | None) -> float:
@@ -304,8 +304,8 @@ def _quantum(array: Array | None) -> float:
 
 def _table(work: TransientWork, name: str, values: Floats, about: str) -> Array:
     """Return a table of a transient, which may be there."""
-    found = work.to.arrays.get(f"k{work.index}_{name}")
-    return found or work.to.table(f"k{work.index}_{name}", values, about)[0]
+    result = work.to.arrays.get(f"k{work.index}_{name}")
+    return result or work.to.table(f"k{work.index}_{name}", values, about)[0]
 
 
 def _kind(work: TransientWork) -> str:
@@ -534,18 +534,18 @@ def _merged(
 
 
 def _ends(work: TransientWork, states: list[Array]) -> dict[int, Array]:
-    found = dict[int, Array]()
+    result = dict[int, Array]()
     for index, pick in work.picks.items():
         layer = pick.layer
         linear = work.template.output.linear or pick.what == "state"
         if linear:
-            found[index] = states[layer]
+            result[index] = states[layer]
             continue
         array = work.target(layer, "output")
         value = work.clipped(work.to.item(states[layer]))
         work.to.loop([work.to.store_to(array, work.to.stored(value, array))])
-        found[index] = array
-    return found
+        result[index] = array
+    return result
 
 
 FIGURES = ("time", "steps", "settled")
@@ -572,10 +572,10 @@ def lower_transient(
     steps = isinstance(solver.scheme, FixedSteps)
     work.watched = "settled" in work.figures and not (solver.settle or steps)
     work.check()
-    found = _lowered(work, solver)
+    result = _lowered(work, solver)
     if work.watched:
         work.figures["settled"] = rests(work, solver)
-    return found, {index: work.figures[name] for index, name in wanted.items()}
+    return result, {index: work.figures[name] for index, name in wanted.items()}
 
 
 def _lowered(work: TransientWork, solver: Solver) -> dict[int, Array]:

@@ -50,8 +50,8 @@ def partner_of(device: cl.Device) -> cl.Device | None:
     """Return the device that runs the same processor's kernels in the thread that asks."""
     name = str(device.name)
     wanted = [own + name[len(usual) :] for usual, own in KINDS.items() if name.startswith(usual)]
-    found = (other for other in device.platform.get_devices() if str(other.name) in wanted)
-    return next(found, None)
+    result = (other for other in device.platform.get_devices() if str(other.name) in wanted)
+    return next(result, None)
 
 
 def without_partners(devices: list[cl.Device]) -> list[cl.Device]:
@@ -139,10 +139,10 @@ def list_devices() -> tuple[Device, ...]:
             listed = [(platform, _devices_of(platform)) for platform in cl.get_platforms()]
     except cl.Error:
         raise NoOpenCLError(NONE, how_to_get_opencl()) from None
-    found = tuple(_describe(platform, device) for platform, own in listed for device in own)
-    if not found:
+    result = tuple(_describe(platform, device) for platform, own in listed for device in own)
+    if not result:
         raise NoOpenCLError(NONE, how_to_get_opencl())
-    return found
+    return result
 
 
 def _devices_of(platform: cl.Platform) -> list[cl.Device]:

@@ -27,8 +27,8 @@ def tableaux(solver: Solver) -> Floats:
     if isinstance(scheme, FixedSteps):
         return np.array([_coefficients_fixed(one) for one in scheme.tableaux])
     if isinstance(scheme, AdaptiveSteps):
-        found = [_rows(one.a, errors=one.error, parts=one.truncation) for one in scheme.tableaux]
-        return np.array(found)
+        result = [_rows(one.a, errors=one.error, parts=one.truncation) for one in scheme.tableaux]
+        return np.array(result)
     # one stage of no step gives the slopes
     return np.zeros((1, records.STAGES + 1, 2))
 
@@ -191,7 +191,7 @@ class Couplings:
         if isinstance(function, Table):
             return {"table": self.table(function)}
         own = len(_operations(function, np.dtype(np.float64)))
-        before = sum(len(_operations(each, np.dtype(np.float64))) for each in self.pairs)
+        before = sum(len(_operations(pair, np.dtype(np.float64))) for pair in self.pairs)
         self.pairs.append(function)
         return {"begin": before, "operations": own}
 
@@ -244,15 +244,15 @@ def packed(kind: np.dtype[Any], records: Iterator[dict[str, Any]] | list[Any]) -
 
 def couplings_of(template: Template, layout: Layout) -> Couplings:
     """Return the couplings of a template without its gains."""
-    found = Couplings(layout, template.layers)
-    found.linear(records.FEEDBACK, template.A)
-    found.linear(records.CONTROL, template.B)
+    couplings = Couplings(layout, template.layers)
+    couplings.linear(records.FEEDBACK, template.A)
+    couplings.linear(records.CONTROL, template.B)
     if template.delayed is not None:
-        found.linear(records.LATE_FEEDBACK, template.delayed.A)
-        found.linear(records.LATE_CONTROL, template.delayed.B)
+        couplings.linear(records.LATE_FEEDBACK, template.delayed.A)
+        couplings.linear(records.LATE_CONTROL, template.delayed.B)
     for coupling in template.nonlinear:
-        found.nonlinear(coupling)
-    return found
+        couplings.nonlinear(coupling)
+    return couplings
 
 
 def gains_of(template: Template, couplings: Couplings) -> NDArray[Any]:

@@ -140,13 +140,13 @@ _ENDS: dict[type, Callable[[Any, Reals, Reals], Reals]] = {
 
 def _both_sides(left: Reals, maps: Reals, right: Reals) -> Reals:
     """Return left · map · right of maps (batch, rows, cols); 0 of maps that are."""
-    found = np.zeros(maps.shape, maps.dtype)
+    result = np.zeros(maps.shape, maps.dtype)
     for frame, values in enumerate(maps):
         if values.any():
             halfway = np.zeros(values.shape, values.dtype)
             add_products(left, np.ascontiguousarray(values), halfway)
-            add_products(halfway, right, found[frame])
-    return found
+            add_products(halfway, right, result[frame])
+    return result
 
 
 @kept
@@ -274,12 +274,12 @@ class TransientRunner:
         self._launch(partial(run_frames, plan, frames), batch)
         figures = dict(zip((*FIGURES, "unfinished"), frames.figures.T, strict=True))
         state, output = self.layout.inner(frames.state), self.layout.inner(frames.output)
-        found = {"state": state, "output": output, **figures}
+        result = {"state": state, "output": output, **figures}
         if len(moments):
             cells = frames.seen.reshape(-1, frames.seen.shape[-1])
             seen = self.layout.inner(cells).reshape(len(moments), *state.shape)
-            found |= {"seen": seen, "marks": frames.marks}
-        return found
+            result |= {"seen": seen, "marks": frames.marks}
+        return result
 
     def ends(
         self, arguments: Sequence[Reals], batch: int, schemes: Sequence[Exact]

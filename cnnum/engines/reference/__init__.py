@@ -107,7 +107,7 @@ class ReferenceExecutable(HostExecutable):
             self.answer(operation, solver, {role: maps[frame] for role, maps in stacked.items()})
             for frame in range(batch)
         ]
-        return {name: np.array([one[name] for one in answers]) for name in answers[0]}
+        return {name: np.array([answer[name] for answer in answers]) for name in answers[0]}
 
     def answer(
         self, operation: Transient, solver: Solver, maps: dict[str, Floats]
@@ -140,14 +140,14 @@ class ReferenceExecutable(HostExecutable):
 
 
 def _figures(equation: StateEquation, solver: Solver) -> dict[str, Floats]:
-    found = solve(equation.template, equation.shape, solver, equation.given)
+    result = solve(equation.template, equation.shape, solver, equation.given)
     return {
-        "output": equation.outputs(found.state),
-        "state": found.state,
-        "time": np.asarray(found.time),
-        "steps": np.asarray(float(found.steps)),
-        "settled": np.asarray(float(change(equation, found, solver) <= 1.0)),
-        "error": np.asarray(min(found.error, LOST)),
+        "output": equation.outputs(result.state),
+        "state": result.state,
+        "time": np.asarray(result.time),
+        "steps": np.asarray(float(result.steps)),
+        "settled": np.asarray(float(change(equation, result, solver) <= 1.0)),
+        "error": np.asarray(min(result.error, LOST)),
     }
 
 

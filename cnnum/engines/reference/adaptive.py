@@ -70,13 +70,13 @@ class _Pair:
             rate = self.equation.rate(self.drive, x, None, time, middle)
         stages, moved = [rate], x
         for number in range(1, layers[0].stages):
-            ahead = weighted([one.a[number] for one in layers], stages, x)
+            ahead = weighted([layer.a[number] for layer in layers], stages, x)
             moved = limited(self.equation, x + h * ahead)
             at = time + float(sum(layers[0].a[number])) * h
             stages.append(self.equation.rate(self.drive, moved, None, at, middle))
-        parts = zip(*(one.truncation for one in layers), strict=True)
+        parts = zip(*(layer.truncation for layer in layers), strict=True)
         added = [np.abs(h * weighted(rows, stages, x)) for rows in parts]
-        off = np.abs(h * weighted([one.error for one in layers], stages, x))
+        off = np.abs(h * weighted([layer.error for layer in layers], stages, x))
         left_out = np.sum(added, axis=0)
         if self.scheme.bends:
             off = np.maximum(off, left_out)

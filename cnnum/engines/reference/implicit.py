@@ -154,8 +154,8 @@ def march_implicit(
     return x, time, steps, apart + last
 
 
-def _distance(one: Floats, other: Floats) -> float:
-    return float(np.abs(one - other).max(initial=0.0))
+def _distance(values: Floats, other: Floats) -> float:
+    return float(np.abs(values - other).max(initial=0.0))
 
 
 def _march(

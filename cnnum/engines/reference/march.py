@@ -21,7 +21,7 @@ def march(equation: StateEquation, solver: Solver, scheme: FixedSteps) -> tuple[
     slowest = float(equation.template.tau.max())
     time, still = 0.0, 0
     layers = [scheme.of(layer) for layer in range(len(x))]
-    carried = np.array([one.carried for one in layers])[:, np.newaxis, np.newaxis]
+    carried = np.array([layer.carried for layer in layers])[:, np.newaxis, np.newaxis]
     pieces = {piece.first: piece for piece in scheme.pieces}
     step = scheme.step
     for number in range(scheme.count):
@@ -32,7 +32,7 @@ def march(equation: StateEquation, solver: Solver, scheme: FixedSteps) -> tuple[
         drive = fixed + equation.delayed_drive(before=number < late)
         stages: list[Floats] = []
         moved = x
-        for rows in zip(*(one.a for one in layers), strict=True):
+        for rows in zip(*(layer.a for layer in layers), strict=True):
             c = float(sum(rows[0]))
             past = _seen(history, number - late, c * step / scheme.step) if delayed else None
             moved = limited(equation, x + step * weighted(rows, stages, x))
@@ -42,7 +42,7 @@ def march(equation: StateEquation, solver: Solver, scheme: FixedSteps) -> tuple[
             # a cell that comes to its limit within the step is there at its end
             stages.append(equation.rate(drive, moved, *about, outwards=bool(stages)))
         change = np.abs(slowest * stages[0]) / (solver.atol + solver.rtol * np.abs(x))
-        ahead = step * weighted([one.b for one in layers], stages, x)
+        ahead = step * weighted([layer.b for layer in layers], stages, x)
         x = limited(equation, x + carried * (moved - x) + ahead)
         history.append(equation.outputs(x))
         time += step

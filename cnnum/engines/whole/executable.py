@@ -113,9 +113,9 @@ class WholeExecutable(OnHost):
         inputs = made.inputs(np.asarray(frames, dtype=np.float64))
         runner = self._runner(made.program)
         answer = runner.run(inputs, memory.state, first=first, batch=len(frames))
-        found = made.outputs(answer)
+        result = made.outputs(answer)
         lost = {name: np.full(len(frames), LOST) for name in self._errors()}
-        return {name: found.get(name, lost.get(name)) for name in self.schedule.outputs}  # type: ignore[misc]
+        return {name: result.get(name, lost.get(name)) for name in self.schedule.outputs}  # type: ignore[misc]
 
     def _errors(self) -> list[str]:
         """Return the outputs that are errors of runs, which are not followed."""

@@ -90,15 +90,15 @@ class Case:
 def _frames(work: Callable[[Any], Any], pictures: NDArray[Any]) -> Callable[[], Any]:
     if pictures.ndim == 2:
         return lambda: work(pictures)
-    return lambda: np.stack([work(one) for one in pictures])
+    return lambda: np.stack([work(picture) for picture in pictures])
 
 
 def _opencv_edge(black: Blacks, _: Blacks) -> Callable[[], Any]:
     cv2 = _opencv()
 
     def edge(picture: Floats) -> Any:
-        found = cv2.filter2D(picture, -1, LAPLACE, borderType=cv2.BORDER_REPLICATE)
-        return cv2.threshold(found, 1.0, 1.0, cv2.THRESH_BINARY)[1]
+        result = cv2.filter2D(picture, -1, LAPLACE, borderType=cv2.BORDER_REPLICATE)
+        return cv2.threshold(result, 1.0, 1.0, cv2.THRESH_BINARY)[1]
 
     return _frames(edge, np.where(black, np.float32(1.0), np.float32(-1.0)))
 
@@ -229,17 +229,17 @@ def measure(
         begun = marks if case.template == "RECALL" else black & ~marks
         maps["state"] = np.where(begun, np.float32(1.0), np.float32(-1.0))
     ours = partial(engine.run, case.template, **maps)
-    found = ours()
+    result = ours()
     if case.gray:
-        wrong = int((np.abs(found.output - theirs()) > STEP + 1e-6).sum())
+        wrong = int((np.abs(result.output - theirs()) > STEP + 1e-6).sum())
     else:
-        wrong = int(((found.output > 0.0) != (np.asarray(theirs()) > 0)).sum())
+        wrong = int(((result.output > 0.0) != (np.asarray(theirs()) > 0)).sum())
     peer_time, own = interleaved([theirs, ours], budget=budget, runs=31)
     return Answer(
         case=case.name,
         peer=peer,
         device=engine.device,
-        method=found.method,
+        method=result.method,
         peer_seconds=peer_time.median,
         seconds=own.median,
         ratio=peer_time.median / own.median,

@@ -132,11 +132,11 @@ def _title(row: Row) -> str:
 
 def _front(points: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
     """Return the corners of a staircase below which no point lies."""
-    found = list[tuple[float, float]]()
+    result = list[tuple[float, float]]()
     for x, y in sorted(points):
-        if not found or y < found[-1][1]:
-            found.append((x, y))
-    return found
+        if not result or y < result[-1][1]:
+            result.append((x, y))
+    return result
 
 
 def _panel(axes: Axes, rows: Sequence[Row], cost: str, first: bool) -> None:
@@ -185,10 +185,10 @@ def _value(row: Row, key: str) -> float:
 
 
 def _curves(rows: Sequence[Row], keys: Sequence[str]) -> dict[str, list[Row]]:
-    found: dict[str, list[Row]] = {}
+    result: dict[str, list[Row]] = {}
     for row in rows:
-        found.setdefault(" ".join(str(row[key]) for key in keys), []).append(row)
-    return found
+        result.setdefault(" ".join(str(row[key]) for key in keys), []).append(row)
+    return result
 
 
 def _line(axes: Axes, x: Sequence[float], y: Sequence[float], name: str, style: int) -> None:

@@ -113,7 +113,9 @@ def largest_difference(
     answers: Sequence[Mapping[str, Floats]], true: Mapping[str, Floats]
 ) -> float:
     """Return the largest difference of any answer's outputs from the truth."""
-    return max(float(np.abs(each[name] - true[name]).max()) for each in answers for name in true)
+    return max(
+        float(np.abs(answer[name] - true[name]).max()) for answer in answers for name in true
+    )
 
 
 @dataclass(frozen=True, slots=True)

@@ -138,11 +138,11 @@ def case_truths(case: Case) -> tuple[Floats, Floats]:
     """
     ordinary = _ends(maps(case.batch, *case.shape))
     state, given = near_zero(ordinary, LINEAR)
-    found = [
+    result = [
         _states(Engine("reference"), case, state, given) / LINEAR,
         _states(Engine("reference"), case, ordinary, ordinary),
     ]
-    return found[0], found[1]
+    return result[0], result[1]
 
 
 def _ends(batch: Floats) -> Floats:

@@ -68,13 +68,13 @@ def truths(
         Outputs; all unless given.
     """
     stream = Engine("reference").compile(get_program(name).bind(rate=RATE), shape, needs).stream()
-    found: list[Answer] = []
+    result: list[Answer] = []
     until = time.perf_counter() + seconds
     for frame in streamed_frames(shape, size):
-        if found and time.perf_counter() > until:
+        if result and time.perf_counter() > until:
             break
-        found.append(stream.push(frame))
-    return found
+        result.append(stream.push(frame))
+    return result
 
 
 def streamed_frames(shape: Shape, size: float = 1.0) -> Floats:
@@ -104,14 +104,14 @@ def stream_error(
     stream = plan.stream(rate=RATE)
     got = [stream.push(frame) for frame in streamed_frames(plan.schedule.shape, size)[: len(true)]]
     first = TOUCHED if len(true) > TOUCHED else 0
-    found: list[float] = [0.0]
+    result: list[float] = [0.0]
     for name in true[0]:
         ours, theirs, whole = (
             np.stack([each[name] for each in all_[first:]]) for all_ in (got, true, over or true)
         )
         largest = float(np.abs(whole).max())
-        found.append(float(np.abs(ours - theirs).max()) / (largest or 1.0))
-    return max(found)
+        result.append(float(np.abs(ours - theirs).max()) / (largest or 1.0))
+    return max(result)
 
 
 def program_error(engine: Engine, plan: Plan, name: str) -> Judged:

@@ -139,15 +139,15 @@ def _measure(engine: Engine, point: Point, budget: float) -> Scaling:
     def states(on: Engine, frames: NDArray[np.floating]) -> Floats:
         return on.run(template, input=frames, duration=STEPS * STEP, dt=STEP).state
 
-    found = difference(lambda: run(few), lambda: run(3 * few), budget=budget, runs=9)
-    rate = cells * 2 * few / found.more
+    result = difference(lambda: run(few), lambda: run(3 * few), budget=budget, runs=9)
+    rate = cells * 2 * few / result.more
     return Scaling(
         device=engine.device,
         **asdict(point),
         cell_updates_per_s=rate,
         ns_per_update=1e9 / rate,
         growth=None,
-        seconds=found.long.median,
-        spread=found.long.spread,
+        seconds=result.long.median,
+        spread=result.long.spread,
         error=ends_error(states, engine, u),
     )

@@ -136,11 +136,11 @@ def error_of(scene: Scene, got: Sequence[Answer], true: Sequence[Answer]) -> tup
     agree = np.ones(len(true), dtype=bool)
     for name in (name for name, node in outputs.items() if node.logic):
         agree &= ~_off(name, got, true).any(axis=-1)
-    found = [0.0]
+    result = [0.0]
     for name in outputs:
         largest = max(float(np.abs(each[name]).max()) for each in true)
-        found.append(float(_off(name, got, true)[agree].max(initial=0.0)) / (largest or 1.0))
-    return max(found), int(np.count_nonzero(~agree))
+        result.append(float(_off(name, got, true)[agree].max(initial=0.0)) / (largest or 1.0))
+    return max(result), int(np.count_nonzero(~agree))
 
 
 def _off(name: str, got: Sequence[Answer], true: Sequence[Answer]) -> Floats:
@@ -170,7 +170,7 @@ class _Turns:
     def seconds(self) -> dict[str, NDArray[np.float64]]:
         """Return (frames,) s by scene, of frames that ran."""
         arrays = {name: np.array(found) for name, found in self._taken.items()}
-        return {name: found[np.isfinite(found)] for name, found in arrays.items()}
+        return {name: array[np.isfinite(array)] for name, array in arrays.items()}
 
 
 def _row(

@@ -218,14 +218,14 @@ def _measure(
     short, long = (_timed(engine, case, batch, n) for n in (case.steps, 3 * case.steps))
     cells = case.batch * case.channels * case.shape[0] * case.shape[1]
     a_cell = 2 * np.count_nonzero(case.template.A) + 4
-    found = difference(
+    result = difference(
         short,
         long,
         work=cells * 2.0 * case.steps * a_cell,
         against=peak,
         budget=budget,
     )
-    rate = cells * 2 * case.steps / found.more
+    rate = cells * 2 * case.steps / result.more
     return Throughput(
         case=case.name,
         device=engine.device,
@@ -233,13 +233,13 @@ def _measure(
         shape=case.shape,
         batch=case.batch,
         cell_updates_per_s=rate,
-        host_to_host_per_s=cells * 3 * case.steps / found.long.median,
+        host_to_host_per_s=cells * 3 * case.steps / result.long.median,
         flops=rate * a_cell,
         peak_flops=math.nan,
         share_of_peak=math.nan,
-        share_in_turns=found.share,
-        seconds=found.long.median,
-        spread=found.long.spread,
+        share_in_turns=result.share,
+        seconds=result.long.median,
+        spread=result.long.spread,
         error=ends_error(lambda on, some: _outputs(on, case, some), engine, batch),
         beside_one_template=(
             rate_beside_one(engine, case.template, maps, STEP, case.steps) if case.own else None

@@ -357,7 +357,7 @@ def _under_patches(engine: Engine, exact: Engine, name: str, cells: int) -> True
         options["layers"] = 2 * cells
     program = get_program(name).bind(**options)
     plan = engine.compile(program, (n, n), outputs)
-    got = _levelled([plan(frames)[each] for each in outputs])
+    got = _levelled([plan(frames)[output] for output in outputs])
     truth = np.stack(
         [
             mirrored_patch(place, THICKNESS, axis, modulus=MODULUS if strain else None)
@@ -370,7 +370,7 @@ def _under_patches(engine: Engine, exact: Engine, name: str, cells: int) -> True
     else:
         fine = program if name == "halfspace_layers" else program.bind(tolerance=2e-9)
         lattice = exact.compile(fine, (n, n), outputs)(frames)
-        own = _levelled([lattice[each] for each in outputs])
+        own = _levelled([lattice[output] for output in outputs])
     row = _row(name, "Love and Cerruti, patches of 2×2 taxels", "cells", cells, engine)
     return _cost(_split(row, got, own, truth), _alone(plan, frames[0]))
 
@@ -401,14 +401,14 @@ def _equilibrium(engine: Engine, exact: Engine, cells: int, poisson: float = 0.3
 
 def _surface_load(engine: Engine, exact: Engine, rounds: int, count: int) -> TrueError:
     """Return the row of loads found from noisy strain: RMS error over the mean pressure, 8 kPa."""
-    found, own = (measure(each, 1e-4, rounds, count=count) for each in (engine, exact))
+    result, own = (measure(each, 1e-4, rounds, count=count) for each in (engine, exact))
     row = _row("surface_load", "loads of one to three contacts", "rounds", rounds, engine)
     return replace(
         row,
-        error=found.rms / 8e3,
+        error=result.rms / 8e3,
         discretisation=own.rms / 8e3,
-        arithmetic=float(np.abs(found.pressure - own.pressure).max()) / 8e3,
-        seconds=found.seconds,
+        arithmetic=float(np.abs(result.pressure - own.pressure).max()) / 8e3,
+        seconds=result.seconds,
         spread=nan,
     )
 
@@ -445,7 +445,7 @@ def _every(plan: Plan, known: KnownAnswer) -> Outputs:
     frames = _read(plan, known)
     stream = plan.stream((frames.shape[1],))
     answers = [stream.push(frame) for frame in frames]
-    return {name: np.array([one[name] for one in answers], np.float64) for name in answers[0]}
+    return {name: np.array([answer[name] for answer in answers], np.float64) for name in answers[0]}
 
 
 def _median(off: Floats) -> float:

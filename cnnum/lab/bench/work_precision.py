@@ -150,8 +150,8 @@ def omissions(names: Sequence[str], *, quick: bool = False) -> tuple[str, ...]:
 
 def wave_templates() -> tuple[Template, ...]:
     """Return the templates of the library whose answer is a field in time."""
-    found = (get_template(name) for name in template_names())
-    return tuple(t for t in found if t.check is not None and t.check.name in WAVES)
+    result = (get_template(name) for name in template_names())
+    return tuple(t for t in result if t.check is not None and t.check.name in WAVES)
 
 
 def engines_here(device: str | None, *, quick: bool = False) -> tuple[Engine, ...]:
@@ -166,19 +166,19 @@ def engines_here(device: str | None, *, quick: bool = False) -> tuple[Engine, ..
     """
     if device is not None:
         Engine("opencl", device=device)
-    found: list[Engine] = []
+    result: list[Engine] = []
     for name in backend_names():
         for precision in ("float32", "float64"):
             if name == "reference" or (quick and (name, precision) not in QUICK_PLACES):
                 continue
             try:
                 on = device_for(name, device)
-                found.append(Engine(name, device=on, precision=precision))
+                result.append(Engine(name, device=on, precision=precision))
             except CnnumError:  # not on this machine
                 continue
     if quick:
-        found.sort(key=lambda engine: QUICK_PLACES.index((engine.name, engine.precision)))
-    return tuple(found[:1] if quick else found)
+        result.sort(key=lambda engine: QUICK_PLACES.index((engine.name, engine.precision)))
+    return tuple(result[:1] if quick else result)
 
 
 def cases(*, quick: bool = False) -> tuple[str, ...]:

@@ -136,11 +136,11 @@ def _amount(
     if given is None:
         return 0.0
     text = str(given).strip().lower().removesuffix(unit or "b")
-    found = re.fullmatch(r"(\d+(?:\.\d+)?)\s*([kmg]?)(?:i?b?)", text)
-    if found is None or found[2] not in suffixes or not float(found[1]) > 0.0:
+    match = re.fullmatch(r"(\d+(?:\.\d+)?)\s*([kmg]?)(?:i?b?)", text)
+    if match is None or match[2] not in suffixes or not float(match[1]) > 0.0:
         example = "168MHz" if unit else "32k"
         raise click.UsageError(f"--{key} is a number above 0, as {example}, got '{given!s:.40}'.")
-    return float(found[1]) * suffixes[found[2]]
+    return float(match[1]) * suffixes[match[2]]
 
 
 FAILED = 2
@@ -381,11 +381,11 @@ def work_precision(
     from cnnum.lab.bench.work_precision import cases, count, engines_here, measure_cases, omissions
 
     chosen, engines = names or cases(quick=quick), engines_here(device, quick=quick)
-    found = measure_cases(chosen, engines, quick=quick)
+    result = measure_cases(chosen, engines, quick=quick)
     label = engines[0].device
     total = count(chosen, engines, quick=quick)
     left_out = omissions(chosen, quick=quick)
-    return _report("work-precision", found, total, label, out, force, as_json, left_out)
+    return _report("work-precision", result, total, label, out, force, as_json, left_out)
 
 
 @command.command("truth")
@@ -411,8 +411,8 @@ def throughput(
     from cnnum.lab.bench.throughput import CASES, measure_throughput
 
     engine = _engine(device)
-    found = measure_throughput(engine, quick=quick)
-    return _report("throughput", found, len(CASES), engine.device, out, force, as_json)
+    result = measure_throughput(engine, quick=quick)
+    return _report("throughput", result, len(CASES), engine.device, out, force, as_json)
 
 
 @command.command("latency")
@@ -475,8 +475,8 @@ def denormals(device: str | None, quick: bool, out: Path | None, force: bool, as
     from cnnum.lab.bench.denormals import COUNT, measure_denormals
 
     engine = _engine(device)
-    found = measure_denormals(engine, quick=quick)
-    return _report("denormals", found, COUNT, engine.device, out, force, as_json)
+    result = measure_denormals(engine, quick=quick)
+    return _report("denormals", result, COUNT, engine.device, out, force, as_json)
 
 
 @command.command("fusing")
@@ -497,8 +497,8 @@ def scaling(device: str | None, quick: bool, out: Path | None, force: bool, as_j
     from cnnum.lab.bench.scaling import measure_scaling, points
 
     engine = _engine(device)
-    found = measure_scaling(engine, quick=quick)
-    return _report("scaling", found, len(points(quick=quick)), engine.device, out, force, as_json)
+    result = measure_scaling(engine, quick=quick)
+    return _report("scaling", result, len(points(quick=quick)), engine.device, out, force, as_json)
 
 
 @command.command("peers")
@@ -508,8 +508,8 @@ def peers(device: str | None, quick: bool, out: Path | None, force: bool, as_jso
     from cnnum.lab.bench.peer_runs import measure_peers
 
     engine = _engine(device)
-    found = measure_peers(engine, quick=quick)
-    return _report("peers", found, None, engine.device, out, force, as_json)
+    result = measure_peers(engine, quick=quick)
+    return _report("peers", result, None, engine.device, out, force, as_json)
 
 
 @command.command("answers")
@@ -519,8 +519,8 @@ def answers(device: str | None, quick: bool, out: Path | None, force: bool, as_j
     from cnnum.lab.bench.answers import COUNT, measure_answers
 
     engine = _engine(device)
-    found = measure_answers(engine, quick=quick)
-    return _report("answers", found, COUNT, engine.device, out, force, as_json)
+    result = measure_answers(engine, quick=quick)
+    return _report("answers", result, COUNT, engine.device, out, force, as_json)
 
 
 @command.command("design")
@@ -530,8 +530,8 @@ def design(device: str | None, quick: bool, out: Path | None, force: bool, as_js
     from cnnum.lab.bench.peers.design_race import measure_design
 
     engine = _engine(device)
-    found = measure_design(quick=quick)
-    return _report("design", found, None, engine.device, out, force, as_json)
+    result = measure_design(quick=quick)
+    return _report("design", result, None, engine.device, out, force, as_json)
 
 
 @command.command("embedded")

@@ -110,10 +110,10 @@ def _mutants(chosen: "tuple[Item, ...]", as_json: bool) -> int:
     return CHECKS_FAILED if stay else 0
 
 
-def _fate(one: "Mutant") -> Text:
-    if one.missing:
+def _fate(mutant: "Mutant") -> Text:
+    if mutant.missing:
         return Text("not run", style="yellow")
-    return Text("fell", style="green") if one.fell else Text("PASSED", style="bold red")
+    return Text("fell", style="green") if mutant.fell else Text("PASSED", style="bold red")
 
 
 def _write(out: Path, rows: "list[Row]", force: bool, as_json: bool) -> None:

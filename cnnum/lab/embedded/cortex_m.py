@@ -177,7 +177,9 @@ class Board:
                 machine.read("board_output", layout.itemsize), layout
             )
             wanted = self.made.emulator().run(given, state, first=number == 0)
-            wrong += sum(_differing(answer[one.name][0], wanted[one.name]) for one in outputs)
+            wrong += sum(
+                _differing(answer[output.name][0], wanted[output.name]) for output in outputs
+            )
         stack = machine.deepest
         ram = self._bytes_of(written=True) + stack
         return Counted(self.core, tuple(counts), self._bytes_of(written=False), ram, stack, wrong)
@@ -256,13 +258,13 @@ class _Machine:
 
 def board_sections(board: Board) -> list[tuple[int, bytes]]:
     """Return where each loaded section lies, and its bytes."""
-    found = list[tuple[int, bytes]]()
+    result = list[tuple[int, bytes]]()
     for section in board.sections.iter_sections():
         if section["sh_flags"] & 2 and section["sh_size"]:
             empty = section["sh_type"] == "SHT_NOBITS"
             data = bytes(section["sh_size"]) if empty else bytes(section.data())
-            found.append((int(section["sh_addr"]), data))
-    return found
+            result.append((int(section["sh_addr"]), data))
+    return result
 
 
 def board_text(name: str) -> str:

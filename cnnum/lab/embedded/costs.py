@@ -86,7 +86,7 @@ def excerpt(shape: Shape, *, remembers: bool) -> Floats:
     remembers : bool
         Whether the program has memories, and so needs all frames in their order.
     """
-    some = [one for one in trials(shape, OTHERS, 1) if one.family in ("slip", "twist")]
+    some = [trial for trial in trials(shape, OTHERS, 1) if trial.family in ("slip", "twist")]
     frames = side_by_side(some, EXCERPT)
     frames = np.concatenate([frames, frames[::-LETS_GO]])
     return frames[:: 1 if remembers else APART]
@@ -99,25 +99,25 @@ def _reference(name: str, shape: Shape, needs: tuple[str, ...]) -> Mapping[str, 
     frames = excerpt(shape, remembers=bool(plan.schedule.memories))
     stream = plan.stream((frames.shape[1],))
     answers = [stream.push(frame) for frame in frames]
-    return {key: np.array([one[key] for one in answers]) for key in answers[0]}
+    return {key: np.array([answer[key] for answer in answers]) for key in answers[0]}
 
 
 def loss(made: Made, shape: Shape) -> Loss:
     """Return how far a program in a precision is from the reference engine."""
     remembers = bool(made.schedule.memories)
     wanted = _reference(made.program.name, shape, tuple(made.schedule.outputs))
-    found = made.run(excerpt(shape, remembers=remembers))
+    result = made.run(excerpt(shape, remembers=remembers))
     worst, output, flags = -1.0, "", list[str]()
     for name, node in made.schedule.outputs.items():
         if node.logic:
             flags.append(name)
             continue
         size = float(np.sqrt(np.mean(wanted[name] ** 2)))
-        off = float(np.sqrt(np.mean((found[name] - wanted[name]) ** 2)))
+        off = float(np.sqrt(np.mean((result[name] - wanted[name]) ** 2)))
         error = off / size if size else (0.0 if not off else inf)
         if error > worst:
             worst, output = error, name
-    return Loss(worst if output else nan, output, _unlike(found, wanted, flags))
+    return Loss(worst if output else nan, output, _unlike(result, wanted, flags))
 
 
 def _unlike(
@@ -147,17 +147,17 @@ def events(made: Made, shape: Shape, count: int) -> Events:
     scenes = trials(shape, OTHERS, count)
     answers = _answers(made, scenes)
     slips, twists, false, seconds = list[bool](), list[bool](), 0, 0.0
-    for one, answer in zip(scenes, answers, strict=True):
-        seconds += one.seconds
+    for scene, answer in zip(scenes, answers, strict=True):
+        seconds += scene.seconds
         if "gross_slip" in known:
-            verdict = judge(one, answer)
+            verdict = judge(scene, answer)
             false += verdict.false
-            if one.slides and not one.sense.any():
+            if scene.slides and not scene.sense.any():
                 slips.append(verdict.found)
         if "twist" in known:
-            false += 0 if "gross_slip" in known else _false_twists(one, answer)
-            if one.sense.any():
-                twists.append(sense_right(one, answer))
+            false += 0 if "gross_slip" in known else _false_twists(scene, answer)
+            if scene.sense.any():
+                twists.append(sense_right(scene, answer))
     exact = _exact_answers(made.program.name, shape, count)
     differ = _unlike(_together(answers, reports), _together(exact, reports), reports)
     return Events(_share(slips), _share(twists), per_ten_minutes(false, seconds), differ)
@@ -165,18 +165,18 @@ def events(made: Made, shape: Shape, count: int) -> Events:
 
 def _answers(made: Made, scenes: Sequence[Trial]) -> list[dict[str, Floats]]:
     """Return the outputs on each scene, (its frames, …)."""
-    found = made.run(side_by_side(scenes))
+    result = made.run(side_by_side(scenes))
     return [
-        {name: values[: len(one.frames), n] for name, values in found.items()}
-        for n, one in enumerate(scenes)
+        {name: values[: len(scene.frames), n] for name, values in result.items()}
+        for n, scene in enumerate(scenes)
     ]
 
 
 @lru_cache(maxsize=4)
 def _exact_answers(name: str, shape: Shape, count: int) -> list[dict[str, Floats]]:
     """Return the reports of a program in float32 on the scenes that are scored."""
-    found = _answers(made_program(name, shape, "float32"), trials(shape, OTHERS, count))
-    return [{key: one[key] for key in REPORTS if key in one} for one in found]
+    result = _answers(made_program(name, shape, "float32"), trials(shape, OTHERS, count))
+    return [{key: one[key] for key in REPORTS if key in one} for one in result]
 
 
 def _together(some: Sequence[Mapping[str, Floats]], names: Sequence[str]) -> dict[str, Floats]:
@@ -383,21 +383,21 @@ class Bounds:
 
 def answers(rows: Sequence[CostRow], bounds: Bounds) -> list[str]:
     """Return a sentence for each program and shape: its cheapest configuration, or the nearest."""
-    found = list[str]()
+    result = list[str]()
     for case, shape in dict.fromkeys((row.case, row.shape) for row in rows):
         mine = [row for row in rows if (row.case, row.shape) == (case, shape)]
         within = [row for row in mine if not bounds.excess(row)]
         at = f"{case} on {shape[0]}×{shape[1]}"
         if within:
             best = min(within, key=lambda row: (row.instructions, row.ram_bytes))
-            found.append(f"{at}: the cheapest within the bounds is {_words(best)}.")
+            result.append(f"{at}: the cheapest within the bounds is {_words(best)}.")
             continue
         near = min(mine, key=lambda row: max(bounds.excess(row).values()))
         over = ", ".join(f"{name} {share:.3g}×" for name, share in bounds.excess(near).items())
-        found.append(
+        result.append(
             f"{at}: none is within the bounds; nearest is {_words(near)}, over in {over} the bound."
         )
-    return found
+    return result
 
 
 def _words(row: CostRow) -> str:

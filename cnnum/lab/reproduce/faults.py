@@ -51,8 +51,10 @@ class Fault:
 
     @property
     def _function(self) -> FunctionType:
-        found: Any = self.subject.fget if isinstance(self.subject, property) else self.subject
-        return found  # type: ignore[no-any-return]
+        function_type: Any = (
+            self.subject.fget if isinstance(self.subject, property) else self.subject
+        )
+        return function_type  # type: ignore[no-any-return]
 
     def _wrong(self) -> Any:
         wrong = wraps(self._function)(self.breaks(self._function))

@@ -180,41 +180,41 @@ HELD_NOTE = "Each report of slip is false, each of its own if the flag goes out 
 
 def _slip_row(family: Family, scenes: Scenes) -> Row:
     verdicts = scenes.verdicts(family.name)
-    found = [one for one in verdicts if one.found]
-    slid = [one.slid if one.found else np.inf for one in verdicts]
+    result = [verdict for verdict in verdicts if verdict.found]
+    slid = [verdict.slid if verdict.found else np.inf for verdict in verdicts]
     return {
         **_head(family, verdicts),
-        "found": share(len(found), len(verdicts)),
+        "found": share(len(result), len(verdicts)),
         "slid_mm": median(slid) * 1e3,
         "near": share(sum(way <= NEAR for way in slid), len(verdicts)),
-        "turned": median([one.turned for one in found]),
+        "turned": median([one.turned for one in result]),
         "false": _rate(verdicts),
-        "twists": share(sum(one.twists > 0 for one in verdicts), len(verdicts)),
+        "twists": share(sum(verdict.twists > 0 for verdict in verdicts), len(verdicts)),
     }
 
 
 def _twist_row(family: Family, scenes: Scenes) -> Row:
     verdicts = scenes.verdicts(family.name)
     pairs = list(zip(scenes.trials[family.name], scenes.answers[family.name], strict=True))
-    found = sum(bool((answers["twist"][trial.scored] > 0).any()) for trial, answers in pairs)
+    result = sum(bool((answers["twist"][trial.scored] > 0).any()) for trial, answers in pairs)
     right = sum(sense_right(trial, answers) for trial, answers in pairs)
     return {
         **_head(family, verdicts),
-        "found": share(found, len(pairs)),
+        "found": share(result, len(pairs)),
         "sense": share(right, len(pairs)),
-        "slips": share(sum(one.false > 0 for one in verdicts), len(verdicts)),
+        "slips": share(sum(verdict.false > 0 for verdict in verdicts), len(verdicts)),
     }
 
 
 def _held_row(family: Family, scenes: Scenes) -> Row:
     verdicts = scenes.verdicts(family.name)
-    seconds = sum(one.seconds for one in verdicts)
+    seconds = sum(verdict.seconds for verdict in verdicts)
     return {
         **_head(family, verdicts),
         "minutes": seconds / 60.0,
         "false": _rate(verdicts),
-        "with_false": sum(one.false > 0 for one in verdicts),
-        "twists": per_ten_minutes(sum(one.twists for one in verdicts), seconds),
+        "with_false": sum(verdict.false > 0 for verdict in verdicts),
+        "twists": per_ten_minutes(sum(verdict.twists for verdict in verdicts), seconds),
     }
 
 
@@ -226,5 +226,8 @@ def _head(family: Family, verdicts: Sequence[Verdict]) -> Row:
 
 
 def _rate(verdicts: Sequence[Verdict]) -> float:
-    false, seconds = sum(one.false for one in verdicts), sum(one.seconds for one in verdicts)
+    false, seconds = (
+        sum(verdict.false for verdict in verdicts),
+        sum(verdict.seconds for verdict in verdicts),
+    )
     return per_ten_minutes(false, seconds)

@@ -109,13 +109,13 @@ def in_batches(
 ) -> list[Answers]:
     """Return the outputs of every trial, run with those of the same kind and a like length."""
     order = sorted(range(len(trials)), key=lambda n: (_kind(trials[n]), len(trials[n].frames)))
-    found: dict[int, Answers] = {}
+    result: dict[int, Answers] = {}
     for _, same in groupby(order, key=lambda n: _kind(trials[n])):
         numbers = list(same)
         for start in range(0, len(numbers), BATCH):
             some = numbers[start : start + BATCH]
-            found.update(zip(some, run([trials[n] for n in some]), strict=True))
-    return [found[n] for n in range(len(trials))]
+            result.update(zip(some, run([trials[n] for n in some]), strict=True))
+    return [result[n] for n in range(len(trials))]
 
 
 def side_by_side(
@@ -132,19 +132,19 @@ def side_by_side(
     bound = _bound(program, {**trials[0].setting, **constants})
     plan = engine.compile(bound, trials[0].shape, outputs, channels=FORCE_AXES)
     columns = [FORCE_AXES.index(channel) for channel in plan.schedule.channels]
-    stream, longest = plan.stream((len(trials),)), max(len(one.frames) for one in trials)
+    stream, longest = plan.stream((len(trials),)), max(len(trial.frames) for trial in trials)
     series = {output: np.empty((longest, len(trials))) for output in outputs}
     for n, frame in enumerate(_frames(trials, longest)):
         for output, values in stream.push(frame[..., columns]).items():
             series[output][n] = values
     return [
-        {output: values[: len(one.frames), place] for output, values in series.items()}
-        for place, one in enumerate(trials)
+        {output: values[: len(trial.frames), place] for output, values in series.items()}
+        for place, trial in enumerate(trials)
     ]
 
 
 def _frames(trials: Sequence[Trial], longest: int) -> Iterator[Any]:
-    last = [len(one.frames) - 1 for one in trials]
+    last = [len(trial.frames) - 1 for trial in trials]
     for n in range(longest):
         yield np.stack([t.frames[min(n, end)] for t, end in zip(trials, last, strict=True)])
 

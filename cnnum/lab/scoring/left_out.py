@@ -54,16 +54,16 @@ def choices(
     engine: Engine, trials: Mapping[str, Sequence[Trial]], advance: Callable[[str], object]
 ) -> list[Choice]:
     """Return all constants of the grid, with the results of families of scenes."""
-    found = list[Choice]()
+    result = list[Choice]()
     names = [family.name for family in FAMILIES if family.kind != "twist"]
     some = {name: trials[name] for name in names}
     for constants in GRID:
         scenes = played(Subject(engine, constants, twists=False), some)
         for level in LEVELS:
             outcomes = {name: outcome(scenes, name, level) for name in names}
-            found.append(Choice({**constants, "level": level}, outcomes))
+            result.append(Choice({**constants, "level": level}, outcomes))
         advance(", ".join(f"{name} {value:g}" for name, value in constants.items()))
-    return found
+    return result
 
 
 def chosen(found: Sequence[Choice], left_out: str) -> Choice:
@@ -75,8 +75,8 @@ def chosen(found: Sequence[Choice], left_out: str) -> Choice:
 
     def merit(choice: Choice) -> tuple[int, float]:
         others = [one for name, one in choice.outcomes.items() if name != left_out]
-        near = float(np.mean([one.near for one in others if one.slid]))
-        return sum(reached(one) for one in others), near
+        near = float(np.mean([other.near for other in others if other.slid]))
+        return sum(reached(other) for other in others), near
 
     return max(found, key=merit)
 

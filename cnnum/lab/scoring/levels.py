@@ -53,14 +53,14 @@ def outcome(scenes: Scenes, family: str, level: float) -> Outcome:
     """Return the results of a family at a level of `slip_strength`."""
     pairs = zip(scenes.trials[family], scenes.answers[family], strict=True)
     verdicts = [judge(t, a, reports(a["slip_strength"], level, t.rate)) for t, a in pairs]
-    slides = [one for one in verdicts if one.slides]
-    slid = tuple(one.slid if one.found else float("inf") for one in slides)
+    slides = [verdict for verdict in verdicts if verdict.slides]
+    slid = tuple(slide.slid if slide.found else float("inf") for slide in slides)
     return Outcome(
-        found=share(sum(one.found for one in slides), len(slides)),
+        found=share(sum(slide.found for slide in slides), len(slides)),
         near=share(sum(way <= NEAR for way in slid), len(slides)),
         slid=slid,
-        false=sum(one.false for one in verdicts),
-        seconds=sum(one.seconds for one in verdicts),
+        false=sum(verdict.false for verdict in verdicts),
+        seconds=sum(verdict.seconds for verdict in verdicts),
     )
 
 
@@ -75,12 +75,12 @@ def _row(scenes: Scenes, level: float) -> Row:
     slips = [outcome(scenes, f.name, level) for f in FAMILIES if f.kind == "slip"]
     held = {f.name: outcome(scenes, f.name, level) for f in FAMILIES if f.kind == "held"}
     still = [one for name, one in held.items() if "rolling" not in name]
-    ways = [way for one in slips for way in one.slid]
+    ways = [way for slip in slips for way in slip.slid]
     return {
         "level": level,
-        "found": float(np.mean([one.found for one in slips])),
-        "families": sum(one.found >= FOUND for one in slips),
-        "near": float(np.mean([one.near for one in slips])),
+        "found": float(np.mean([slip.found for slip in slips])),
+        "families": sum(slip.found >= FOUND for slip in slips),
+        "near": float(np.mean([slip.near for slip in slips])),
         "slid_mm": median(ways) * 1e3,
         "false": rate_of(list(held.values())),
         "still_false": rate_of(still),

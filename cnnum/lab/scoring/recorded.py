@@ -63,13 +63,13 @@ def flat_folders(root: Path, objects: tuple[str, ...] | None) -> list[Folder]:
 
     Only the tables that name the objects are read.
     """
-    found = list[Folder]()
+    result = list[Folder]()
     for file in sorted((root / FLAT).glob("*/*/meta_data.csv")):
         name = _object(file)
         wanted = name not in HELD_BACK if objects is None else name in objects
         if wanted or objects == ("all",):
-            found.append(Folder(file.parent, name))
-    return found
+            result.append(Folder(file.parent, name))
+    return result
 
 
 def uskin_trial(folder: Folder) -> Trial:
@@ -123,14 +123,14 @@ def speeds(places: Floats, rate: float) -> Floats:
         NaN where it is seen too rarely.
     """
     seen = np.abs(places - LOST).max(axis=1) > 1e-6
-    half, found = max(2, round(WINDOW * rate)), np.full(len(places), np.nan)
+    half, values = max(2, round(WINDOW * rate)), np.full(len(places), np.nan)
     for n in range(len(places)):
         near = np.arange(max(0, n - half), min(len(places), n + half + 1))
         used = near[seen[near]]
         if len(used) >= SEEN * len(near):
             time = (used - used.mean()) / rate
-            found[n] = np.linalg.norm((time[:, None] * places[used]).sum(axis=0) / (time @ time))
-    return found
+            values[n] = np.linalg.norm((time[:, None] * places[used]).sum(axis=0) / (time @ time))
+    return values
 
 
 def turning(places: Floats, turned: Floats, rate: float) -> Floats:
@@ -149,7 +149,7 @@ def turning(places: Floats, turned: Floats, rate: float) -> Floats:
         NaN where the marker is seen too rarely.
     """
     seen = (np.abs(places - LOST).max(axis=1) > 1e-6) & (np.abs(turned).sum(axis=1) > 0.5)
-    half, found = max(2, round(WINDOW * rate)), np.full(len(places), np.nan)
+    half, values = max(2, round(WINDOW * rate)), np.full(len(places), np.nan)
     for n in map(int, np.flatnonzero(seen)):
         near = np.arange(max(0, n - half), min(len(places), n + half + 1))
         used = near[seen[near]]
@@ -157,8 +157,8 @@ def turning(places: Floats, turned: Floats, rate: float) -> Floats:
             away = Rotation.from_quat(turned[n]).inv() * Rotation.from_quat(turned[used])
             time = (used - used.mean()) / rate
             slope = (time[:, None] * away.as_rotvec()).sum(axis=0) / (time @ time)
-            found[n] = np.degrees(np.linalg.norm(slope))
-    return found
+            values[n] = np.degrees(np.linalg.norm(slope))
+    return values
 
 
 def labels(speed: Floats) -> Floats:

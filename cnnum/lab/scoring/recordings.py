@@ -58,15 +58,15 @@ def shear_change(trial: Trial, window: int, *, incoherent: bool, over_load: bool
     """
     change = _change_of_frames(trial)[..., :2]
     change = change - change.mean(axis=(2, 3), keepdims=True) if incoherent else change
-    found = _averaged(np.sqrt((change**2).sum(axis=-1).mean(axis=(1, 2, 3))), window)
-    return found / (_load(trial) + FAINT) if over_load else found
+    result = _averaged(np.sqrt((change**2).sum(axis=-1).mean(axis=(1, 2, 3))), window)
+    return result / (_load(trial) + FAINT) if over_load else result
 
 
 def _load(trial: Trial) -> Floats:
     """Return the mean load of a taxel above the first frames."""
     pads = _pads(trial)
-    found: Floats = np.abs((pads - pads[:4].mean(axis=0))[..., 2].mean(axis=(2, 3))).mean(axis=1)
-    return found
+    values: Floats = np.abs((pads - pads[:4].mean(axis=0))[..., 2].mean(axis=(2, 3))).mean(axis=1)
+    return values
 
 
 def features(trial: Trial) -> Floats:
@@ -308,22 +308,22 @@ def _chosen(engine: Engine, trials: Sequence[Trial]) -> list[Floats]:
         [answers["slip_strength"] for answers in Subject(engine, known, twists=False).play(trials)]
         for known in GRID
     ]
-    found: dict[int, Floats] = {}
+    result: dict[int, Floats] = {}
     for _, mine, others in folds(trials):
         rest = [trials[n] for n in others]
         best = max(settings, key=lambda scores: pooled(rest, [scores[n] for n in others]))
         quiet = np.concatenate(split(rest, [best[n] for n in others])[1])
         unit = float(np.median(quiet)) if len(quiet) else 1.0
-        found.update({n: best[n] / unit for n in mine})
-    return [found[n] for n in range(len(trials))]
+        result.update({n: best[n] / unit for n in mine})
+    return [result[n] for n in range(len(trials))]
 
 
 def _learned(trials: Sequence[Trial]) -> list[Floats]:
-    found: dict[int, Floats] = {}
+    result: dict[int, Floats] = {}
     for _, mine, others in folds(trials):
         scores = regression([trials[n] for n in others], [trials[n] for n in mine])
-        found.update(zip(mine, scores, strict=True))
-    return [found[n] for n in range(len(trials))]
+        result.update(zip(mine, scores, strict=True))
+    return [result[n] for n in range(len(trials))]
 
 
 def folds(trials: Sequence[Trial]) -> list[tuple[str, list[int], list[int]]]:

@@ -74,19 +74,19 @@ class Onsets:
 
 def onsets(trial: Trial, said: Flags) -> Onsets:
     """Match the reports of a trial to its slips."""
-    near, slips, found = round(AROUND * trial.rate), 0, 0
+    near, slips, result = round(AROUND * trial.rate), 0, 0
     delays, rows = list[float](), list[int]()
     for start, after in runs(trial.scored & (trial.slips == 1)):
         if after - start < SHORTEST:
             continue
         slips += 1
         window = slice(max(0, start - near), after + near)
-        found += bool(said[window].any())
+        result += bool(said[window].any())
         begins = [first for first, _ in runs(said) if window.start <= first < window.stop]
         if begins and not said[window.start]:
             delays.append((begins[0] - start) / trial.rate)
             rows.append(int(trial.rows[begins[0]] - trial.rows[start]))
-    return Onsets(slips, found, tuple(delays), tuple(rows))
+    return Onsets(slips, result, tuple(delays), tuple(rows))
 
 
 def report_table(groups: Mapping[str, tuple[Sequence[Trial], Sequence[Answers]]]) -> Table:
@@ -125,7 +125,7 @@ def _row(name: str, trials: Sequence[Trial], answers: Sequence[Mapping[str, Floa
         "delay_s": median([delay for one in all_onsets for delay in one.delays]),
         "rows": median([float(abs(r)) for one in all_onsets for r in one.rows]),
         "false": per_ten_minutes(
-            sum(one.false for one in verdicts), sum(one.seconds for one in verdicts)
+            sum(verdict.false for verdict in verdicts), sum(verdict.seconds for verdict in verdicts)
         ),
     }
 

@@ -59,11 +59,15 @@ def _ran(engine: Engine, template: Template, maps: dict[str, Floats], **options:
 
 def judged(engine: Engine, known: Known, rtol: float, atol: float) -> Judged:
     """Return the stated and true errors of a batch, and the worst part of the tolerance."""
-    found = _ran(engine, known.template, known.maps, rtol=rtol, atol=atol)
-    off = np.abs(found.state - known.truth.state)
+    result = _ran(engine, known.template, known.maps, rtol=rtol, atol=atol)
+    off = np.abs(result.state - known.truth.state)
     axes = tuple(range(1, off.ndim))
     part = off / (atol + rtol * np.abs(known.truth.state))
-    return found.error, np.maximum(off.max(axis=axes) - known.truth.error, 0.0), part.max(axis=axes)
+    return (
+        result.error,
+        np.maximum(off.max(axis=axes) - known.truth.error, 0.0),
+        part.max(axis=axes),
+    )
 
 
 def report(name: str, runs: Sequence[Judged]) -> str:

@@ -49,7 +49,7 @@ def main(count: int) -> None:
         if ours.method != "propagator":
             networks.append(known)
     for method in METHODS:
-        parts = np.array([missed(method, one, b) for one in networks for b in range(BATCH)])
+        parts = np.array([missed(method, network, b) for network in networks for b in range(BATCH)])
         share = np.mean(parts > 1.0)
         print(f"{method}: {parts.size} frames, {share:.0%} missed, by {parts.max():.0f} at most")
 

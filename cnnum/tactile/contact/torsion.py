@@ -152,10 +152,10 @@ class TorsionSlip:
         # the closed form is a small difference where little has slipped, and near the axis
         near = np.asarray(sticks & ((2 * c > a) | (2 * distance < c)))
         inside = np.where(sticks, distance, 0.0)
-        found = np.where(near, self._summed(inside), sliding)
+        result = np.where(near, self._summed(inside), sliding)
         if (other := np.asarray(sticks & ~near)).any():
-            found = np.where(other, sliding * self._share(np.where(other, distance, c)), found)
-        return np.asarray(found)
+            result = np.where(other, sliding * self._share(np.where(other, distance, c)), result)
+        return np.asarray(result)
 
     def _summed(self, rho: Array) -> Array:
         """Return the traction at `rho` < c as the sum over the stuck discs, all of one sign."""

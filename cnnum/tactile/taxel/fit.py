@@ -345,9 +345,9 @@ def _fitted(scan: Scan, depth: float | None) -> _Fit:
     z = _best_depth(scan) if depth is None else float(depth)
     heat = _heat(scan, z)
     warm = scan if heat is None else scan.without_heat(heat.amplitude)
-    found, _ = _solve(warm, z)
-    explained = [warm.design(i, z) @ found[i] for i in range(warm.taxel_count)]
-    return _Fit(warm, z, heat or Heat(), found, warm.volts - np.stack(explained, axis=1))
+    result, _ = _solve(warm, z)
+    explained = [warm.design(i, z) @ result[i] for i in range(warm.taxel_count)]
+    return _Fit(warm, z, heat or Heat(), result, warm.volts - np.stack(explained, axis=1))
 
 
 def _far(fit: _Fit, deviations: float) -> NDArray[np.bool_]:
@@ -373,13 +373,13 @@ def _heat(scan: Scan, depth: float) -> Heat | None:
     """Return the transient common to all bridges: the mean over the bridges."""
     if "heat" not in scan.extras:
         return None
-    found, _ = _solve(scan, depth)
-    return Heat(float(found[:, 3 + scan.extras.index("heat")].mean()), scan.heat_time)
+    result, _ = _solve(scan, depth)
+    return Heat(float(result[:, 3 + scan.extras.index("heat")].mean()), scan.heat_time)
 
 
 def _solve(scan: Scan, depth: float) -> tuple[Floats, float]:
     """Return (taxels, 3 + extras, 4) coefficients and the sum of squares of the residual."""
-    found: list[Floats] = []
+    result: list[Floats] = []
     squares = 0.0
     for i in range(scan.taxel_count):
         use = scan.usable[:, i]
@@ -401,13 +401,13 @@ def _solve(scan: Scan, depth: float) -> tuple[Floats, float]:
             )
             left = root * (volts - (design / scale) @ solution)
         squares += float(np.sum(left**2))
-        found.append(solution / scale[:, np.newaxis])
-    return np.stack(found), squares
+        result.append(solution / scale[:, np.newaxis])
+    return np.stack(result), squares
 
 
 def _least(design: Floats, volts: Floats) -> Floats:
-    found = cast(Any, np.linalg.lstsq(design, volts, rcond=1e-10))
-    return np.asarray(found[0], dtype=np.float64)
+    result = cast(Any, np.linalg.lstsq(design, volts, rcond=1e-10))
+    return np.asarray(result[0], dtype=np.float64)
 
 
 def _best_depth(scan: Scan) -> float:
@@ -441,7 +441,7 @@ def _excited(scan: Scan, depth: float) -> tuple[bool, bool]:
     return bool(sizes[0] > _WEAK * sizes[2]), bool(sizes[1] > _WEAK * sizes[2])
 
 
-def _check(scan: Scan, depth: float, found: Floats) -> None:
+def _check(scan: Scan, depth: float, values: Floats) -> None:
     """Refuse a scan that leaves a sensitivity open, or turns it round."""
     along_x, along_y = _excited(scan, depth)
     if not (along_x or along_y):
@@ -459,7 +459,7 @@ def _check(scan: Scan, depth: float, found: Floats) -> None:
                 f"The scan does not determine taxel {scan.name(i)}: expected loads at several "
                 "places around it; add some, or leave the taxel out."
             )
-        gain = -(COMBINE @ found[i, :3].T)
+        gain = -(COMBINE @ values[i, :3].T)
         if any(gain[j, j] <= 0.0 for j in kept):
             raise CalibrationError(
                 f"Taxel {scan.name(i)} answers a push with the wrong sign: expected bridges in the "
@@ -467,16 +467,16 @@ def _check(scan: Scan, depth: float, found: Floats) -> None:
             )
 
 
-def _assemble(scan: Scan, found: Floats, depth: float, heat: Heat) -> Calibration:
+def _assemble(scan: Scan, values: Floats, depth: float, heat: Heat) -> Calibration:
     """Return the calibration: mean sensitivities, and each taxel's departure as its cross."""
-    gains = -(COMBINE @ np.swapaxes(found[:, :3], 1, 2))  # (taxels, signals, −strain), V
+    gains = -(COMBINE @ np.swapaxes(values[:, :3], 1, 2))  # (taxels, signals, −strain), V
     used = [j for j, excited in enumerate(_excited(scan, depth)) if excited]
     normal = float(gains[:, 2, 2].mean())
     shear = float(np.mean([gains[:, j, j].mean() for j in used]))
     cross = gains / np.array([shear, shear, normal])
     for j in {0, 1} - set(used):
         cross[:, :, j] = np.eye(3)[j]
-    extras = {name: found[:, 3 + k] for k, name in enumerate(scan.extras)}
+    extras = {name: values[:, 3 + k] for k, name in enumerate(scan.extras)}
     rows, cols = scan.shape
     return Calibration(
         alpha_normal=1.0 / normal,

@@ -77,9 +77,9 @@ def _covering(seed: int, shape: Shape) -> Floats:
 
 
 def _pictures(filler: "_Filler") -> Floats:
-    found = [flat for flat in (filler.even(False), filler.even(True)) if flat is not None]
-    found += filler.pictures()
-    return np.where(np.stack(found), 1.0, -1.0)
+    result = [flat for flat in (filler.even(False), filler.even(True)) if flat is not None]
+    result += filler.pictures()
+    return np.where(np.stack(result), 1.0, -1.0)
 
 
 class _Filler:
@@ -131,12 +131,12 @@ class _Filler:
         if self.boundary.pad_mode != "symmetric":
             return bits  # what lies on the other side is known once the picture is whole
         rows, cols = self.shape
-        found = 0
+        result = 0
         for n, (down, east) in enumerate(NINE):
             row = min(max(place[0] + down, 0), rows - 1) - place[0]
             col = min(max(place[1] + east, 0), cols - 1) - place[1]
-            found |= (bits >> (3 * (row + 1) + col + 1) & 1) << n
-        return found
+            result |= (bits >> (3 * (row + 1) + col + 1) & 1) << n
+        return result
 
     def even(self, black: bool) -> Bools | None:
         """Return the picture of one colour, unless it is to be avoided."""
@@ -184,12 +184,12 @@ class _Filler:
 
     def _bits(self, picture: Bools, place: tuple[int, int]) -> int:
         rows, cols = self.shape
-        found = 0
+        result = 0
         for n, (down, east) in enumerate(NINE):
             row, col = place[0] + down, place[1] + east
             if 0 <= row < rows and 0 <= col < cols and picture[row, col]:
-                found |= 1 << n
-        return found
+                result |= 1 << n
+        return result
 
     def _filled(self) -> Bools:
         """Return a picture with some neighbourhoods planted, and the rest filled greedily."""

@@ -113,13 +113,13 @@ def flips(
     """
     job = Judge(template, engine)
     rng = np.random.default_rng(seed)
-    found = list[Flips]()
+    result = list[Flips]()
     for width in mismatches:
         shares = job.shares([mismatched(template, rng, width) for _ in range(draws)])
-        found.append(_flips(f"mismatch {100.0 * width:g} %", shares, job))
-    for each in bits:
-        found.append(_flips(f"{each} bits", [job.wrong(_coarse(template, each))], job))
-    return tuple(found)
+        result.append(_flips(f"mismatch {100.0 * width:g} %", shares, job))
+    for bit in bits:
+        result.append(_flips(f"{bit} bits", [job.wrong(_coarse(template, bit))], job))
+    return tuple(result)
 
 
 def tolerances(template: Template, engine: Engine) -> Iterator[Tolerance]:

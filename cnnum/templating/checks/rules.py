@@ -372,23 +372,23 @@ def narrowest(case: LinearCase, weights: Floats, fixed: dict[int, bool]) -> Floa
     held = [
         LinearConstraint(np.stack([each.weights for each in case]), [-s.constant for s in case])
     ]
-    found = milp(
+    result = milp(
         weights,
         integrality=np.ones(CELLS + 1, dtype=np.int64),
         bounds=Bounds(low, high),
         constraints=held if case else (),
     )
-    return None if found.x is None else np.asarray(np.rint(found.x), dtype=np.float64)
+    return None if result.x is None else np.asarray(np.rint(result.x), dtype=np.float64)
 
 
 def _cases(node: ast.expr, holds: bool) -> list[LinearCase]:
     match node:
         case ast.BoolOp(op=op, values=parts):
-            found = [_cases(part, holds) for part in parts]
+            result = [_cases(part, holds) for part in parts]
             if isinstance(op, ast.And) != holds:
-                return list(itertools.chain.from_iterable(found))
+                return list(itertools.chain.from_iterable(result))
             joined: list[LinearCase] = [()]
-            for each in found:
+            for each in result:
                 joined = both(joined, each)
             return joined
         case ast.UnaryOp(op=ast.Not(), operand=part):

@@ -173,8 +173,8 @@ def settle_times(template: Template, engine: Engine) -> tuple[tuple[int, float],
 
     A template without a check runs on black-and-white pictures.
     """
-    found = ((n, _settle(template, engine, (n, n))) for n in SIDES)
-    return tuple((n, time) for n, time in found if time is not None)
+    result = ((n, _settle(template, engine, (n, n))) for n in SIDES)
+    return tuple((n, time) for n, time in result if time is not None)
 
 
 def summary(states: object) -> tuple[float, float]:
@@ -339,9 +339,9 @@ def shifted(template: Template, engine: Engine, measured: Measured) -> str:
     known = dict(measured.settle).get(SHAPE[0])
     # beyond where a check stops, the rounding of a processor may decide how long a cell takes
     if known is not None and case.duration is None:
-        found = _settle(template, engine, SHAPE)
-        if found is None or abs(found - known) > 0.3 * known + 0.2:
-            return f"it settles after {template.timed(found or np.inf, 3)}"
+        result = _settle(template, engine, SHAPE)
+        if result is None or abs(result - known) > 0.3 * known + 0.2:
+            return f"it settles after {template.timed(result or np.inf, 3)}"
     return ""
 
 

@@ -80,16 +80,17 @@ def guessed(entries: Iterable[Entry], *, strict: bool = False) -> tuple[str, ...
     TemplateError
         If `strict` and there is a guess.
     """
-    found = tuple(
+    result = tuple(
         dict.fromkeys(g.sentence for entry in entries for g in entry.guesses if not g.always)
     )
-    if found and strict:
-        rest = f" There are {len(found) - 1} more." if len(found) > 1 else ""
+    if result and strict:
+        first, *others = result
+        rest = f" There are {len(others)} more." if others else ""
         raise TemplateError(
-            f"{found[0]}{rest} A strict reading refuses this: correct the file, or read it "
+            f"{first}{rest} A strict reading refuses this: correct the file, or read it "
             "without 'strict'."
         )
-    return found
+    return result
 
 
 def load_entries(path: str | PathLike[str]) -> tuple[Entry, ...]:
@@ -105,8 +106,8 @@ def load_entries(path: str | PathLike[str]) -> tuple[Entry, ...]:
     if form.suffix not in _SEVERAL:
         return (load_entry(source),)
     content = _content(source)
-    found = _SEVERAL[form.suffix](content, str(source))
-    return (with_comments(found[0], content, str(source)),) if len(found) == 1 else found
+    result = _SEVERAL[form.suffix](content, str(source))
+    return (with_comments(result[0], content, str(source)),) if len(result) == 1 else result
 
 
 def load_templates(path: str | PathLike[str]) -> tuple[Template, ...]:

@@ -56,20 +56,20 @@ def read_measured(file: str, key: str, value: object) -> Measured:
     TemplateError
         If a key is missing or unknown, or a value is wrong.
     """
-    found = table(file, key, value)
-    unknown = [name for name in found if name not in MEASURED_KEYS]
-    missing = [name for name in MEASURED_KEYS[:3] if name not in found]
+    result = table(file, key, value)
+    unknown = [name for name in result if name not in MEASURED_KEYS]
+    missing = [name for name in MEASURED_KEYS[:3] if name not in result]
     if unknown or missing:
         raise TemplateError(
             f"'{file}': the table '{key}' has the keys {', '.join(MEASURED_KEYS)}, got "
-            f"{', '.join(found) or 'none'}; measure the template again."
+            f"{', '.join(result) or 'none'}; measure the template again."
         )
-    margin = found.get("margin")
+    margin = result.get("margin")
     return Measured(
-        text(file, f"{key}.digest", found["digest"]),
-        number(file, f"{key}.mean", found["mean"]),
-        number(file, f"{key}.rms", found["rms"]),
-        _settle(file, f"{key}.settle", found.get("settle", [])),
+        text(file, f"{key}.digest", result["digest"]),
+        number(file, f"{key}.mean", result["mean"]),
+        number(file, f"{key}.rms", result["rms"]),
+        _settle(file, f"{key}.settle", result.get("settle", [])),
         None if margin is None else number(file, f"{key}.margin", margin),
     )
 
@@ -170,27 +170,27 @@ class Proof:
 
 def read_proof(file: str, key: str, value: object) -> Proof:
     """Return the proof that the table [proof] states; it raises as `read_measured`."""
-    found = table(file, key, value)
-    if set(found) - set(PROOF_KEYS) or set(REQUIRED) - set(found):
+    result = table(file, key, value)
+    if set(result) - set(PROOF_KEYS) or set(REQUIRED) - set(result):
         raise TemplateError(
             f"'{file}': the table '{key}' has the keys {', '.join(PROOF_KEYS)}, got "
-            f"{', '.join(found) or 'none'}; design the template again."
+            f"{', '.join(result) or 'none'}; design the template again."
         )
 
     def optional(name: str) -> float | None:
-        return number(file, f"{key}.{name}", found[name]) if name in found else None
+        return number(file, f"{key}.{name}", result[name]) if name in result else None
 
     return Proof(
-        text(file, f"{key}.digest", found["digest"]),
-        text(file, f"{key}.method", found["method"]),
-        whole(file, f"{key}.examples", found["examples"]),
-        number(file, f"{key}.margin", found["margin"]),
-        number(file, f"{key}.relative_margin", found["relative_margin"]),
+        text(file, f"{key}.digest", result["digest"]),
+        text(file, f"{key}.method", result["method"]),
+        whole(file, f"{key}.examples", result["examples"]),
+        number(file, f"{key}.margin", result["margin"]),
+        number(file, f"{key}.relative_margin", result["relative_margin"]),
         optional("bound"),
         optional("settle"),
         optional("worst_case"),
-        text(file, f"{key}.worst_case_weights", found.get("worst_case_weights", "")),
-        tuple(_flip(file, f"{key}.flips", row) for row in _rows(found.get("flips", []))),
+        text(file, f"{key}.worst_case_weights", result.get("worst_case_weights", "")),
+        tuple(_flip(file, f"{key}.flips", row) for row in _rows(result.get("flips", []))),
         optional("area"),
     )
 

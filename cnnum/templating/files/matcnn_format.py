@@ -276,14 +276,14 @@ def _coupling(kind: str, parts: Fields) -> NonlinearCoupling:
 
 
 def _read(content: str, file: str) -> Entry:
-    found = read_all(content, file)
-    if len(found) > 1:
-        names = ", ".join(entry.template.name for entry in found[:5])
+    result = read_all(content, file)
+    if len(result) > 1:
+        names = ", ".join(entry.template.name for entry in result[:5])
         raise TemplateError(
-            f"'{file}' holds {len(found)} templates ({names}, …), expected one: read it with "
+            f"'{file}' holds {len(result)} templates ({names}, …), expected one: read it with "
             "`load_templates`."
         )
-    return next(iter(found))
+    return next(iter(result))
 
 
 def _write(entry: Entry) -> str:

@@ -163,8 +163,8 @@ def _settings(comment: str) -> dict[str, str]:
 
 
 def _named(text: str) -> dict[str, str]:
-    found: list[tuple[str, str]] = _SETTING.findall(text)
-    return {"".join(name.split()).lower(): value.strip() for name, value in found}
+    result: list[tuple[str, str]] = _SETTING.findall(text)
+    return {"".join(name.split()).lower(): value.strip() for name, value in result}
 
 
 class _Letters:
@@ -413,10 +413,10 @@ def read_parts(text: Words) -> list[Part]:
             parts.append(Part(radius=parts[-1].radius))
         else:
             _statement(text, token, parts[-1])
-    found = [part for part in parts if part.layers]
-    if not found:
+    result = [part for part in parts if part.layers]
+    if not result:
         raise text.wrong(text.peek().line, "FEEDBACK, CONTROL or CURRENT", "no template")
-    return found
+    return result
 
 
 def _statement(text: Words, token: Token, part: Part) -> None:

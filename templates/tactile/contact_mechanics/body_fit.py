@@ -101,13 +101,13 @@ def body_fit(
     flat = _best(weight, sqrt(1.5 * spread), lambda radius: seen(radius, _punch))
     whole = frame.within_range(loads.contact)  # a clipped pressure has another body's shape
     is_sphere, is_flat = whole & _fits(sphere, flat, 0), whole & _fits(flat, sphere, 1)
-    found = is_sphere | is_flat
+    result = is_sphere | is_flat
     round_one = 2.0 * modulus / pi * sphere.radius / maximum(sphere.peak, 1e-30)
     return {
         "sphere_fits": is_sphere,
         "flat_fits": is_flat,
-        "body_row": where(found, row, 0.0),
-        "body_column": where(found, column, 0.0),
+        "body_row": where(result, row, 0.0),
+        "body_column": where(result, column, 0.0),
         "contact_radius": where(is_sphere, sphere.radius, where(is_flat, flat.radius, 0.0)),
         "sphere_radius": where(is_sphere, round_one, 0.0),
         "body_left": where(sphere.left < flat.left, sphere.left, flat.left),

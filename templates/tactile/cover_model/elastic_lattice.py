@@ -171,12 +171,12 @@ class ElasticLattice:
 
     def forces(self) -> dict[tuple[str, int], Form]:
         """Return the force on every displacement, of unit volume; 0 in equilibrium."""
-        found: dict[tuple[str, int], Form] = {}
+        result: dict[tuple[str, int], Form] = {}
         for slab in range(self.slabs):
-            found["u_x", slab] = self._sideways("x", "y", slab)
-            found["u_y", slab] = self._sideways("y", "x", slab)
-            found["u_z", slab] = self._down(slab)
-        return found
+            result["u_x", slab] = self._sideways("x", "y", slab)
+            result["u_y", slab] = self._sideways("y", "x", slab)
+            result["u_z", slab] = self._down(slab)
+        return result
 
     def template(self) -> Template:
         """Return the CNN that relaxes to the equilibrium, its layers in the order of `forces`."""

@@ -198,12 +198,12 @@ def _broken(
 def _largest_around(size: Field) -> Field:
     """Return the largest value of a cell's eight neighbours, 0 or above."""
     rows, cols = size.graph.shape
-    found = 0.0 * size
+    field = 0.0 * size
     for down in (-1, 0, 1):
         for right in (-1, 0, 1):
             if (down or right) and abs(down) < rows and abs(right) < cols:
-                found = maximum(found, shift(size, down, right))
-    return found
+                field = maximum(field, shift(size, down, right))
+    return field
 
 
 class _Noise:

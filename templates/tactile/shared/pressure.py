@@ -255,18 +255,18 @@ def _under_cover(loads: Loads, normal: Field, noise: Field, cover: _Cover) -> Pr
     looks like the other. But the sum of the shear is the pull, and it acts where the pressure does.
     """
     gained = noise_gain(cover.depth, cover.reads) * noise
-    shape, found = _start(loads, normal), loads.frame.constant(0.0)
+    shape, result = _start(loads, normal), loads.frame.constant(0.0)
     for _ in range(ROUNDS - 1):
-        pressure = _pressure(loads, normal, shape, found, cover)
+        pressure = _pressure(loads, normal, shape, result, cover)
         weight = where(pressure > _level(pressure, gained, cover.share), pressure, 0.0)
         # a pull is spread more evenly than the pressure
-        shape, found = _shared(sqrt(weight)), weight.sum()
-    pressure = _pressure(loads, normal, shape, found, cover)
+        shape, result = _shared(sqrt(weight)), weight.sum()
+    pressure = _pressure(loads, normal, shape, result, cover)
     touched = touched_map(loads, pressure, _level(pressure, gained, cover.share))
     weight = where(touched, maximum(pressure, 0.0), 0.0)
     shape = _shared(weight)
-    found = weight.sum() * _missed(pressure, weight, touched, cover)
-    return Pressed(touched, weight, found, _pulls(loads, shape, found, cover.depth))
+    result = weight.sum() * _missed(pressure, weight, touched, cover)
+    return Pressed(touched, weight, result, _pulls(loads, shape, result, cover.depth))
 
 
 def _pressure(loads: Loads, normal: Field, shape: Field, whole: Field, cover: _Cover) -> Field:
@@ -320,12 +320,12 @@ def _pulls(loads: Loads, shape: Field, whole: Field, depth: float) -> tuple[Fiel
     """
     seen = shear_seen(loads.frame.shape, depth)
     ways = ((seen.own_x, seen.pushed_x), (seen.own_y, seen.pushed_y))
-    found: list[Field] = []
+    result: list[Field] = []
     for shear, (own, pushed) in zip(loads.shear, ways, strict=bool(loads.shear)):
         total = where(loads.healthy, shear, 0.0).sum()
         share, tilt = ((shape * loads.frame.constant(each)).sum() for each in (own, pushed))
-        found.append((total - whole * tilt) / maximum(share, NOTHING))
-    return tuple(found)
+        result.append((total - whole * tilt) / maximum(share, NOTHING))
+    return tuple(result)
 
 
 def _missed(pressure: Field, weight: Field, touched: Field, cover: _Cover) -> Field:
@@ -343,6 +343,6 @@ def _missed(pressure: Field, weight: Field, touched: Field, cover: _Cover) -> Fi
     near = apply(box, input=where(touched, 1.0, 0.0)) > 0.5
     narrow = minimum(maximum((WIDE - touched.count()) / (WIDE - NARROW), 0.0), 1.0)
     share = where(touched, 1.0, where(near, narrow, 0.0))
-    found = (share * pressure).sum()
+    result = (share * pressure).sum()
     held = (share * (weight - apply(left, input=weight))).sum()
-    return maximum(found, 0.0) / maximum(held, NOTHING)
+    return maximum(result, 0.0) / maximum(held, NOTHING)

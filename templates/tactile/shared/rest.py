@@ -181,9 +181,9 @@ class Rest:
         late = self._frame.memory(f"{name} lately")
         late.mean(reading, maximum(1.0 / (self._lasts.value + 1.0), self._follows))
         followed = memory.value + share * (reading - memory.value)
-        found = where(self.begins, first, where(anew, late.value, followed))
-        memory.store(found)
-        return reading - found
+        result = where(self.begins, first, where(anew, late.value, followed))
+        memory.store(result)
+        return reading - result
 
 
 QUIET = 8

@@ -86,14 +86,14 @@ def attempt(
     rest = [rows.brought(rates, K0.text)]
     strips = strip_kernel(rows, replace(own, rest=rest, findings=len(FIGURES)), levels)
     brought, stages, end = apart(strips)
-    found = [
+    result = [
         ir.Accumulate(ir.Name(name), "greater", FINDINGS[ir.Integer(n * rows.finding) + ir.CELL])
         for name, n in FOUND.items()
     ]
     return Attempt(
         begin=[*begin, brought],
         stages=[*settings, ir.StripSteps(stages, counted)],
-        judge=[ir.sweep(ir.CELL, rows.finding, found)],
+        judge=[ir.sweep(ir.CELL, rows.finding, result)],
         advance=advance,
         end=[end],
     )

@@ -433,16 +433,16 @@ def coupled(
 def _throughs(rows: Rows, between: bool, kept: Kept | None) -> list[Through]:
     """Return the linear couplings: the steady ones, those that vary in time, those that delay."""
     template, now = rows.text.template, kept.value if kept else _loaded(rows, FROM)
-    steady, found = template.A.copy(), list[Through]()
+    steady, result = template.A.copy(), list[Through]()
     for k, gain in enumerate(template.gains):
         varying = np.zeros_like(steady)
         varying[gain.to, gain.source] = template.A[gain.to, gain.source]
         steady[gain.to, gain.source] = 0.0
-        found.append(Through(now, varying, ir.call("(vec)", gain_name(k))))
+        result.append(Through(now, varying, ir.call("(vec)", gain_name(k))))
     if template.delayed is not None:
         past = _mixed(rows) if between else _loaded(rows, PAST)
-        found.append(Through(past, template.delayed.A))
-    return [through for through in (Through(now, steady), *found) if through.weights.any()]
+        result.append(Through(past, template.delayed.A))
+    return [through for through in (Through(now, steady), *result) if through.weights.any()]
 
 
 def _loaded(rows: Rows, array: ir.Expression) -> Value:

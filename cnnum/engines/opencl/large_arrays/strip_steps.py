@@ -190,8 +190,8 @@ def strips_fit(text: TransientBuilder, scheme: FixedSteps | Controlled) -> bool:
 
 def _layers(text: TransientBuilder, scheme: FixedSteps) -> tuple[Stages, ...]:
     """Return the stages of a step, by layer."""
-    found = (stages_of(scheme, layer, float(tau)) for layer, tau in enumerate(text.template.tau))
-    return tuple(stages for stages in found if stages is not None)
+    result = (stages_of(scheme, layer, float(tau)) for layer, tau in enumerate(text.template.tau))
+    return tuple(stages for stages in result if stages is not None)
 
 
 def states_suffice(text: TransientBuilder, scheme: FixedSteps) -> bool:
@@ -210,7 +210,7 @@ def state_strips(text: TransientBuilder, scheme: FixedSteps) -> Figures:
     vector in the rows of a block stay in registers from one vector to the next. So each state is
     read, and its output made, once.
     """
-    rows = strip_rows(text, (), tuple(one.scale for one in _layers(text, scheme)))
+    rows = strip_rows(text, (), tuple(layer.scale for layer in _layers(text, scheme)))
     own = StripText(
         "0",
         lambda rows: [_state_case(rows, scheme)],
@@ -236,7 +236,7 @@ def strip_steps(text: TransientBuilder, scheme: FixedSteps) -> Figures:
     """Append the steps, keep their kernel with the tables, and return the figures of the run."""
     layers = _layers(text, scheme)
     stages, arrays = len(layers[0].stages), layers[0].arrays
-    names, scales = tuple(map(_array_of, range(arrays))), tuple(one.scale for one in layers)
+    names, scales = tuple(map(_array_of, range(arrays))), tuple(layer.scale for layer in layers)
     rows = strip_rows(text, (*names, BEFORE) if scheme.settle else names, scales)
     seen = watch(rows, stages) if scheme.settle else None
     moments = Moments(rows, scheme, stages, seen.before if seen else "0")

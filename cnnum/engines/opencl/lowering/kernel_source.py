@@ -221,13 +221,13 @@ def _places(schedule: Schedule, nodes: Mapping[Key, Node]) -> tuple[dict[Key, Pl
 
 def _among_outputs(schedule: Schedule, outputs: Places, size: int) -> dict[int, ir.Array]:
     """Return the maps that are written to where outputs stand: of equal ones, to the first."""
-    frame, found = OUTPUT + ir.Cast("size_t", FRAME) * size, dict[int, ir.Array]()
+    frame, result = OUTPUT + ir.Cast("size_t", FRAME) * size, dict[int, ir.Array]()
     for name, node in schedule.outputs.items():
         at = outputs[name][0].start
         if not node.scalar:
             array = ir.Array(_placed_name(at), schedule.cells, frame + at)
-            found.setdefault(node.index, array)
-    return found
+            result.setdefault(node.index, array)
+    return result
 
 
 def _placed_name(at: int) -> ir.Name:

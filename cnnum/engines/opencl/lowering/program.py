@@ -346,7 +346,10 @@ class Lowering:
             self.tables,
         )
         if text.operands.own is not None:
-            held = [self.values.array_of(each) for each in node.arguments[-operation.weight_maps :]]
+            held = [
+                self.values.array_of(argument)
+                for argument in node.arguments[-operation.weight_maps :]
+            ]
             text.body += text.operands.own.declared([each for each in held if each], text.cells)
         numbers = [(each, pick) for each, pick in self.picks[node.index] if each.scalar]
         maps = [(each, pick) for each, pick in self.picks[node.index] if not each.scalar]

@@ -294,8 +294,8 @@ class TransientBuilder:
         """Return the statements that a call appends, instead of keeping them."""
         kept, self.body = self.body, []
         append()
-        found, self.body = self.body, kept
-        return found
+        result, self.body = self.body, kept
+        return result
 
     def over_cells(self, body: Sequence[ir.Statement]) -> None:
         """Run the body for every cell `i`."""
@@ -359,10 +359,10 @@ class TransientBuilder:
         own = self.operands.own
         if own is None:
             return ir.Number(float(self.template.tau.max()))
-        found: ir.Expression = own.taus[0]
+        result: ir.Expression = own.taus[0]
         for tau in own.taus[1:]:
-            found = ir.call("fmax", found, tau)
-        return found
+            result = ir.call("fmax", result, tau)
+        return result
 
     def scale(self, value: ir.Expression) -> ir.Expression:
         """Return the tolerance of a value of this size."""

@@ -184,8 +184,8 @@ def _driven(text: TransientBuilder) -> list[int]:
     """Append the array of drives where they are constant; return the layers that have one."""
     constant = constant_drive(text)
     if constant is None:
-        found = text.template.B.any(axis=(1, 2, 3)) | (text.template.z != 0.0)
-        return [n for n in range(text.layers) if found[n] or text.operands.biases]
+        result = text.template.B.any(axis=(1, 2, 3)) | (text.template.z != 0.0)
+        return [n for n in range(text.layers) if result[n] or text.operands.biases]
     if any(constant):
         text.array(W, text.states)
         pairs = zip(text.each(W), constant, strict=True)

@@ -90,12 +90,12 @@ def nonlinear(text: TransientBuilder, layer: int, *, static: bool) -> list[ir.St
 
     They are those that are the same all the time, or all others.
     """
-    found = [one for one in text.template.nonlinear if one.static == static and one.to == layer]
+    result = [one for one in text.template.nonlinear if one.static == static and one.to == layer]
 
     def quantity(name: Quantity, source: int, row: int, col: int) -> ir.Expression:
         return text.neighbour(ARRAYS[name], Tap(source, row, col, 1.0))
 
-    return [line for one in found for line in summed(one, quantity, SUM, number=text.number)]
+    return [line for one in result for line in summed(one, quantity, SUM, number=text.number)]
 
 
 def summed(
@@ -216,11 +216,11 @@ def drive(text: TransientBuilder) -> None:
 
 def _driven(text: TransientBuilder, layer: int) -> list[ir.Statement]:
     """Return statements that add B * u of a layer to `sum`."""
-    found = taps(text.template.B, layer)
+    result = taps(text.template.B, layer)
     if reads_inputs_around(text.template):
-        return text.weighted(U, found)
+        return text.weighted(U, result)
     inputs = text.operands.inputs
-    return [ir.add(SUM, ir.Number(tap.weight) * inputs[tap.source]) for tap in found]
+    return [ir.add(SUM, ir.Number(tap.weight) * inputs[tap.source]) for tap in result]
 
 
 def arrive(text: TransientBuilder) -> None:
@@ -238,14 +238,14 @@ def _pad(text: TransientBuilder, inputs: tuple[ir.Expression, ...]) -> None:
 
 def _delayed(text: TransientBuilder, layer: int) -> list[ir.Statement]:
     assert text.template.delayed is not None
-    found, later = taps(text.template.delayed.B, layer), LATER[text.at(layer)]
+    result, later = taps(text.template.delayed.B, layer), LATER[text.at(layer)]
     if not text.has_history:
-        return text.weighted(U, found)
+        return text.weighted(U, result)
     # w starts from the inputs before the start; `later` is its change when the delay is over
     return [
         ir.block(
             ir.declare(NOW, ir.ZERO),
-            *text.weighted(U, found, NOW),
+            *text.weighted(U, result, NOW),
             ir.fixed(THEN, later),
             ir.add(SUM, THEN),
             ir.Assign(later, NOW - THEN),

@@ -156,8 +156,8 @@ def _next_stop(stops: Sequence[float], duration: ir.Expression) -> ir.Expression
 def _begun_anew(text: TransientBuilder, fastest: list[ir.Statement]) -> list[ir.Statement]:
     """Return statements that find the rates at a step's start, which are those after a jump."""
     rates = text.aside(lambda: rates_once(text, into(K0), Instant(TIME, AMID_STEP)))
-    none, found = ir.Assign(SPEED_BEFORE, ir.ZERO), ir.sweep(ir.CELL, text.states, fastest)
-    return [ir.Block(tuple(rates)), none, found]
+    none, result = ir.Assign(SPEED_BEFORE, ir.ZERO), ir.sweep(ir.CELL, text.states, fastest)
+    return [ir.Block(tuple(rates)), none, result]
 
 
 def _carried_on(stops: Sequence[float]) -> list[ir.Statement]:

@@ -61,15 +61,15 @@ def tasks(*, signals: bool) -> list[Task]:
     signals : bool
         One-dimensional ones, which are all that celnn has gradients of.
     """
-    rng, found = np.random.default_rng(0), list[Task]()
+    rng, result = np.random.default_rng(0), list[Task]()
     for module, name in SIGNALS if signals else PICTURES:
         template = getattr(_module(f"celnn.templates.{module}"), name)
         picture = rng.uniform(-1.0, 1.0, 64 if signals else (16, 16))
         if name.endswith(BINARY):
             picture = np.where(picture > 0.0, 1.0, -1.0)
         output = np.asarray(_network(picture, template).run(_config()).output)
-        found.append(Task(template.name, picture, output, np.shape(template.feedback)[0]))
-    return found
+        result.append(Task(template.name, picture, output, np.shape(template.feedback)[0]))
+    return result
 
 
 def genetic(task: Task) -> tuple[float, int]:
@@ -79,8 +79,8 @@ def genetic(task: Task) -> tuple[float, int]:
     training, form = _module("celnn.training"), _form(task)
     data = training.TrainingDataset.from_pairs([task.input], [task.target])
     trainer = training.GATrainer(form, data, _config(), boundary="mirror", seed=0)
-    found = trainer.run()
-    return float(found.best_fitness), int(found.n_evaluations)
+    result = trainer.run()
+    return float(result.best_fitness), int(result.n_evaluations)
 
 
 def gradients(task: Task) -> tuple[float, int]:

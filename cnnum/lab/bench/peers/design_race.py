@@ -115,8 +115,8 @@ def _race(
 
 def _timed(call: Callable[[], T]) -> tuple[float, T]:
     begin = time.perf_counter()
-    found = call()
-    return time.perf_counter() - begin, found
+    result = call()
+    return time.perf_counter() - begin, result
 
 
 def _ours(task: Task, enough: float) -> Learned:

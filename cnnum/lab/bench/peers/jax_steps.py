@@ -44,7 +44,7 @@ def run(work: Work) -> NDArray[np.floating]:
     double = work.dtype == np.dtype(np.float64)
     with jax.enable_x64(double):
         arrays = (work.start, work.feedback, work.control, work.input)
-        start, kernel, control, given = (jnp.asarray(one, work.dtype) for one in arrays)
+        start, kernel, control, given = (jnp.asarray(array, work.dtype) for array in arrays)
         form = (work.feedback.shape[0] // 2, work.mirrored, work.rim)
         drive = coupled(given, control, *form) + work.dtype.type(work.bias)
         march = _march(*form, work.linear)

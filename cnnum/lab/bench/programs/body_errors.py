@@ -69,7 +69,7 @@ BODIES: Mapping[str, Draw] = {
 
 def fitted(bodies: list[Indenter], reads: Reads, depth: float) -> dict[str, Floats]:
     """Return the last outputs under each body, side by side."""
-    loads = np.stack([PRESSURE * frame_under(one, SHAPE, depth, reads) for one in bodies])
+    loads = np.stack([PRESSURE * frame_under(body, SHAPE, depth, reads) for body in bodies])
     rng = np.random.default_rng(SEED + 1)
     frames = rng.normal(size=(REST + PRESSED, len(bodies), *SHAPE, 3))
     frames *= NOISE * loads.max(axis=(1, 2))[:, None, None, None]
@@ -95,7 +95,7 @@ def main() -> None:
     print("|---|---|---|---|---|---|---|")
     for place, (name, some) in enumerate(drawn.items()):
         own = slice(place * COUNT, (place + 1) * COUNT)
-        print(f"| {name} | {' | '.join(_cells(some, [_cut(one, own) for one in outputs]))} |")
+        print(f"| {name} | {' | '.join(_cells(some, [_cut(output, own) for output in outputs]))} |")
 
 
 def _drawn(rng: np.random.Generator, draw: Draw) -> Indenter:
@@ -108,17 +108,22 @@ def _cut(outputs: dict[str, Floats], own: slice) -> dict[str, Floats]:
 
 
 def _cells(bodies: list[Indenter], outputs: list[dict[str, Floats]]) -> list[str]:
-    shares = [f"{one['sphere_fits'].mean():.0%} / {one['flat_fits'].mean():.0%}" for one in outputs]
+    shares = [
+        f"{output['sphere_fits'].mean():.0%} / {output['flat_fits'].mean():.0%}"
+        for output in outputs
+    ]
     discs = [body for body in bodies if isinstance(body, Disc)]
     if not discs:
         return [*shares, "–", "–"]
     true = np.array([disc.radius for disc in discs])
     off, curved = list[float](), list[float]()
-    for one in outputs:
-        found = (one["sphere_fits"] + one["flat_fits"]) > 0
-        off += (np.abs(one["contact_radius"] / true - 1.0))[found].tolist()
+    for output in outputs:
+        found = (output["sphere_fits"] + output["flat_fits"]) > 0
+        off += (np.abs(output["contact_radius"] / true - 1.0))[found].tolist()
         round_one = 2.0 * true * MODULUS / (np.pi * 1.5 * PRESSURE)
-        curved += (np.abs(one["sphere_radius"] / round_one - 1.0))[one["sphere_fits"] > 0].tolist()
+        curved += (np.abs(output["sphere_radius"] / round_one - 1.0))[
+            output["sphere_fits"] > 0
+        ].tolist()
     right = discs[0].pressure != "uniform"
     return [
         *shares,

@@ -113,11 +113,11 @@ def by_program(engine: Engine, loads: Floats, skin: Skin) -> list[Floats]:
 
 def by_sobel(loads: Floats, skin: Skin) -> list[Floats]:
     """Return the cells whose Sobel gradient of the raw frame is large."""
-    found: list[Floats] = []
+    result: list[Floats] = []
     for frame in skin.stream(loads)[-1]:
         steep = np.hypot(ndimage.sobel(frame, 0), ndimage.sobel(frame, 1))
-        found.append(np.argwhere(steep >= STRONG * steep.max()).astype(np.float64))
-    return found
+        result.append(np.argwhere(steep >= STRONG * steep.max()).astype(np.float64))
+    return result
 
 
 def by_steepest(loads: Floats, skin: Skin) -> list[Floats]:
@@ -126,7 +126,7 @@ def by_steepest(loads: Floats, skin: Skin) -> list[Floats]:
     Between the taxels by the parabola through three, as far as half a pitch: what a careful user
     does by hand.
     """
-    found: list[Floats] = []
+    result: list[Floats] = []
     for frame in skin.stream(loads)[-1]:
         slopes = [ndimage.sobel(frame, axis) for axis in (0, 1)]
         steep, places = np.hypot(*slopes), [np.zeros((0, 2))]
@@ -143,8 +143,8 @@ def by_steepest(loads: Floats, skin: Skin) -> list[Floats]:
             off = np.clip(0.5 * (before - behind)[top] / bend, -0.5, 0.5)
             pair = [i + 1 + off, j.astype(np.float64)]
             places.append(np.stack(pair if axis == 0 else pair[::-1], axis=-1))
-        found.append(np.concatenate(places))
-    return found
+        result.append(np.concatenate(places))
+    return result
 
 
 def by_enhancement(engine: Engine, loads: Floats, skin: Skin) -> list[Floats]:
@@ -163,7 +163,7 @@ def by_template(engine: Engine, loads: Floats, skin: Skin) -> list[Floats]:
     frames = skin.stream(loads)[-1]
     black = frames > 0.5 * frames.max(axis=(1, 2), keepdims=True)
     edges = engine.run(get_template("EDGE"), input=np.where(black, 1.0, -1.0)).output > 0.0
-    return [np.argwhere(each).astype(np.float64) for each in edges]
+    return [np.argwhere(edge).astype(np.float64) for edge in edges]
 
 
 def off_outline(body: Outline, places: Floats, cells: int) -> Floats:
@@ -302,7 +302,7 @@ def by_cover(engine: Engine, count: int, seed: int = 9) -> Iterator[str]:
     for depth, reads in covers:
         cells = list[str]()
         for finder in finders.values():
-            found = [tally(finder, each, [Skin(depth=depth, reads=reads)]) for each in bodies]
+            found = [tally(finder, body, [Skin(depth=depth, reads=reads)]) for body in bodies]
             off = np.concatenate([each.off for each in found])
             median, most = np.quantile(off, [0.5, 0.95])
             share = float(np.mean([each.met for each in found]))

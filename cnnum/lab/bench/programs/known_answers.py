@@ -148,8 +148,8 @@ def outlines(name: str, side: int, count: int) -> KnownAnswer:
     size, rng = side / SIDE, np.random.default_rng(7)
     skin = Skin(cells=side, depth=0.5 * size)
     punches = [SHARP[kind](rng, side, count) for kind in PUNCHES]
-    bodies = [body for each in punches for body in each.outlines]
-    loads = np.concatenate([each.frames(side, skin.depth, skin.reads) for each in punches])
+    bodies = [body for punch in punches for body in punch.outlines]
+    loads = np.concatenate([punch.frames(side, skin.depth, skin.reads) for punch in punches])
     stream = -skin.stream(loads)
     frames = np.stack([0.0 * stream, 0.0 * stream, stream], axis=-1)
     known: dict[str, object] = {"depth": skin.depth, "reads": skin.reads} if name == "edges" else {}

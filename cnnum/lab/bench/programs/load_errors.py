@@ -91,13 +91,13 @@ def measure(
     bound = get_program("surface_load").bind(noise=noise, rounds=rounds, drag=drag)
     names = ["load_x", "load_y", "load_normal"]
     plan = engine.compile(bound, (CELLS, CELLS), names)
-    found: list[Floats] = []
+    result: list[Floats] = []
     for seed in (1, 2):
         drawn = np.random.default_rng(seed).normal(0.0, noise, strain.shape)
         got = plan(strain + drawn)
-        found.append(np.stack([got[name] for name in names], axis=-1))
-    on, off = true[..., 2] > 0, found[0] - true
-    pressure = found[0][..., 2]
+        result.append(np.stack([got[name] for name in names], axis=-1))
+    on, off = true[..., 2] > 0, result[0] - true
+    pressure = result[0][..., 2]
     height = (pressure * on).sum((1, 2)) / (true[..., 2] * on).sum((1, 2))
     return LoadError(
         noise,
@@ -108,7 +108,7 @@ def measure(
         ground=float(pressure[~on].mean()),
         rms=float(np.sqrt((off[..., 2] ** 2).mean())),
         rms_drag=float(np.sqrt((off[..., :2] ** 2).mean())),
-        noise_gain=float((found[1][..., 2] - pressure)[on].std() / np.sqrt(2.0)),
+        noise_gain=float((result[1][..., 2] - pressure)[on].std() / np.sqrt(2.0)),
         seconds=_seconds(plan.stream().push, strain[:50]) if timed else math.nan,
         pressure=pressure,
     )

@@ -89,14 +89,14 @@ def _climb(
     by = By(engine, rung)
     try:
         if name in SLOW_REFERENCE:
-            found = max(
+            result = max(
                 (_of_form(form, by) for form in program_forms(name)), key=lambda one: one.error
             )
         else:
-            found = _of_stream(by.compile(get_program(name).bind(rate=RATE), SHAPE), truth())
+            result = _of_stream(by.compile(get_program(name).bind(rate=RATE), SHAPE), truth())
     except CnnumError:  # a step beyond the stability bound, or the message of `cnnum plan`
         return None
-    methods = {solver.method for solver in found.plan.solvers.values()}
+    methods = {solver.method for solver in result.plan.solvers.values()}
     exact = rung == AUTO and methods == {"propagator"}
     return WorkPrecision(
         case=name,
@@ -105,10 +105,10 @@ def _climb(
         method="propagator" if exact else rung.method,
         tolerance=rung.rtol,
         step=rung.dt,
-        error=found.error,
-        pictures=found.frames,
-        seconds=found.timing.least,
-        spread=found.timing.spread,
+        error=result.error,
+        pictures=result.frames,
+        seconds=result.timing.least,
+        spread=result.timing.spread,
         steps=0,
     )
 

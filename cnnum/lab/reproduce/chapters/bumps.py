@@ -149,10 +149,10 @@ def figure_6_10() -> Figure:
 
 def figure_6_11() -> Figure:
     """Return displacement at the taxel against indentation."""
-    found = model()
-    depth = UM * found.indentation
+    result = model()
+    depth = UM * result.indentation
     # the dragged part sticks as it did at 50 µm: that part is linear by construction
-    aside = found.line[ASIDE, U_X, middle()] / 50e-6 * found.indentation
+    aside = result.line[ASIDE, U_X, middle()] / 50e-6 * result.indentation
     return Figure(
         "fig-6.11",
         "Fig. 6.11",
@@ -162,9 +162,9 @@ def figure_6_11() -> Figure:
         "dissertation, whose mesh of the bump's top is not published.",
         (
             Panel("Displacement", "indentation (µm)", "displacement (µm)",
-                  [Curve(depth, UM * found.growth[:, 1], "FzUz", colour=0),
+                  [Curve(depth, UM * result.growth[:, 1], "FzUz", colour=0),
                    Curve(depth, UM * aside, "FxUx", colour=1),
-                   Curve(depth, UM * found.growth[:, 0], "FzUx", "dotted", 2),
+                   Curve(depth, UM * result.growth[:, 0], "FzUx", "dotted", 2),
                    Curve(depth, np.zeros_like(depth), "FxUz", "dashed", 3)]),
         ),
     )  # fmt: skip
@@ -172,8 +172,8 @@ def figure_6_11() -> Figure:
 
 def figure_6_12() -> Figure:
     """Return the stress at 200 µm below a dragged bump."""
-    found = model()
-    x = MM * found.x
+    result = model()
+    x = MM * result.x
     near = np.abs(x) <= 0.8
     return Figure(
         "fig-6.12",
@@ -183,10 +183,10 @@ def figure_6_12() -> Figure:
         "Two pressure taxels below the edges measure both.",
         (
             Panel("Dragged by 50 µm", "x (mm)", "σ_zz (kPa)",
-                  [Curve(x[near], found.stress[ASIDE, 1][near] / 1e3)],
+                  [Curve(x[near], result.stress[ASIDE, 1][near] / 1e3)],
                   marks=[(-RADIUS_MM, "edge"), (RADIUS_MM, "edge")]),
             Panel("Pressed by 50 µm", "x (mm)", "σ_zz (kPa)",
-                  [Curve(x[near], found.stress[DOWN, 1][near] / 1e3)],
+                  [Curve(x[near], result.stress[DOWN, 1][near] / 1e3)],
                   marks=[(-RADIUS_MM, "edge"), (RADIUS_MM, "edge")]),
         ),
     )  # fmt: skip
@@ -194,17 +194,17 @@ def figure_6_12() -> Figure:
 
 def pad_curves() -> tuple[Floats, dict[str, Floats]]:
     """Return indentation, µm, and the components of (6.1) made of u_z, µm."""
-    found = model()
-    place = int(found.line[ASIDE, U_Z].argmax())
-    dragged = found.line[ASIDE, U_Z, place] / 50e-6 * found.indentation
-    pressed = found.growth[:, 3]
+    result = model()
+    place = int(result.line[ASIDE, U_Z].argmax())
+    dragged = result.line[ASIDE, U_Z, place] / 50e-6 * result.indentation
+    pressed = result.growth[:, 3]
     shares = {
-        "FzTz": found.growth[:, 2] + pressed,
+        "FzTz": result.growth[:, 2] + pressed,
         "FxTx": 2.0 * dragged,
-        "FzTx": pressed - found.growth[:, 2],
+        "FzTx": pressed - result.growth[:, 2],
         "FxTz": np.zeros_like(pressed),
     }
-    return UM * found.indentation, {name: UM * values for name, values in shares.items()}
+    return UM * result.indentation, {name: UM * values for name, values in shares.items()}
 
 
 def figure_6_14() -> Figure:

@@ -60,16 +60,16 @@ def capacitances() -> Floats:
     return each
 
 
-def floating(each: Floats) -> Floats:
+def floating(values: Floats) -> Floats:
     """Return what is read between a row and a column while all other wires are left open.
 
     The charge finds a way over other junctions. What a source sees between two nodes is one over
     the difference of the potentials that a unit charge makes.
     """
-    rows, cols = each.shape
+    rows, cols = values.shape
     network = np.zeros((rows + cols, rows + cols))
-    network[:rows, rows:] = -each
-    network[rows:, :rows] = -each.T
+    network[:rows, rows:] = -values
+    network[rows:, :rows] = -values.T
     network -= np.diag(network.sum(axis=1))
     potential = np.linalg.pinv(network)
     own = np.diag(potential)

@@ -305,10 +305,10 @@ def epsilon(i: int, x: float, z: float = Z) -> float:
 
 def highest(function: Callable[[float], float], low: float, high: float) -> float:
     """Return where |function| is largest, mm."""
-    found = minimize_scalar(
+    result = minimize_scalar(
         lambda x: -abs(function(x)), bounds=(low, high), method="bounded", options={"xatol": 1e-12}
     )
-    return 1e3 * float(found.x)
+    return 1e3 * float(result.x)
 
 
 def zero_of_strain() -> float:

@@ -53,13 +53,13 @@ def observe(x: Floats, y: Floats, load: float, seed: int) -> Scan:
     calibration = taxel.calibration(Z)
     strain = point_strain(x, y, load)[:, np.newaxis, np.newaxis]
     reading = taxel.read(strain, rng=np.random.default_rng(seed))
-    found = locate(
+    result = locate(
         calibration.to_strain(reading.volts)[:, 0, 0],
         depth=Z,
         youngs_modulus=E,
         noise=calibration.strain_noise(NOISE),
     )
-    return Scan(x, y, found.x, found.y, found.force)
+    return Scan(x, y, result.x, result.y, result.force)
 
 
 @cache

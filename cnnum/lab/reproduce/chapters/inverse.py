@@ -154,9 +154,9 @@ def three_gap() -> float:
     """Return the largest difference of (Q, R, F) from (5.13), of three random moments."""
     x, y, _, _ = triples()
     moments = np.random.default_rng(14).normal(size=(3, LOADS)) * Z
-    found = force_from_moments(np.stack([x.T, y.T], axis=-1), moments.T, depth=Z)
+    result = force_from_moments(np.stack([x.T, y.T], axis=-1), moments.T, depth=Z)
     theirs = printed.three_taxels(x, y, moments, Z).T
-    return float((np.abs(found - theirs).max(axis=-1) / np.abs(theirs).max(axis=-1)).max())
+    return float((np.abs(result - theirs).max(axis=-1) / np.abs(theirs).max(axis=-1)).max())
 
 
 def array_gap() -> float:
@@ -168,9 +168,9 @@ def array_gap() -> float:
     load = np.concatenate([rng.uniform(-0.5, 0.5, (60, 2)), np.ones((60, 1))], axis=-1)
     offset = taxels - spot[:, np.newaxis]
     rows = strain(offset[..., 0], offset[..., 1], Z, load[:, np.newaxis], youngs_modulus=E)
-    found = locate_load(rows[..., 2], taxels, depth=Z, youngs_modulus=E)
-    place = np.hypot(found.x - spot[:, 0], found.y - spot[:, 1]) / Z
-    return float(max(place.max(), np.abs(found.force - load).max()))
+    result = locate_load(rows[..., 2], taxels, depth=Z, youngs_modulus=E)
+    place = np.hypot(result.x - spot[:, 0], result.y - spot[:, 1]) / Z
+    return float(max(place.max(), np.abs(result.force - load).max()))
 
 
 def sensitivity_gap() -> float:

@@ -59,20 +59,20 @@ def signals(volts: Floats) -> tuple[Floats, Floats, Floats]:
 @cache
 def sensitivities() -> tuple[float, ...]:
     """Return β_ns of six noisy scans, by (4.20)."""
-    found: list[float] = []
+    result: list[float] = []
     for trial in range(TRIALS):
         tangential, _, normal = signals(scan(MEASURED_BETA, trial))
-        found.append(receptive_field(X, tangential, normal).beta_ns)
-    return tuple(found)
+        result.append(receptive_field(X, tangential, normal).beta_ns)
+    return tuple(result)
 
 
 def sensitivity_gap() -> float:
     """Return the largest relative error of β_ns by (4.20), over scans of unlike taxels."""
-    found = [
+    result = [
         receptive_field(X, *signals(scan(beta, 10 + trial))[::2]).beta_ns / beta
         for trial, beta in enumerate(SENSITIVITIES)
     ]
-    return float(np.abs(np.array(found) - 1.0).max())
+    return float(np.abs(np.array(result) - 1.0).max())
 
 
 def slope_of_width() -> float:

@@ -37,9 +37,9 @@ def _felt(output: str, time: Floats, hertz: Floats, **settings: float) -> Floats
 def _gains(channel: str) -> Floats:
     """Return the gain of a channel at `HERTZ`: of the last 0.2 s, whole periods but for 31.6 Hz."""
     time = (np.arange(round(0.3 * RATE) + REST) - REST) / RATE
-    found = _felt(channel, time, HERTZ)[-round(0.2 * RATE) :]
-    turned = np.exp(-2j * np.pi * HERTZ * time[-len(found) :, None])
-    return np.asarray(2.0 * np.abs(np.mean(found * turned, axis=0)))
+    result = _felt(channel, time, HERTZ)[-round(0.2 * RATE) :]
+    turned = np.exp(-2j * np.pi * HERTZ * time[-len(result) :, None])
+    return np.asarray(2.0 * np.abs(np.mean(result * turned, axis=0)))
 
 
 def sa1_at_its_corner() -> float:
@@ -61,8 +61,8 @@ def spikes_a_period() -> float:
     )
     # the least threshold that a leaky cell never meets under a sine of this size
     least = own / np.hypot(1.0, 2.0 * np.pi * hertz * membrane)
-    found = _felt("pc_spikes", time, np.array([hertz]), threshold=least / 1.5, membrane=membrane)
-    return float(np.maximum(found[-round(0.2 * RATE) :], 0.0).sum() / (0.2 * hertz))
+    result = _felt("pc_spikes", time, np.array([hertz]), threshold=least / 1.5, membrane=membrane)
+    return float(np.maximum(result[-round(0.2 * RATE) :], 0.0).sum() / (0.2 * hertz))
 
 
 CHAPTER = Chapter(

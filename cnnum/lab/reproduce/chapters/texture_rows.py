@@ -70,8 +70,8 @@ def means(forces: bool) -> Floats:
 
 def sway(feature: int, forces: bool) -> float:
     """Return by how much a feature's mean changes with direction or force, at most, per cent."""
-    found = means(forces)[..., feature]
-    return float((100.0 * np.ptp(found, axis=1) / found.mean(axis=1)).max())
+    result = means(forces)[..., feature]
+    return float((100.0 * np.ptp(result, axis=1) / result.mean(axis=1)).max())
 
 
 def figure_6_18() -> Figure:
@@ -107,7 +107,7 @@ def figure_6_19() -> Figure:
              np.full(int((drawn.material == k).sum()), 9.0), k, name)
         for k, name in enumerate(drawn.names)
     ]  # fmt: skip
-    found = told_apart("stroke")
+    result = told_apart("stroke")
     return Figure(
         "fig-6.19",
         "Fig. 6.19",
@@ -115,18 +115,18 @@ def figure_6_19() -> Figure:
         f"{len(drawn.features)} samples (about 3000 in the dissertation), each the last 129 "
         "frames. They are of all directions, at 50–100 µm of indentation. Right: a quadratic "
         "discriminant, cross-validated by strokes; rows are the truth. "
-        f"Accuracy {100 * found.accuracy:.1f} %.",
+        f"Accuracy {100 * result.accuracy:.1f} %.",
         (
             Panel("Two features", "mean friction, T/S_n (6.3)", "roughness (%) (6.4)", dots,
                   log="y"),
-            Panel("Taken for…", "", "", [_matrix(found)]),
+            Panel("Taken for…", "", "", [_matrix(result)]),
         ),
     )  # fmt: skip
 
 
-def _matrix(found: Classification) -> Matrix:
-    short = tuple(name.split()[-1] for name in found.names)
-    return Matrix(found.confusion, short, short)
+def _matrix(classification: Classification) -> Matrix:
+    short = tuple(name.split()[-1] for name in classification.names)
+    return Matrix(classification.confusion, short, short)
 
 
 FIGURES: dict[str, Callable[[], Figure]] = {"fig-6.18": figure_6_18, "fig-6.19": figure_6_19}

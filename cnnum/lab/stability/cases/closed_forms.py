@@ -54,8 +54,8 @@ def _axis(depth: float) -> Case:
     """Under the load σ_zz = −3F/(2πz²) (Boussinesq; Johnson, Contact Mechanics, 3.19)."""
 
     def value() -> Floats:
-        found = halfspace.stress(0.0, 0.0, depth, PUSH)
-        return np.asarray(found[2, 2] * (2.0 * np.pi * depth**2 / 3.0), dtype=np.float64)
+        result = halfspace.stress(0.0, 0.0, depth, PUSH)
+        return np.asarray(result[2, 2] * (2.0 * np.pi * depth**2 / 3.0), dtype=np.float64)
 
     title = f"σ_zz under a point load, {depth:g} m deep"
     return _form(f"axis-{depth:g}", title, value, lambda: np.array(-1.0), 1e-14)
@@ -64,16 +64,16 @@ def _axis(depth: float) -> Case:
 def _ring_strain() -> Floats:
     """ε_zz of an incompressible cover is 0 at ρ = √2 z (dissertation, section 4.3.3)."""
     places = np.array([1e-6, 1.0, 1e6])
-    found = halfspace.strain(np.sqrt(2.0) * places, 0.0, places, PUSH, youngs_modulus=1.0)
-    return np.asarray(found[..., 2, 2] * places**2)
+    result = halfspace.strain(np.sqrt(2.0) * places, 0.0, places, PUSH, youngs_modulus=1.0)
+    return np.asarray(result[..., 2, 2] * places**2)
 
 
 def _surface(poisson: float) -> Case:
     """The surface sinks by F (1 − ν²)/(πEr)."""
 
     def value() -> Floats:
-        found = halfspace.displacement(2e-3, 0.0, 0.0, PUSH, youngs_modulus=E, poisson=poisson)
-        return np.asarray(found[2] * np.pi * E * 2e-3)
+        result = halfspace.displacement(2e-3, 0.0, 0.0, PUSH, youngs_modulus=E, poisson=poisson)
+        return np.asarray(result[2] * np.pi * E * 2e-3)
 
     title = f"displacement of the surface for ν = {poisson:g}"
     return _form(f"surface-{poisson:g}", title, value, lambda: np.array(1.0 - poisson**2), 1e-13)
@@ -87,9 +87,9 @@ def _hertz(load: float) -> Case:
     """The mean pressure of a Hertz contact is two thirds of its peak."""
 
     def value() -> Floats:
-        found = contact.hertz(load, 1e-2, E)
-        mean = load / (np.pi * found.contact_radius**2)
-        return np.asarray(1.5 * mean / found.peak_pressure)
+        result = contact.hertz(load, 1e-2, E)
+        mean = load / (np.pi * result.contact_radius**2)
+        return np.asarray(1.5 * mean / result.peak_pressure)
 
     return _form(
         f"hertz-{load:g}", f"Hertz contact of {load:g} N", value, lambda: np.array(1.0), 1e-13
@@ -116,8 +116,8 @@ def _refused(name: str, title: str, value: Callable[[], Floats], sentence: str) 
 
 
 def _no_friction() -> Floats:
-    found = contact.hertz(1.0, 1e-2, E)
-    return np.asarray(contact.partial_slip(found, 1.0, 0.0, 0.0).stick_radius)
+    result = contact.hertz(1.0, 1e-2, E)
+    return np.asarray(contact.partial_slip(result, 1.0, 0.0, 0.0).stick_radius)
 
 
 def _load_itself() -> Floats:

@@ -125,7 +125,7 @@ def _batch(count: int) -> Case:
 
     def solve(engine: Engine) -> Solved:
         together = engine.run(smooth, state=pictures, duration=1.0).state
-        alone = [engine.run(smooth, state=one, duration=1.0).state for one in pictures[:5]]
+        alone = [engine.run(smooth, state=picture, duration=1.0).state for picture in pictures[:5]]
         return Solved(together[:5] - np.array(alone))
 
     return Case(

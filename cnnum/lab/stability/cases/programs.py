@@ -100,8 +100,8 @@ def _rim_load() -> Case:
         bound = get_program("halfspace_stress").bind(thickness=1e-3, pitch=1e-3)
         wanted = [f"stress_{axis}" for axis in AXES]
         out = engine.compile(bound, SHAPE, wanted)(load)
-        found = np.stack([np.asarray(out[each], dtype=np.float64) for each in wanted], axis=-1)
-        return Solved(found / size)
+        result = np.stack([np.asarray(out[each], dtype=np.float64) for each in wanted], axis=-1)
+        return Solved(result / size)
 
     return Case(
         "cover-rim-load",
@@ -286,9 +286,9 @@ def _times(engine: Engine, later: float, number: int) -> Floats:
     """Return the times of the events of a press whose frames begin then, with that number."""
     press = [{"kind": "press", "load": 1.0, "duration": 0.2}]
     scene = load_scene("contact", engine=engine, changes={"array.script": press})
-    way, found = scene.path(), list[float]()
+    way, result = scene.path(), list[float]()
     with scene.driver:
         for place, frame in enumerate(scene.driver.frames()):
             moved = replace(frame, time=frame.time + later, sequence=frame.sequence + number)
-            found += [event.time for event in way.step(place + number, moved).events]
-    return np.array(found)
+            result += [event.time for event in way.step(place + number, moved).events]
+    return np.array(result)

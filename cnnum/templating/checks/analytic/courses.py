@@ -74,12 +74,12 @@ def _delays_case(template: Template, rng: np.random.Generator, shape: Shape) -> 
 
 
 def _delayed(template: Template, case: Case) -> Floats:
-    found = modes(template.boundary, (case.pictures.shape[-2], case.pictures.shape[-1]))
+    result = modes(template.boundary, (case.pictures.shape[-2], case.pictures.shape[-1]))
     edge, late_edge = number(template, "edge", 0.0), number(template, "delayed_edge", 0.0)
-    rate = number(template, "centre", 0.0) - 1.0 + found.symbol(edge)
-    late = number(template, "delayed_centre", 0.0) + found.symbol(late_edge)
+    rate = number(template, "centre", 0.0) - 1.0 + result.symbol(edge)
+    late = number(template, "delayed_centre", 0.0) + result.symbol(late_edge)
     delay = number(template, "delay") / time_constant(template)
-    return found.apply(case.pictures, by_steps(rate, late, delay, case.time(template)))
+    return result.apply(case.pictures, by_steps(rate, late, delay, case.time(template)))
 
 
 DELAYS_FORMS = (
@@ -313,12 +313,12 @@ def _course(template: Template, case: Case) -> Floats:
 
 def _late(template: Template, case: Case) -> Floats:
     """Follow x' = −x + w + K∗y(t − T) from x = 0: what is left to its rest has a constant past."""
-    found = _modes(template, case.pictures)
-    late = symbol(template, "late", found)
+    result = _modes(template, case.pictures)
+    late = symbol(template, "late", result)
     apart = np.where(np.abs(1.0 - late) < 1e-9, 1e-9, 1.0 - late)
     delay = number(template, "delay") / time_constant(template)
     left = by_steps(-np.ones_like(late), late, delay, case.time(template))
-    return found.apply(case.pictures, symbol(template, "control", found) * (1.0 - left) / apart)
+    return result.apply(case.pictures, symbol(template, "control", result) * (1.0 - left) / apart)
 
 
 def _pair(template: Template, case: Case) -> Floats:

@@ -236,16 +236,16 @@ def _coupled(template: Template, case: Case) -> Floats:
 
 def _homogeneous(template: Template, case: Case, rates: Callable[[Modes], Floats]) -> Floats:
     start = np.asarray(case.start(template), dtype=np.float64)
-    found = modes(template.boundary, (start.shape[-2], start.shape[-1]))
-    return found.apply(start, np.exp(rates(found) * case.time(template)))
+    result = modes(template.boundary, (start.shape[-2], start.shape[-1]))
+    return result.apply(start, np.exp(rates(result) * case.time(template)))
 
 
 def _band_pass(template: Template, case: Case) -> Floats:
     """Solve x' = −(1 + s²K)²x + 4s²K u with K the wave number squared, on the lattice."""
-    found = modes(template.boundary, (case.pictures.shape[-2], case.pictures.shape[-1]))
-    scaled = -number(template, "scale") * found.laplacian
+    result = modes(template.boundary, (case.pictures.shape[-2], case.pictures.shape[-1]))
+    scaled = -number(template, "scale") * result.laplacian
     rate = (1.0 + scaled) ** 2
-    return found.apply(case.pictures, -np.expm1(-rate * case.time(template)) * 4.0 * scaled / rate)
+    return result.apply(case.pictures, -np.expm1(-rate * case.time(template)) * 4.0 * scaled / rate)
 
 
 def _form(
@@ -321,11 +321,11 @@ def _gains_case(template: Template, rng: np.random.Generator, shape: Shape) -> C
 
 def _faded(template: Template, case: Case) -> Floats:
     """Solve x' = −x + g(t)Kx with g falling from 1 to 0 in a straight line: ln x is −t + K∫g."""
-    found = modes(template.boundary, (case.pictures.shape[-2], case.pictures.shape[-1]))
+    result = modes(template.boundary, (case.pictures.shape[-2], case.pictures.shape[-1]))
     time, fade = case.time(template), number(template, "fade") / time_constant(template)
     seen = min(time, fade)
-    coupled = found.symbol(number(template, "edge")) * (seen - 0.5 * seen**2 / fade)
-    return found.apply(case.pictures, np.exp(coupled - time))
+    coupled = result.symbol(number(template, "edge")) * (seen - 0.5 * seen**2 / fade)
+    return result.apply(case.pictures, np.exp(coupled - time))
 
 
 GAINS_FORMS = (

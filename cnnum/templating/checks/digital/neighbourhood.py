@@ -503,8 +503,8 @@ _Filter = Callable[[Floats, Boundary], Floats]
 
 def _median(picture: Floats, boundary: Boundary) -> Floats:
     mode = _MODES[boundary.pad_mode]
-    found = ndimage.median_filter(picture, _SIZE, mode=mode, cval=boundary.constant or 0.0)
-    return np.asarray(found, dtype=np.float64)
+    result = ndimage.median_filter(picture, _SIZE, mode=mode, cval=boundary.constant or 0.0)
+    return np.asarray(result, dtype=np.float64)
 
 
 def _minimum(picture: Floats, boundary: Boundary) -> Floats:

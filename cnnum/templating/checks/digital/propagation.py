@@ -149,8 +149,8 @@ def _masked_runs(template: Template, case: Case) -> Floats:
     mirrored = {"east": 1, "west": -1}
     step = choice(template, "direction", mirrored)
     lines = zip((case.states > 0)[..., ::step], (case.pictures > 0)[..., ::step], strict=True)
-    found = [[_packed(*pair) for pair in zip(*both, strict=True)] for both in lines]
-    return as_picture(np.array(found)[..., ::step])
+    result = [[_packed(*pair) for pair in zip(*both, strict=True)] for both in lines]
+    return as_picture(np.array(result)[..., ::step])
 
 
 def _long_runs(template: Template, case: Case) -> Floats:

@@ -116,14 +116,14 @@ def block_displacement(load: Floats, slabs: int, slab: float, poisson: float) ->
         held[axis] = sp.kron(last, sp.identity(plane))
         for form, share in ((sp.hstack(parts), slab), (sp.hstack(held), slab / 2)):
             matrix = matrix + share * form.T @ form
-    found = solve(matrix.tocsc(), _push(load, slabs, slab))
-    return np.asarray(found, dtype=np.float64).reshape(3, slabs, rows, cols)
+    result = solve(matrix.tocsc(), _push(load, slabs, slab))
+    return np.asarray(result, dtype=np.float64).reshape(3, slabs, rows, cols)
 
 
 def on_plane(displacement: Floats, plane: int) -> Floats:
     """Return (rows, cols, 3) displacement in the middle of the cells of a plane."""
     sides = [(displacement[a, plane - 1] + displacement[a, plane]) / 2 for a in range(2)]
-    sides = [(each + np.roll(each, 1, 1 - a)) / 2 for a, each in enumerate(sides)]
+    sides = [(side + np.roll(side, 1, 1 - a)) / 2 for a, side in enumerate(sides)]
     return np.stack([*sides, displacement[2, plane]], axis=-1)
 
 
@@ -181,7 +181,7 @@ def _strain_case(rng: np.random.Generator, shape: Shape) -> ProgramCase:
 
 def _block_case(rng: np.random.Generator, shape: Shape) -> ProgramCase:
     load = _load(rng, shape)
-    found = on_plane(block_displacement(load, SLABS, 1.0, POISSON), 2)
+    result = on_plane(block_displacement(load, SLABS, 1.0, POISSON), 2)
     names = ("displacement_x", "displacement_y", "displacement_z")
     options = {
         "thickness": 2.0e-3,
@@ -191,7 +191,7 @@ def _block_case(rng: np.random.Generator, shape: Shape) -> ProgramCase:
         "poisson": POISSON,
         "youngs_modulus": 2e-3 * (1 + POISSON),
     }
-    return ProgramCase(load[None], {n: found[..., k] for k, n in enumerate(names)}, options)
+    return ProgramCase(load[None], {n: result[..., k] for k, n in enumerate(names)}, options)
 
 
 def _inverse_case(rng: np.random.Generator, shape: Shape) -> ProgramCase:
@@ -202,10 +202,10 @@ def _inverse_case(rng: np.random.Generator, shape: Shape) -> ProgramCase:
         cover @ cover.T + np.eye(len(cover)), strain.ravel() * (LIKELY / NOISE)
     )
     rows, cols = shape
-    found = loads.reshape(rows + 2 * REACH, cols + 2 * REACH, 3)[REACH:-REACH, REACH:-REACH]
+    result = loads.reshape(rows + 2 * REACH, cols + 2 * REACH, 3)[REACH:-REACH, REACH:-REACH]
     names = ("load_x", "load_y", "load_normal")
     options = {"noise": NOISE, "likely": LIKELY, "reach": REACH, "drag": 1.0, "rounds": 0}
-    return ProgramCase(strain[None], {n: found[..., k] for k, n in enumerate(names)}, options)
+    return ProgramCase(strain[None], {n: result[..., k] for k, n in enumerate(names)}, options)
 
 
 def _felt(shape: Shape) -> Floats:

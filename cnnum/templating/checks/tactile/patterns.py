@@ -263,8 +263,8 @@ def _off_loads(case: ProgramCase, outputs: Outputs) -> float:
     """Return the largest error of a load along an axis, as a share of the normal load."""
     true = np.column_stack([case.expected["pull"], case.expected["load"]])
     # strain is negative under a push, and a pull's along its direction
-    found = np.stack([outputs[name] for name in ("load_x", "load_y", "load_normal")], axis=-1)
-    return float(np.max(np.abs(found - true) / case.expected["load"][:, None]))
+    result = np.stack([outputs[name] for name in ("load_x", "load_y", "load_normal")], axis=-1)
+    return float(np.max(np.abs(result - true) / case.expected["load"][:, None]))
 
 
 def _unaided(rng: np.random.Generator, shape: Shape) -> ProgramCase:

@@ -153,7 +153,7 @@ class MovingContact:
         curl = central(now["y"], 1) - central(now["x"], 0)
         divergence = central(now["x"], 1) + central(now["y"], 0)
         wide = now["z"].shape[1] // c.pads
-        found: list[dict[str, float]] = []
+        result: list[dict[str, float]] = []
         for pad in range(c.pads):
             cols = slice(pad * wide, (pad + 1) * wide)
             # gradients next to another pad would mix both
@@ -172,7 +172,7 @@ class MovingContact:
             lengths = np.linalg.norm(z) * np.linalg.norm(pulled)
             heavy = (z**2).sum() + least**2 / (16.0 * z.size)
             along = -((share - was)[:, inner] * slope).sum() / max(moved * steep, 1e-300)
-            found.append({
+            result.append({
                 "pattern_speed": per_s * moved * mass / size,
                 "incoherent_shear": np.sqrt(
                     sum((loose[a][:, cols] ** 2).sum() for a in "xy")
@@ -192,7 +192,7 @@ class MovingContact:
                 "curl": (now["z"] * curl)[:, inner].sum() / heavy,
                 "divergence": (now["z"] * divergence)[:, inner].sum() / heavy,
             })  # fmt: skip
-        return found
+        return result
 
     def _stick_region(
         self, z: Floats, rests: dict[str, Floats], around: dict[str, Floats]
@@ -355,7 +355,7 @@ def _reports_off(case: ProgramCase, outputs: Outputs) -> float:
 
     def off(names: tuple[str, ...], begin: int, some: slice) -> float:
         errors = (outputs[n] - case.expected[n] for n in names if n in outputs)
-        return max((float(np.abs(each)[begin:, some].max()) for each in errors), default=0.0)
+        return max((float(np.abs(error)[begin:, some].max()) for error in errors), default=0.0)
 
     sheared = PULL + 5
     slides, pressed = slice(1, 2), slice(1, None)
