@@ -11,7 +11,8 @@ from cnnum.arrays import Floats, Shape
 from cnnum.errors import NotSupportedError
 from cnnum.graph.nodes import Transient
 from cnnum.graph.schedule import Schedule
-from cnnum.integrators.solver import Exact, Solver, Solvers
+from cnnum.integrators.series import Stretch
+from cnnum.integrators.solver import Solver, Solvers
 from cnnum.templating.template import Template
 
 if TYPE_CHECKING:
@@ -155,7 +156,7 @@ class Looking(Executable, Protocol):
         self,
         frames: NDArray[np.floating],
         moments: Sequence[float],
-        ends: Sequence[Exact] = (),
+        ends: Sequence[Stretch] = (),
         cuts: int = 1,
     ) -> Mapping[str, NDArray[np.floating[Any]]]:
         """Return what a run of its only transient passes through.
@@ -165,8 +166,8 @@ class Looking(Executable, Protocol):
         frames : (batch, rows, cols, channels) float
         moments : sequence of float
             Rising, none after the end of the run.
-        ends : sequence of Exact
-            The schemes of runs to these times, where an end is known without steps.
+        ends : sequence of Stretch
+            They hold these times, where ends are known without steps.
         cuts : int
             Parts in which a piece of a step of fixed length is taken up to a moment.
 

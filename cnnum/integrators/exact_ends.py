@@ -193,11 +193,13 @@ def spectral(network: Network, duration: float) -> Spectral | None:
     else:
         state, drive = _after(rates, inverse_tau, duration)
         # one layer's exponentials are numbers, which are exact
-        turned = float(np.abs(rates).sum(axis=-1).max()) * duration if template.layers > 1 else 0.0
+        norm = float((np.abs(rates).sum(axis=-1) + 1.0 / template.tau).max())
+        turned = max(norm * duration, 1.0) if template.layers > 1 else 0.0
     rows, cols = (axis_modes(template.boundary, n) for n in shape)
     state, drive = (np.moveaxis(factor, (2, 3), (0, 1)).copy() for factor in (state, drive))
     constant = _through(rows, cols, drive, network.rim())
-    return Spectral(rows, cols, state, drive, constant, EXPONENTIAL * turned)
+    gain = sum(float(np.abs(part).sum(axis=1).max()) for part in (state, drive))
+    return Spectral(rows, cols, state, drive, constant, EXPONENTIAL * turned * max(gain, 1.0))
 
 
 def _after(rates: Floats, inverse_tau: Floats, duration: float) -> tuple[Floats, Floats]:
@@ -340,9 +342,9 @@ and time stepping with few taps is cheaper."""
 DECAYS = 1e-9
 """1/time: a mode or wave that decays more slowly counts as one that does not."""
 
-EXPONENTIAL = 64.0 * float(np.finfo(np.float64).eps)
-"""The error bound of an exponential of a matrix, as a part of ‖M‖t: squaring adds to one rounding;
-47 were seen, over 10 to 10,000 turns."""
+EXPONENTIAL = 1024.0 * float(np.finfo(np.float64).eps)
+"""The error bound of SciPy's exponential of a matrix, as a part of its norm and of ‖M‖t, or of 1
+where that is less: of 3,000 random ones with a norm of 0.1 to 200 the worst was off by 735."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -466,8 +468,11 @@ def propagator(network: Network, duration: float) -> Propagator | None:
     block[:n, n:] = np.diag(system.rates)
     exponential = np.asarray(expm(block * duration))
     drive = exponential[:n, n:]
-    turned = float(np.abs(system.matrix).sum(axis=1).max()) * duration
-    return Propagator(exponential[:n, :n], drive, drive @ system.rim, EXPONENTIAL * turned)
+    turned = max(float(np.abs(block).sum(axis=1).max()) * duration, 1.0)
+    state = exponential[:n, :n]
+    gain = sum(float(np.abs(part).sum(axis=1).max()) for part in (state, drive))
+    rounding = EXPONENTIAL * turned * max(gain, 1.0)
+    return Propagator(state, drive, drive @ system.rim, rounding)
 
 
 LONGEST = 60.0

@@ -17,6 +17,7 @@ from cnnum.integrators.choice import exact_end
 from cnnum.integrators.estimate import LOST
 from cnnum.integrators.rosenbrock import ImplicitSteps
 from cnnum.integrators.schemes import LAYER_METHODS
+from cnnum.integrators.series import Stretch, in_stretches
 from cnnum.integrators.solver import Exact, Solver, Stepping
 from cnnum.plan import Plan
 from cnnum.runs.growth import (
@@ -200,16 +201,20 @@ def reached(template: Template, times: Sequence[float], lead: tuple[int, ...]) -
     return np.broadcast_to(result, (len(times), *lead)).copy()
 
 
-def _ends_at(plan: Plan, solver: Solver, times: Sequence[float]) -> list[Exact]:
-    """Return the schemes of a transient up to times, where ends are known without a step."""
+def _ends_at(plan: Plan, solver: Solver, times: Sequence[float]) -> list[Stretch]:
+    """Return the stretches that hold times, where ends are known without a step."""
     if not isinstance(solver.scheme, Exact):
         return []
     (node,) = plan.schedule.transients
     operation = node.operation
     assert isinstance(operation, Transient)
     network = Network(operation.template, plan.schedule.shape)
-    ends = [exact_end(operation, network, time)[0] for time in times]
-    return [end for end in ends if end is not None]
+    found: list[Stretch] = []
+    for first, *others in in_stretches(operation.template, times):
+        scheme, _ = exact_end(operation, network, first)
+        assert scheme is not None  # as there is one up to the end
+        found.append(Stretch(scheme, tuple(time - first for time in others)))
+    return found
 
 
 def ended(template: Template, looks: Result, end: Result, times: Sequence[float]) -> Result:

@@ -29,7 +29,8 @@ from cnnum.graph.nodes import (
     Transient,
 )
 from cnnum.graph.schedule import Schedule
-from cnnum.integrators.solver import Exact, Solvers
+from cnnum.integrators.series import Stretch
+from cnnum.integrators.solver import Solvers
 
 
 @kept
@@ -80,8 +81,8 @@ class Evaluation:
         By the index of their node.
     moments : sequence of float
         Times at which the transient of a run is looked at on its way.
-    ends : sequence of Exact
-        Its schemes up to these times, where an end is known without steps.
+    ends : sequence of Stretch
+        They hold these times, where ends are known without steps.
     cuts : int
         Parts in which a piece of its fixed steps is taken up to a look.
     seen : dict of str to array
@@ -96,7 +97,7 @@ class Evaluation:
     dtype: Real
     runners: Mapping[int, TransientRunner]
     moments: Sequence[float] = ()
-    ends: Sequence[Exact] = ()
+    ends: Sequence[Stretch] = ()
     cuts: int = 1
     seen: Answers = field(default_factory=dict[str, Reals])
     running: NDArray[np.bool_] = field(init=False)
@@ -267,7 +268,7 @@ class NumbaExecutable(HostExecutable):
         self,
         frames: Reals,
         moments: Sequence[float],
-        ends: Sequence[Exact] = (),
+        ends: Sequence[Stretch] = (),
         cuts: int = 1,
     ) -> dict[str, Reals]:
         """Return the findings at times of a run, whose only transient this is.
@@ -277,8 +278,8 @@ class NumbaExecutable(HostExecutable):
         frames : (batch, rows, cols, channels) float
         moments : sequence of float
             Rising, none after the end.
-        ends : sequence of Exact
-            The schemes of runs to these times, where an end is known without steps.
+        ends : sequence of Stretch
+            They hold these times, where ends are known without steps.
         cuts : int
             Parts in which a piece of a step of fixed length is taken up to a look.
 

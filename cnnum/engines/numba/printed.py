@@ -32,7 +32,8 @@ from cnnum.engines.numba.records import Real, Reals
 from cnnum.engines.opencl.lowering.kernel_source import Statements, statements
 from cnnum.engines.opencl.lowering.storage import Tables
 from cnnum.graph.schedule import Schedule
-from cnnum.integrators.solver import Exact, Solvers
+from cnnum.integrators.series import Stretch
+from cnnum.integrators.solver import Solvers
 from cnnum.kernels import llvm
 
 _LLVM: Any = import_module("llvmlite.binding")  # it has no types
@@ -300,7 +301,7 @@ class PrintedExecutable(OnHost):
         self,
         frames: Reals,
         moments: Sequence[float],
-        ends: Sequence[Exact] = (),
+        ends: Sequence[Stretch] = (),
         cuts: int = 1,
     ) -> dict[str, Reals]:
         """Return the findings at times of a run, as `NumbaExecutable.look` does."""

@@ -33,8 +33,10 @@ from cnnum.integrators.exact_ends import (
     rounded_gain,
     roundings,
 )
+from cnnum.integrators.series import Stretch, bounds, followed, grown
 from cnnum.integrators.solver import Exact, Solver
 from cnnum.templating.boundary import Boundary
+from cnnum.templating.network import Network
 from cnnum.templating.template import Template
 
 
@@ -282,7 +284,7 @@ class TransientRunner:
         return result
 
     def ends(
-        self, arguments: Sequence[Reals], batch: int, schemes: Sequence[Exact]
+        self, arguments: Sequence[Reals], batch: int, stretches: Sequence[Stretch]
     ) -> dict[str, Reals]:
         """Return the ends that are known without a step at several times, as a look has them.
 
@@ -290,32 +292,50 @@ class TransientRunner:
         ----------
         arguments : sequence of (batch or 1, rows or 1, cols or 1) float
         batch : int
-        schemes : sequence of Exact
-            One a time.
+        stretches : sequence of Stretch
+            Of all times, in their order.
         """
-        template, shape = self.operation.template, self.layout.shape
+        count = sum(1 + len(stretch.later) for stretch in stretches)
         frames = self._frames(self.operation.by_role(arguments), batch, ())
         drive_frames(self.plan, frames, 0, batch)
         start, drive, pace = map(self.layout.inner, (frames.state, frames.drive, frames.pace))
-        states = np.tile(frames.state, (len(schemes), 1))
-        seen = self.layout.inner(states).reshape(len(schemes), *start.shape)
-        marks = np.zeros((len(schemes), batch, 3))
+        states = np.tile(frames.state, (count, 1))
+        seen = self.layout.inner(states).reshape(count, *start.shape)
+        marks, at = np.zeros((count, batch, 3)), 0
         with np.errstate(all="ignore"):
-            for at, scheme in enumerate(schemes):
-                state = start.copy()
-                end = ExactEnd.of(template, shape, scheme, self.dtype)
-                marks[at, :, 2] = end.reach(state, drive, pace == 0.0)
-                seen[at] = state
+            for stretch in stretches:
+                own = slice(at, at + 1 + len(stretch.later))
+                self._along(stretch, seen[own], marks[own, :, 2], drive, pace == 0.0)
+                at = own.stop
         self.layout.inner(states)[...] = seen.reshape(-1, *start.shape[1:])
-        drives = np.tile(frames.drive, (len(schemes), 1))
-        paces = np.tile(frames.pace, (len(schemes), 1)) if len(frames.pace) > 1 else frames.pace
+        drives = np.tile(frames.drive, (count, 1))
+        paces = np.tile(frames.pace, (count, 1)) if len(frames.pace) > 1 else frames.pace
         figures = np.zeros((len(states), len(FIGURES) + 1))
         now = frames._replace(
             state=states, output=np.empty_like(states), drive=drives, pace=paces, figures=figures
         )
         run_frames(self.plan, now, 0, len(states), False)
-        marks[:, :, 1] = figures[:, 2].reshape(len(schemes), batch)
+        marks[:, :, 1] = figures[:, 2].reshape(count, batch)
         return {"seen": seen, "marks": marks}
+
+    def _along(
+        self, stretch: Stretch, seen: Reals, errors: Floats, drive: Reals, held: Reals
+    ) -> None:
+        """Set states, which are those of the start, and errors to those at a stretch's times."""
+        template, shape = self.operation.template, self.layout.shape
+        end = ExactEnd.of(template, shape, stretch.scheme, self.dtype)
+        errors[0] = end.reach(seen[0], drive, held)
+        if not stretch.later:
+            return
+        numbers = seen[0].astype(np.float64), drive.astype(np.float64)
+        found, rounded = followed(Network(template, shape), *numbers, stretch.later)
+        seen[1:] = found
+        # what is off then, and the roundings of the drive, grow no faster than states part
+        eps, since = float(np.finfo(self.dtype).eps), np.array(stretch.later)[:, np.newaxis]
+        driven = eps * _control(template) * _largest(drive) / float(template.tau.min())
+        begun, along = grown(bounds(template)[1], since)
+        sizes = np.abs(found).max(axis=(2, 3, 4))
+        errors[1:] = begun * errors[0] + along * driven + rounded + eps * sizes
 
     def _reach(self, end: ExactEnd, frames: Batch, start: int, stop: int, spread: bool) -> None:
         """Set states to their known end; whether all is at rest is left to say."""

@@ -92,3 +92,31 @@ def test_a_run_of_no_time_is_its_start(engines, kind):
         assert np.array_equal(ended.state, start), label
     looked = engines["numba-float32"].run(template, input=given, state=start, at=(0.0, 0.5))
     assert np.array_equal(looked.state[0], start)
+
+
+@pytest.mark.parametrize("number", [68, 312])
+def test_an_end_that_grew_far_states_the_rounding_of_its_exponential(number):
+    """It was stated as a part of the start, which grows: 1.2e-15 for 1.4e-13."""
+    from random_networks import Truth, network_of, template_of
+
+    net = network_of(77, number)
+    truth, end = Truth(net), net.times[-1]
+    matrix = (truth.feedback - np.eye(len(truth.feedback))) * truth.pace[:, np.newaxis]
+    drive = (truth.drive + truth.still.sum(axis=1).ravel()) * truth.pace
+    start = net.x.reshape(truth.frames, -1)
+    # Taylor's series step by step, in longer numbers
+    long, steps = np.longdouble, 2 * int(np.ceil(np.abs(matrix).sum(axis=1).max() * end)) + 1
+    x = start.astype(long)
+    for _ in range(steps):
+        slope = (x @ matrix.T.astype(long) + drive.astype(long)) * long(end) / steps
+        for term in range(1, 30):
+            x = x + slope
+            slope = slope @ matrix.T.astype(long) * long(end) / steps / (term + 1)
+    bias = {} if net.bias is None else {"bias": net.bias}
+    got = cnnum.Engine("numba", precision="float64").run(
+        template_of(net), input=net.u, state=net.x, duration=end, **bias
+    )
+    assert got.method == "propagator"
+    off = np.abs(got.state.reshape(x.shape) - x).max(axis=1)
+    assert (off <= got.error).all()
+    assert (got.error < 1e-10 * np.abs(x).max(axis=1)).all()

@@ -2,11 +2,14 @@
 
 import numpy as np
 import pytest
+import scipy.linalg
 from scipy.integrate import solve_ivp
 
 import cnnum
+from cnnum.integrators.exact_ends import propagator
 from cnnum.templating.couplings import DelayedCoupling, Gain
 from cnnum.templating.functions import Table
+from cnnum.templating.network import Network
 
 ENGINES = ("opencl", "numba", "reference")
 TIMES = (0.0, 0.5, 1.0, 2.5)
@@ -110,6 +113,88 @@ def test_times_are_not_rounded(engine):
     # all alike, they grow until they saturate, and come to rest at 2.2
     until = np.log(1.0 + 1.1 / 0.1) / 1.1
     assert np.abs(last - (2.2 - 1.2 * np.exp(until - 5.0))).max() < 1e-3
+
+
+def linear(rng):
+    """Return a random linear array that is exact at every time, and where it ends."""
+    layers, k = int(rng.integers(1, 3)), int(rng.choice([1, 3, 5]))
+    A = rng.normal(size=(layers, layers, k, k)) * rng.uniform(0.1, 2.0) / k
+    if rng.random() < 0.5:  # diagonal in the modes of its boundary
+        A = A + A[..., ::-1, :]
+        A = (A + A[..., ::-1]) / 4.0
+    edge = (0.0, 0.7, "zero-flux", "periodic")[int(rng.integers(4))]
+    tau = 10.0 ** rng.uniform(-1.0, 1.0, layers)
+    template = cnnum.Template(
+        "linear", A, z=rng.normal(size=layers).tolist(), tau=tau.tolist(), boundary=edge,
+        output="linear",
+    )  # fmt: skip
+    system = Network(template, (3, 4)).linear_system()
+    fastest = np.abs(system.matrix).sum(axis=1).max()
+    return template, system, rng.uniform(1.0, 40.0) / fastest
+
+
+@pytest.mark.parametrize("precision", ["float64", "float32"])
+@pytest.mark.parametrize("seed", range(12))
+def test_many_times_of_a_linear_array_are_within_their_errors(seed, precision):
+    """All but the first time of a stretch follow from that by series; SciPy's end there is one."""
+    rng = np.random.default_rng(seed)
+    template, system, end = linear(rng)
+    n = len(system.rim)
+    times = np.unique([*rng.uniform(0.0, end, 30), *np.linspace(0.0, end, 20)])
+    start = rng.uniform(-1.0, 1.0, (2, template.layers, 3, 4)).astype(precision)
+    state = start if template.layers > 1 else start[:, 0]
+    engine = cnnum.Engine("numba", precision=precision)
+    got = engine.run(template, state=state, at=times)
+    whole = engine.run(template, state=state, duration=times[-1])
+    drive = system.rates * (system.rim + np.repeat(template.z, n // template.layers))
+    block = np.zeros((n + 1, n + 1))
+    block[:n, :n], block[:n, n] = system.matrix, drive
+    for at, time in enumerate(times):
+        power = scipy.linalg.expm(block * time)
+        want = start.reshape(2, n) @ power[:n, :n].T + power[:n, n]
+        off = np.abs(got.state[at].reshape(2, n) - want).max(axis=1)
+        # SciPy's own exponential, relative to the norm of it (`EXPONENTIAL`)
+        least = 3e-13 * 40.0 * np.abs(power).sum(axis=1).max()
+        assert (off <= got.error[at] + least).all(), time
+    alone = engine.run(template, state=state, duration=times[25])
+    assert (got.error[25] <= 10.0 * alone.error).all()
+    assert np.array_equal(got.state[-1], whole.state)
+    assert np.array_equal(got.error[-1], whole.error)
+
+
+def test_a_time_of_a_linear_array_takes_no_exponential(monkeypatch):
+    """3,000 times took 3,000 exponentials, 30 ms each on 8×8 cells."""
+    from cnnum.integrators import choice
+
+    counted = []
+
+    def counting(network, duration):
+        counted.append(duration)
+        return propagator(network, duration)
+
+    monkeypatch.setattr(choice, "propagator", counting)
+    sided = [[0.0, 0.0, 0.0], [0.3, 0.2, 0.0], [0.0, 0.0, 0.0]]
+    template = cnnum.Template("one-sided", sided, z=0.1, output="linear")
+    got = cnnum.Engine("numba").run(
+        template, state=np.ones((8, 8)), at=np.linspace(0.0, 10.0, 3000)
+    )
+    assert got.method == "propagator"
+    assert 0 < len(counted) < 10
+
+
+@pytest.mark.parametrize("numbers", [(0.3, 0.2), (-2.0, 1.5)])
+def test_series_grow_and_shrink_errors_as_states_part(numbers):
+    """A cell alone: x' = (a − 1) x + w from x₀, off by e₀, with w off by e₁."""
+    from cnnum.integrators.series import bounds, grown
+
+    own, since = numbers
+    template = cnnum.Template("cell", [[own]], output="linear")
+    norm, rate = bounds(template)
+    assert rate == pytest.approx(own - 1.0)
+    assert norm == pytest.approx(abs(own) + 1.0)
+    begun, along = grown(rate, np.array([since]))
+    assert begun == pytest.approx(np.exp((own - 1.0) * since))
+    assert along == pytest.approx(np.expm1((own - 1.0) * since) / (own - 1.0))
 
 
 @pytest.mark.parametrize("engine", ENGINES)
