@@ -38,11 +38,9 @@ keep end state, margin and settling time (`python -m docs.figures.changed_weight
 
 For {experimental} templates ({share:.1f} %), no check shows that they do what their name promises.
 Most are checked against a finer solution of their own equation, which only shows that they are
-integrated correctly.
+integrated correctly. `cnnum templates show NAME` says what is missing.
 
-| templates | why |
-|---|---|
-{reasons}
+{doubtful}
 """
 
 
@@ -50,18 +48,16 @@ def page() -> str:
     """Return the page."""
     entries = {name: get_entry(name) for name in template_names()}
     groups = defaultdict[str, list[Entry]](list)
-    doubtful = defaultdict[str, list[str]](list)
+    doubtful = list[str]()
     for name, entry in entries.items():
         groups[template_path(name).parent.name].append(entry)
         if entry.about.experimental:
-            why = re.split(r"[.:] | [(]|[.]$", _line(entry.about.experimental), maxsplit=1)[0]
-            doubtful[why].append(name)
-    count = sum(map(len, doubtful.values()))
+            doubtful.append(name)
     head = HEAD.format(
         count=len(entries),
-        experimental=count,
-        share=100.0 * count / len(entries),
-        reasons="\n".join(f"| {_names(names)} | {why} |" for why, names in doubtful.items()),
+        experimental=len(doubtful),
+        share=100.0 * len(doubtful) / len(entries),
+        doubtful=textwrap.fill(f"{_names(doubtful)}.", 100, break_on_hyphens=False),
     )
     return head + "".join(_group(folder, groups[folder]) for folder in sorted(groups))
 
