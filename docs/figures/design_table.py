@@ -16,13 +16,13 @@ PAGE = Path(__file__).parents[1] / "design-library.md"
 HEAD = """# Library templates designed again from their rules
 
 How robust are the published weights of a template, and could they be better? `cnnum templates
-design` was given the local rules of {count} uncoupled templates, without their published weights.
+design` was given the local rules of {count} uncoupled templates, without their weights.
 
 * The *relative margin* is the smallest drive of any cell towards its colour, divided by the sum of
-  the sizes of the weights. It is larger than the published one for {larger} templates, equal for
-  {equal} and smaller for {smaller}, and it is proven that no weights have a larger one.
+  the sizes of the weights. The new one is proven to be the largest possible. It is larger than the
+  published one for {larger} templates, equal for {equal} and smaller for {smaller}.
 * The *worst case* is the largest relative error of all weights at once at which no cell is wrong
-  at the end of the template's own run. It is larger than the published one for {safer} templates.
+  at the end of the run. It is larger than the published one for {safer} templates.
 
 `python docs/figures/design_table.py` writes this page.
 
@@ -44,8 +44,19 @@ def page(found: Iterable[Again]) -> str:
         alike[numbers].append(one.name)
     counts = {"larger": signs.count(1), "equal": signs.count(0), "smaller": signs.count(-1)}
     counts |= {"safer": safer, "count": len(signs)}
-    rows = [f"| {', '.join(names)} | {numbers} |" for numbers, names in alike.items()]
+    rows = [f"| {', '.join(_short(names))} | {numbers} |" for numbers, names in alike.items()]
     return HEAD.format(**counts) + "\n".join(rows) + "\n"
+
+
+def _short(names: Iterable[str]) -> Iterable[str]:
+    """Yield the names, those that differ in their last digit alone as one: "SKELBW1, 3, 5"."""
+    ends = defaultdict[str, list[str]](list)
+    for name in names:
+        stem = name[:-1] if name[-1].isdigit() else name
+        ends[stem].append(name.removeprefix(stem))
+    for stem, found in ends.items():
+        run = len(found) > 2 and int(found[-1]) - int(found[0]) == len(found) - 1
+        yield stem + (f"{found[0]} to {found[-1]}" if run else ", ".join(found))
 
 
 def _percent(share: float) -> str:
