@@ -39,7 +39,7 @@ def as_picture(pixels: ArrayLike) -> Floats:
     Parameters
     ----------
     pixels : (..., rows, cols) bool or uint8
-        True is black. Of 8-bit grey levels, 0 is black and 255 is white.
+        True is black. Among 8-bit grey levels, 0 is black and 255 is white.
 
     Returns
     -------
@@ -49,7 +49,7 @@ def as_picture(pixels: ArrayLike) -> Floats:
     Raises
     ------
     ArrayError
-        If the pixels are neither, there are no rows and columns of them, or they have colours.
+        If the pixels are of another type, do not form rows and columns, or have colours.
     """
     try:
         array = np.asarray(pixels)
@@ -132,7 +132,7 @@ def load_picture(path: str | Path) -> Floats:
 def save_picture(
     picture: ArrayLike, path: str | Path, *, scale: int = 1, force: bool = False
 ) -> None:
-    """Write a picture to an image file, of the kind that its suffix says.
+    """Write a picture to an image file in the format of its suffix.
 
     Parameters
     ----------
@@ -140,14 +140,14 @@ def save_picture(
         +1 is black, −1 is white.
     path : str or Path
     scale : int
-        Pixels of a cell's side.
+        Pixels along the side of a cell.
     force : bool
         Whether an existing file is replaced.
 
     Raises
     ------
     ArrayError
-        If it is not of two axes, or not finite.
+        If the picture does not have two axes, or is not finite.
     PictureError
         If there is such a file, it cannot be written, or the suffix is unknown.
     MissingExtraError

@@ -240,15 +240,15 @@ class Plan(OfThisProcess):
         Parameters
         ----------
         maps : sequence of (..., maps, rows, cols) float
-            Together the channels, in their order.
+            Together all channels, in order.
         lead : tuple of int
-            Leading axes that all broadcast to.
+            Leading axes to which all channels broadcast.
 
         Returns
         -------
         dict of str to (..., rows, cols) or (...) float, or None
-            None where the engine has no way to look at them itself. Or where it finds numbers that
-            are not finite in its precision.
+            None if the engine cannot check the numbers itself, or finds numbers that are not finite
+            in its precision.
         """
         if 0 in lead or self.schedule.channels_read != self.schedule.channels:
             return None
@@ -273,7 +273,7 @@ class Plan(OfThisProcess):
         Raises
         ------
         ProgramError
-            If the program depends on the rate and nothing says it, or it is bound to another one.
+            If the program depends on a rate that is not known, or is bound to another one.
         """
         if self.at_rate is not None:
             if rate is None:
@@ -302,7 +302,7 @@ class Plan(OfThisProcess):
             stream.push_read(empty)
 
     def looked_at(self, frame: ArrayLike) -> tuple[Floats, float]:
-        """Return a frame or a batch of numbers that the precision holds, with an axis of channels.
+        """Return frames whose numbers fit the precision, with an axis of channels.
 
         Returns
         -------
@@ -311,8 +311,8 @@ class Plan(OfThisProcess):
         Raises
         ------
         ArrayError
-            If it is not of real numbers, or holds NaN or infinity. FrameError if a number is too
-            large for the precision.
+            If it does not consist of real, finite numbers. FrameError if a number is too large for
+            the precision.
         """
         array, channels = numbers("frame", frame), self.schedule.channels
         size = magnitude(array)
@@ -324,7 +324,7 @@ class Plan(OfThisProcess):
         return array, size
 
     def read(self, array: NDArray[np.floating]) -> tuple[NDArray[np.floating], tuple[int, ...]]:
-        """Return the channels that are read, as (batch, rows, cols, channels), and leading axes."""
+        """Return the channels read, as (batch, rows, cols, channels), and the leading axes."""
         lead, channels = array.shape[:-3], self.schedule.channels
         if array.shape[-3:] != (*self.schedule.shape, len(channels)):
             raise self.misshapen("(..., ", channels, array.shape)
@@ -368,8 +368,8 @@ class Plan(OfThisProcess):
     def trace(self, frame: ArrayLike) -> Iterator[TraceStep]:
         """Yield each operation with its result for a frame, or a batch of frames.
 
-        The plan is built once more on its engine with every result kept: the values are those
-        of the device. The inside of a loop shows in the loop's results.
+        The plan is built again on its engine with every result kept, so the values are those of the
+        device. Of a loop, only its results are shown.
 
         Raises
         ------
@@ -379,7 +379,7 @@ class Plan(OfThisProcess):
         return trace_steps(self.schedule, self.keeping_everything()(frame))
 
     def keeping_everything(self) -> Plan:
-        """Return the plan built once more with the result of every operation as an output."""
+        """Return the plan built again with the result of every operation as an output."""
         kept = everything_kept(self.schedule)
         return replace(self, schedule=kept).unfused()
 

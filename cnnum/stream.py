@@ -100,14 +100,14 @@ class Stream(OfThisProcess):
         return self.push_read(frames[0], size)
 
     def push_read(self, values: Floats, size: float | None = None) -> dict[str, Floats]:
-        """Run the program on the next frame of one array, where only the channels read are at hand.
+        """Run the program on the next frame of one array, given only the channels that it reads.
 
         Parameters
         ----------
         values : (rows, cols, channels read) float
             In the order of `plan.schedule.channels_read`; finite.
         size : float, optional
-            A bound of the magnitudes that the frame was read from, where the caller knows one.
+            A bound on the magnitudes in the frame, if the caller knows one.
 
         Raises
         ------

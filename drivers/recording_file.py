@@ -218,8 +218,8 @@ def load_recording(path: str | Path, *, budget: float = 1.0, topic: str = "") ->
     Parameters
     ----------
     path : str or Path
-        A file of `cnnum record` or `Recording.save` (.mcap, .npz, .csv), or a data file of your own
-        with its layout. It may be the folder of a uSkin trial, too.
+        A file of `cnnum record` or `Recording.save` (.mcap, .npz, .csv), your own data file with
+        its layout, or the folder of a uSkin trial.
     budget : float
         Factor by which the limits of time, unpacked bytes and frames of an MCAP file are raised.
     topic : str

@@ -102,16 +102,16 @@ class RunSpec:
     method : str
         Name of an integration method, or "auto".
     rtol, atol : float
-        Wanted relative and absolute error of the state.
+        Requested relative and absolute error of the state.
     dt : float or None
-        Fixed step, in that unit.
+        Fixed step, in the same unit.
     settle_limit : float
         Time after which a run to equilibrium gives up and says so, in time constants of the slowest
         layer.
     force : bool
         Take a fixed step outside the stability bound; the result is marked.
     estimate : bool
-        Follow the error of fixed steps too, which takes more evaluations of the rates a step.
+        Also estimate the error of fixed steps, which takes more evaluations of the rates per step.
     """
 
     duration: Duration | None = None

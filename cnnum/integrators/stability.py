@@ -372,13 +372,13 @@ def stability_bound(
 
     Notes
     -----
-    A mode that grows by itself (Re λ > 0) sets no bound. Rates are those of `spectrum`. Of a linear
-    array no other mode grows at all: eigenvalues are held to |R| ≤ 1. Where they are not known, so
-    is a box around the field of values. It may leave Euler's and Heun's method no step. An array
-    that saturates has rates that change with the cells: steps let none of them grow faster than the
-    array itself could, e^{max(Re λ, 0) h}. That holds without saturation or, by Gershgorin's discs,
-    with any. With a delay, a mode depends on its past, too. Steps are
-    whole parts of the delay, and only methods whose stages lie at ends of steps have any.
+    Rates are those of `spectrum`, and a mode that grows by itself (Re λ > 0) sets no bound. For a
+    linear array, the bound keeps |R| ≤ 1 for all other eigenvalues or, where these are not known,
+    for a box around the field of values, which may leave no step for Euler's and Heun's methods.
+    The rates of an array that saturates change with the cells: the bound lets no mode grow faster
+    than the array itself could, e^{max(Re λ, 0) h}, without saturation or, by Gershgorin's discs,
+    with any. With a delay, a mode also depends on its past. The step then divides the delay, and
+    only methods whose stages lie at the ends of steps have a bound.
     """
     if isinstance(shape, Template | str):  # the order of version 0.1
         warn_of("stability_bound(method, template, shape)", "(template, shape, method)")

@@ -37,12 +37,12 @@ class Program:
         Takes the frame's fields and keyword parameters, returns a mapping of names to fields.
     name : str
     parameters : tuple of (str, value)
-        Keyword parameters given with `bind`.
+        Keyword parameters set with `bind`.
 
     Raises
     ------
     ProgramError
-        If the name is not one line of plain signs.
+        If the name is not one line of printable characters.
     """
 
     function: Traced
@@ -63,8 +63,7 @@ class Program:
         Raises
         ------
         ProgramError
-            If the function has no such parameter, or says by its annotation that it takes another
-            type.
+            If the function has no such parameter, or its annotation names another type.
         """
         if parameters:
             parameters = checked_parameters(self.name, self.function, parameters)
@@ -96,7 +95,7 @@ class Program:
 
     @property
     def rate(self) -> float | None:
-        """Frames a second that the program is bound to, Hz; None where it is not."""
+        """Frame rate that the program is bound to, Hz, or None."""
         rate = dict(self.parameters).get(RATE)
         return float(rate) if isinstance(rate, int | float) else None
 
@@ -126,10 +125,10 @@ class Program:
         Raises
         ------
         ProgramError
-            If a channel's name is not one line of plain signs. Or if the function returns no
-            mapping of such names to maps and numbers.
+            If a channel's name is not one line of printable characters, or if the function does not
+            return a mapping of such names to maps and numbers.
         SizeError
-            If the machine has no room for a map.
+            If the memory of the machine is too small for a map.
         """
         graph = Graph(as_shape(shape))
         frame = FrameFields(graph, channels, self.rate)
@@ -177,7 +176,7 @@ def program(function: Traced) -> Program:
     Raises
     ------
     ProgramError
-        If it is no function, or a lambda, which has no name of its own.
+        If it is not a function, or a lambda, which has no name.
     """
     if not callable(function):
         raise ProgramError(f"cnnum.program expects a function, got {type(function).__name__}.")

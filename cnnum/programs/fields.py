@@ -76,13 +76,13 @@ def _product(base: object, count: int) -> "Field":
 
 
 class Field:
-    """A map of cells, or one number a frame (`scalar`), inside a program that is being traced.
+    """A map of cells, or one number per frame (`scalar`), in a program that is being traced.
 
-    It can be a stack of several maps, too (`maps`): local operations take all of them at once, with
-    numbers or with stacks of as many. Global ones read them all.
+    It can also be a stack of several `maps`. Local operations apply to all of them and combine them
+    with numbers or with stacks of equally many maps; global operations reduce over all of them.
 
-    Arithmetic and comparisons go cell by cell, `==` and `!=` as well. NumPy's functions of the same
-    meaning take fields, too: `numpy.sqrt(field)`.
+    Arithmetic and comparisons work cell by cell, including `==` and `!=`. NumPy's functions of the
+    same meaning accept fields, as in `numpy.sqrt(field)`.
     """
 
     __slots__ = ("_graph", "_node")
@@ -93,7 +93,7 @@ class Field:
 
     @property
     def node(self) -> Node:
-        """The graph's node behind it."""
+        """Node of the graph that computes it."""
         return self._node
 
     @property
@@ -103,7 +103,7 @@ class Field:
 
     @property
     def scalar(self) -> bool:
-        """Whether it is one number a frame."""
+        """Whether it is one number per frame."""
         return self._node.scalar
 
     @property
@@ -113,7 +113,7 @@ class Field:
 
     @property
     def maps(self) -> int:
-        """Number of maps, more than one in a stack."""
+        """Number of maps; more than one in a stack."""
         return self._node.maps
 
     def __bool__(self) -> NoReturn:
@@ -249,7 +249,7 @@ class Field:
         return self.sum() / (self.maps * rows * cols)
 
     def argmax(self) -> "tuple[Field, Field]":
-        """Return row and column of the largest value; of several, the first in reading order.
+        """Return the row and column of the largest value, the first one in reading order.
 
         Raises
         ------
@@ -330,7 +330,7 @@ def where(condition: Field, yes: object, no: object) -> Field:
     Raises
     ------
     ProgramError
-        If the condition is no logic field.
+        If the condition is not a logic field.
     """
     expect("condition", condition, Field, ProgramError)
     if not condition.logic:

@@ -39,7 +39,7 @@ def program_names(room: str | None = None) -> tuple[str, ...]:
     Parameters
     ----------
     room : "tactile" or "pictures", optional
-        Those for three-axial frames, or those for pictures; all unless given.
+        Programs for three-axial frames, or for pictures. The default is all.
 
     Raises
     ------
@@ -79,7 +79,7 @@ def load_program(path: str | PathLike[str], name: str | None = None) -> Program:
     Raises
     ------
     ProgramError
-        If the file cannot be read or run, or has no program, or several and none is named.
+        If the file cannot be read or run, has no program, or has several and none is named.
     UnknownNameError
         If it has no program of that name.
     """

@@ -25,7 +25,7 @@ def logic(table: str, a: Field, b: Field) -> Field:
     Raises
     ------
     ProgramError
-        If the table is not four of 0 and 1, or a or b is no logic field.
+        If the table is not four digits of 0 and 1, or a or b is not a logic field.
     """
     for name, value, kind in (("table", table, str), ("a", a, Field), ("b", b, Field)):
         expect(name, value, kind, ProgramError)
@@ -87,8 +87,8 @@ def loop(body: Body, *values: Field, limit: int, until: Until | None = None) -> 
     Parameters
     ----------
     body : callable
-        Takes the carried fields and returns their next values, a field each. Fields from outside
-        can be used in it; memories cannot be stored in it.
+        Takes the carried fields and returns their next values, one field each. It may read fields
+        from outside, but cannot store memories.
     values : Field
         The first values of the carried fields.
     limit : int
@@ -115,7 +115,7 @@ def branch(flag: Field, body: Body, *values: Field) -> tuple[Field, ...]:
     Raises
     ------
     ProgramError
-        If the flag is not one logic value a frame, or the body does not fit the values.
+        If the flag is not one logic value per frame, or the body does not fit the values.
     """
     expect("flag", flag, Field, ProgramError)
     if not (flag.scalar and flag.logic):

@@ -31,7 +31,7 @@ stream begins at it."""
 
 
 class LocalMemory:
-    """Local memory of every cell, or of the frame for a number, kept from frame to frame."""
+    """Local memory of every cell, or one number, kept from frame to frame."""
 
     __slots__ = ("_graph", "_number", "value")
 
@@ -53,8 +53,8 @@ class LocalMemory:
         Raises
         ------
         ProgramError
-            If it was said before, or a map is stored where one number is held, or numbers where
-            logic values are.
+            If it was stored before in this frame, or if a map is stored in a memory of one number,
+            or numbers in a memory of logic values.
         """
         if value.graph is not self._graph:
             raise ProgramError("A memory must be stored once per frame, outside loops.")
@@ -79,7 +79,7 @@ class LocalMemory:
         return self._now(sets | (self.value & stays))
 
     def hold(self, value: Field, when: Field) -> Field:
-        """Store and return a value while `when` holds, and afterwards its last one."""
+        """Store and return a value while `when` holds, and its last value afterwards."""
         return self._now(where(when, value, self.value))
 
     def count(self, when: Field) -> Field:
@@ -89,7 +89,7 @@ class LocalMemory:
     def mean(self, value: Field, share: Field | float) -> Field:
         """Store and return a running mean in which the value of this frame has a given share.
 
-        A constant share makes a leaky mean, one of 1/n in the n-th frame the plain one.
+        A constant share gives a leaky mean, and a share of 1/n in the n-th frame the plain mean.
         """
         return self._now(self.value + share * (value - self.value))
 
@@ -134,8 +134,8 @@ class FrameFields:
     def within_range(self, marks: Field) -> Field:
         """Return a logic map without the taxels that are at an end of their range.
 
-        A flag is off while there is any such taxel. A scene marks them in the channel "saturated";
-        without that channel nothing is removed.
+        A flag is off while there is any such taxel. Scenes mark these taxels in the channel
+        "saturated"; without that channel, nothing is removed.
         """
         at_end = self.at_end
         if at_end is None:
@@ -144,14 +144,14 @@ class FrameFields:
 
     @property
     def at_end(self) -> Field | None:
-        """Logic map of the taxels at an end of their range; None where nothing marks them."""
+        """Logic map of the taxels at an end of their range, or None if nothing marks them."""
         if not self._marked:
             return None
         return Field(self._graph, self._graph.add(Input(SATURATED))) > 0.5
 
     @property
     def rate(self) -> float:
-        """Frame rate in Hz: that of the scene's array, or the one the program is bound to.
+        """Frame rate in Hz, of the scene's array or as bound to the program.
 
         A program uses it to convert times to weights and durations: a leaky mean over a time T
         takes a share of ``1 - exp(-1 / (frame.rate * T))`` of each frame. If the rate is not known,
@@ -167,7 +167,7 @@ class FrameFields:
         ----------
         rate : float, Hz
         program : str
-            Its name, for the sentence of an error.
+            Its name, for error messages.
         uses : bool
             Whether it takes the rate as a parameter of its own.
 
@@ -201,7 +201,7 @@ class FrameFields:
         self._graph.quickest |= dict.fromkeys(outputs, frequency)
 
     def frames_of(self, seconds: float, least: int = 1) -> int:
-        """Return the number of frames of a time: the next whole one, and some at least.
+        """Return the number of frames in a time, rounded up, but at least some.
 
         Parameters
         ----------
@@ -213,7 +213,7 @@ class FrameFields:
 
     @property
     def shape(self) -> Shape:
-        """Rows and columns that the program is compiled for."""
+        """Rows and columns of the array that the program is compiled for."""
         return self._graph.shape
 
     @property
@@ -237,18 +237,18 @@ class FrameFields:
         return self.constant(np.indices(self.shape)[1])
 
     def centroid(self, weight: Field) -> tuple[Field, Field]:
-        """Return row and column of the centre of a weight, cells; 0 where its sum is 0."""
+        """Return the row and column of the centre of a weight, in cells; 0 where its sum is 0."""
         whole = weight.sum()
         return (weight * self.row).sum() / whole, (weight * self.column).sum() / whole
 
     def constant(self, values: ArrayLike) -> Field:
-        """Return a number, (rows, cols) or (maps, rows, cols), the same in every frame."""
+        """Return a constant: a number, (rows, cols) or (maps, rows, cols)."""
         return constant(self._graph, values)
 
     def memory(
         self, name: str = "", *, scalar: bool = False, logic: bool = False, maps: int = 1
     ) -> LocalMemory:
-        """Return a new memory that is kept from frame to frame and begins with 0.
+        """Return a new memory, which keeps its value from frame to frame and begins with 0.
 
         Parameters
         ----------
@@ -264,16 +264,17 @@ class FrameFields:
         Raises
         ------
         ProgramError
-            If the name is not one line of plain signs, or `maps` not a whole number from 1 up.
+            If the name is not one line of printable characters, or `maps` is not a positive whole
+            number.
         """
         if not isinstance(maps, Integral) or maps < 1:
             raise ProgramError(f"A memory must hold at least 1 map, got {maps!r:.60}.")
         return LocalMemory(self._graph, name, scalar=scalar, logic=logic, maps=int(maps))
 
     def once(self, make: Callable[..., Made], **settings: Hashable) -> Made:
-        """Return `make` of the frame and the settings, made once for all callers.
+        """Return `make(frame, **settings)`, computed once for all callers.
 
-        Programs inside another one share the first fields, its memories too.
+        Programs inside another one thus share fields and memories.
         """
         key = (make, *sorted(settings.items()))
         if key not in self._made:
@@ -281,7 +282,7 @@ class FrameFields:
         return cast(Made, self._made[key])
 
     def previous(self, value: Field) -> Field:
-        """Return `value` of the frame before; on the first frame, of this one."""
+        """Return `value` in the previous frame; on the first frame, in this one."""
         memory = self.memory(scalar=value.scalar, logic=value.logic, maps=value.maps)
         memory.store(value)
         return where(self.first, value, memory.value)

@@ -51,30 +51,30 @@ class Recording(ByContent):
         A frame with NaN or infinity is a bad frame when it is replayed. Without a last axis there
         is one channel.
     rate : float, Hz, optional
-        That of the usual step of the times, unless given.
+        The default follows from the usual step of the times.
     unit : str
         "count", "V", "N", "Pa", "strain"…
     channels : sequence of str, optional
-        Names of the channels in their order: "x", "y" and "z" are the shear to the right, the shear
-        downwards and the normal load. Unless given, three channels are these, and one is "z".
+        Names of the channels in order: "x", "y" and "z" are the shear to the right, the shear
+        downwards and the normal load. These are the default for three channels, and "z" for one.
     times : (frames,) float, s, optional
-        Frame n is at n / rate unless given.
+        By default, frame n is at n / rate.
     truth : mapping of str to (frames,) float, optional
         Ground truth of every frame, by name.
     quality : (frames,) int, optional
-        Flags of `cnnum.Quality`; unless given, frames before which scans are missing have theirs.
+        Flags of `cnnum.Quality`. The default marks frames before which scans are missing.
     saturated : (frames, rows, cols) bool, optional
-        Taxels at an end of their range, where it is known which; their frames have the flag.
+        Taxels at an end of their range; frames with such taxels get the flag.
     sequence : (frames,) int, optional
-        Numbers of the scans. Unless given they follow from the times: after a pause, or where scans
+        Numbers of the scans. By default they follow from the times: after a pause, or where scans
         are missing, the number jumps, and the frame has the flag `Quality.DROPPED_BEFORE`.
     wall_ns : (frames,) int, optional
-        When the frames came, by the time of day, ns from 1970.
+        Time of day at which the frames came, ns since 1970.
 
     Raises
     ------
     ArrayError
-        If the parts do not fit together, or the rate is none, or contradicts the times.
+        If the parts do not fit together, or the rate is not positive or contradicts the times.
     """
 
     values: Floats
@@ -160,7 +160,7 @@ class Recording(ByContent):
 
     @classmethod
     def from_xarray(cls, dataset: Any) -> Recording:
-        """Return the recording that a dataset of `to_xarray` holds, or one of your own like it.
+        """Return the recording in a dataset of `to_xarray`, or in your own dataset like it.
 
         Parameters
         ----------
@@ -198,7 +198,7 @@ class Recording(ByContent):
     def from_dataframe(
         cls, frame: Any, *, rate: float | None = None, unit: str | None = None
     ) -> Recording:
-        """Return the recording that a data frame of `to_dataframe` holds, or one of your own.
+        """Return the recording in a data frame of `to_dataframe`, or in one like it.
 
         Parameters
         ----------
@@ -208,7 +208,7 @@ class Recording(ByContent):
             "truth …", "rate (Hz)" and "unit" are taken where they are there; others are refused.
         rate : float, Hz, optional
         unit : str, optional
-            Both in place of what the data frame says.
+            Both override those of the data frame.
 
         Raises
         ------
@@ -305,9 +305,9 @@ class Recording(ByContent):
         return sharing.dataset(variables, coordinates, {"unit": self.unit, "rate": self.rate})
 
     def to_dataframe(self) -> Any:
-        """Return a `pandas.DataFrame`: a row a frame, a column a channel (extra `tables`).
+        """Return a `pandas.DataFrame` with one row per frame (extra `tables`).
 
-        What its `to_csv` writes is read again by `cnnum.load_recording` and every command.
+        `cnnum.load_recording` and every command can read what its `to_csv` writes.
         """
         columns: dict[str, Any] = {
             "time": self.times,
@@ -329,7 +329,7 @@ class Recording(ByContent):
         return self.values.shape[1], self.values.shape[2]
 
     def frames(self) -> Iterator[Frame]:
-        """Yield the frames in their order."""
+        """Yield the frames in order."""
         names = tuple(self.truth)
         for number, values in enumerate(self.values):
             known = {name: float(self.truth[name][number]) for name in names}

@@ -112,7 +112,7 @@ class Chip:
         ----------
         template : Template
         shared : bool
-            Whether the mismatch of A is one that all cells share; else A has none here.
+            Whether A has a mismatch that all cells share; otherwise it has none here.
 
         Raises
         ------
@@ -162,7 +162,7 @@ class Chip:
         return self.mismatch * total
 
     def drawn(self, part: str, size: tuple[int, ...]) -> Floats:
-        """Return the random numbers of a part: the same for a size at every call."""
+        """Return the random numbers of a part, the same for a given size at every call."""
         return np.random.default_rng([self.seed, STREAMS[part]]).standard_normal(size)
 
 

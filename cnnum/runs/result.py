@@ -311,7 +311,7 @@ class Result(ByContent):
     def of_output(
         cls, output: Floats, method: str, reason: str, later: Later, proof: Decided
     ) -> "Result":
-        """Return a result whose output is known, and all else comes later."""
+        """Return a result whose output is known and whose other parts are computed later."""
         output.flags.writeable = False
         result = cls.__new__(cls)
         known = {"output": output, "method": method, "reason": reason, "times": (), "ways": ()}
@@ -337,15 +337,15 @@ class Result(ByContent):
         """How the `error` of each frame is known, (...): "proven", "estimated" or "unknown".
 
         * "proven": the true array, in exact arithmetic and from this start, is within `error` of
-          `state` at the end; of a run to equilibrium, it comes to one that is. That is shown by an
-          enclosure of its way, which shares nothing with the run.
-        * "estimated": `error` is finite, and no proof was found. Of a run to equilibrium it is
-          proven that all states which the run may have come to, by its estimated error, lead to
-          one equilibrium, and how far that is.
+          `state` at the end, or comes to an equilibrium that is. An enclosure of its trajectory,
+          independent of the run, shows this.
+        * "estimated": `error` is finite, and no proof was found. For a run to equilibrium it is
+          proven that all states within the estimated error lead to one equilibrium, and how far
+          away that is.
         * "unknown": `error` is infinite.
 
-        It is worked out when it is first asked for, in a tenth of a second a frame of small arrays
-        to a minute. Runs `at` times, of template batches and in whole numbers are not proven.
+        This is computed on first use, which takes from a tenth of a second per frame of a small
+        array to a minute. Runs `at` times, of template batches and in whole numbers are not proven.
         """
         if self.proof is None:
             return np.where(np.isfinite(self.error), "estimated", "unknown")
@@ -355,8 +355,8 @@ class Result(ByContent):
     def stability(self) -> NDArray[np.str_]:
         """Stability of the equilibrium at `state`, (...): "stable", "unstable" or "unknown".
 
-        An unstable equilibrium is a saddle or a source. An array that starts on it may stay there,
-        and leaves it if anything is off by the least. "unknown" also means that no equilibrium is
+        An unstable equilibrium is a saddle or a source: an array that starts on it may stay there,
+        but leaves it at the slightest disturbance. "unknown" also means that no equilibrium is
         near.
         """
         if self.proof is None:
@@ -367,8 +367,8 @@ class Result(ByContent):
     def decision(self) -> Decision:
         """What is proven for each cell: bounds, sign, saturation, and whether outputs are at rest.
 
-        Worked out as `certified` is. Here a long way costs less than in `error`, as cells that are
-        saturated add nothing.
+        Computed on first use, as `certified` is. Long runs cost less here than in `error`, because
+        saturated cells add nothing.
         """
         if self.proof is None:
             wide = np.full(self.state.shape, np.inf)
@@ -416,7 +416,7 @@ class Result(ByContent):
     def to_xarray(self) -> Any:
         """Return an `xarray.Dataset` of output, state and figures (extra `tables`).
 
-        A run `at` times has them as its coordinate "tau".
+        A run `at` times has these as its coordinate "tau".
         """
         batch = [f"batch_{n}" for n in range(np.ndim(self.time) - bool(self.times))]
         lead = ["tau", *batch] if self.times else batch
@@ -431,7 +431,7 @@ class Result(ByContent):
         return sharing.dataset(variables, places, {"method": self.method, "reason": self.reason})
 
     def to_dataframe(self) -> Any:
-        """Return a `pandas.DataFrame` with a row a cell: its time or place, output, state."""
+        """Return a `pandas.DataFrame` with one row per cell: time or place, output and state."""
         places: list[Any] = list(np.indices(self.output.shape).reshape(self.output.ndim, -1))
         lead = self.output.ndim - 2
         names = [*(f"axis_{n}" for n in range(lead)), "row", "col"]

@@ -192,15 +192,15 @@ def export(
     program : Program or str
         A program with its parameters, the name of one of the library, or "file.py:function".
     shape : (rows, cols), optional
-        Unless given, that of `like`, or 8×8.
+        The default is that of `like`, or 8×8.
     precision : str
         "q15", "q7", another "qM.N", or "float32".
     method : "auto" or "euler"
         Exact products where possible, or Euler steps, for coupled cells.
     needs : sequence of str, optional
-        Outputs; all unless given.
+        Outputs to export. The default is all.
     channels : sequence of str, optional
-        Channels of a frame, in their order. The default is those of `like`, or x, y and normal.
+        Channels of a frame, in order. The default is those of `like`, or x, y and normal.
     rate : float, Hz, optional
         Frame rate, for a program that has times. The default is that of `like`, or 200.
     like : Recording, array, path or Scene, optional

@@ -618,7 +618,7 @@ class Scene(OfThisProcess):
         Raises
         ------
         SceneError
-            If the number is not a whole one from 1 up.
+            If the number is not a positive whole number.
         """
         if frames is not None and (not isinstance(cast(object, frames), int) or frames < 1):
             raise SceneError(f"'frames' must be a whole number of at least 1, got {shown(frames)}.")
@@ -637,7 +637,7 @@ class Scene(OfThisProcess):
         Raises
         ------
         SceneError
-            If the scene has no such frame, or it was bad or a repeat and nothing ran on it.
+            If the scene has no such frame, or if it was bad or repeated, so that nothing ran on it.
         """
         way = self._path(self.plan.keeping_everything(), (), quiet=True)
         with closing(self._frames()) as frames:
@@ -659,7 +659,8 @@ class Scene(OfThisProcess):
         Parameters
         ----------
         time : float
-            s after the first frame; the first frame from then on that the program runs on counts.
+            Time after the first frame, s. The first frame from then on that reaches the program
+            counts.
 
         Raises
         ------

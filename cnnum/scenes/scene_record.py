@@ -159,13 +159,13 @@ class EventList(list[Event]):
         return sharing.table(f"{len(self)} events", ("time", "event", "about"), rows)
 
     def plot(self, ax: object = None) -> object:
-        """Draw a mark for every event over time, a row a kind, and return the axes."""
+        """Draw the events over time, one row per kind, and return the axes."""
         from cnnum import sharing
 
         return sharing.marks([event.title for event in self], [event.time for event in self], ax)
 
     def to_dataframe(self) -> Any:
-        """Return a `pandas.DataFrame` with a row an event (extra `tables`)."""
+        """Return a `pandas.DataFrame` with one row per event (extra `tables`)."""
         return sharing.data_frame(self._columns())
 
     def to_xarray(self) -> Any:
@@ -203,7 +203,7 @@ class SceneRecord:
     Parameters
     ----------
     names : sequence of str
-        Outputs that are kept, in their order.
+        Outputs to keep, in order.
 
     Attributes
     ----------
@@ -219,7 +219,7 @@ class SceneRecord:
         self._values: dict[str, list[Floats]] = {name: [] for name in self.names}
 
     def add(self, moment: "FrameResult") -> None:
-        """Take in the results of a frame; without outputs, its events alone."""
+        """Add the results of a frame, or only its events if it has no outputs."""
         self.events.extend(moment.events)
         if not moment.outputs:
             return
@@ -276,7 +276,7 @@ class SceneRecord:
         return np.array(self._values[name])
 
     def address_events(self, channel: str) -> np.ndarray:
-        """Return the spikes of a channel as address events, in the order of their times.
+        """Return the spikes of a channel as address events, ordered by time.
 
         Parameters
         ----------
@@ -292,7 +292,7 @@ class SceneRecord:
         Raises
         ------
         UnknownNameError
-            If one of the three is not kept.
+            If the record does not keep all three.
         """
         count, time, gap = (self[channel + ending] for ending in SPIKES)
         number, row, column = np.nonzero(count)
@@ -306,7 +306,8 @@ class SceneRecord:
         return events[np.argsort(events["t"], kind="stable")]
 
     def plot(self, ax: object = None) -> object:
-        """Draw the fields over time, of maps the largest magnitude, or the events without fields.
+        """Draw the fields over time (for maps, the largest magnitude), or the events if there are
+        none.
 
         Returns the axes.
         """
@@ -328,7 +329,7 @@ class SceneRecord:
         return sharing.dataset(self.variables(), coordinates, {})
 
     def to_dataframe(self) -> Any:
-        """Return a `pandas.DataFrame` with a row a frame and a column a cell (extra `tables`)."""
+        """Return a `pandas.DataFrame`, one row per frame, one column per cell (extra `tables`)."""
         columns: dict[str, Any] = dict(self.leading())
         for name in self.names:
             columns |= sharing.cell_columns(name, self[name])
@@ -337,8 +338,9 @@ class SceneRecord:
     def save(self, path: str | Path, *, force: bool = False) -> None:
         """Write the fields to a file: .npz, .csv or .nc (NetCDF 3), or the spikes of one: .txt.
 
-        The latter has a line `t x y p` a spike: the time in s, column, row, and 1, or 0 where it is
-        negative. Event cameras write such (Mueggler et al., Int. J. Robotics Res. 36 (2017) 142).
+        The latter has one line `t x y p` per spike, as event cameras write them: time in s, column,
+        row, and 1, or 0 for a negative spike (Mueggler et al., Int. J. Robotics Res. 36 (2017)
+        142).
 
         Parameters
         ----------
@@ -353,7 +355,8 @@ class SceneRecord:
         ReportError
             If there is such a file, or it cannot be written.
         SceneError
-            If a .txt is asked for, and spikes of exactly one channel are not kept.
+            If a .txt file is requested and the record does not keep the spikes of exactly one
+            channel.
         """
         target = Path(path)
         suffix_of(target)

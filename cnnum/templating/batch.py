@@ -228,7 +228,7 @@ class TemplateBatch(ByContent):
 
     @classmethod
     def of(cls, templates: Sequence[Template]) -> TemplateBatch:
-        """Return the batch of templates that differ in their numbers alone.
+        """Return a batch of templates that differ only in their numbers.
 
         Raises
         ------
@@ -252,7 +252,7 @@ class TemplateBatch(ByContent):
         return _made(first, stacked, (len(templates),))
 
     def spread(self, axes: int = 1) -> TemplateBatch:
-        """Return the same with more leading axes of length 1: a run has its arrays there."""
+        """Return the same batch with more leading axes of length 1, for the arrays of a run."""
         flat = self.flat(self.lead)
         lead = (*self.lead, *(axes * (1,)))
         parts = {key: part.reshape(*lead, *part.shape[1:]) for key, part in flat.items()}
@@ -264,7 +264,7 @@ class TemplateBatch(ByContent):
         return math.prod(self.lead)
 
     def flat(self, lead: tuple[int, ...]) -> dict[str, Floats]:
-        """Return the numbers of every run of a batch that the weights broadcast to.
+        """Return the numbers of every run of the batch, to which the weights broadcast.
 
         Returns
         -------
@@ -279,7 +279,7 @@ class TemplateBatch(ByContent):
         return {name: all_of(name, part) for name, part in self.parts.items()}
 
     def templates(self) -> Iterator[Template]:
-        """Yield every template, the last leading axis first."""
+        """Yield every template, the last leading axis varying fastest."""
         flat = self.flat(self.lead)
         for number in range(self.size):
             yield with_parts(self.template, {key: part[number] for key, part in flat.items()})

@@ -125,7 +125,7 @@ class NonlinearCoupling:
         return -1.0 if self.reversed_sign else 1.0
 
     def value(self, centre: Floats, neighbour: Floats) -> Floats:
-        """Return f of the argument (times it, where that is asked for)."""
+        """Return f of the argument, times the argument if `times_argument` is set."""
         if isinstance(self.function, PairFunction):
             return self.function.numpy(centre, neighbour)
         argument = neighbour if self.centre is None else self.sign * (centre - neighbour)
@@ -146,7 +146,7 @@ class NonlinearCoupling:
 
     @property
     def jumps(self) -> bool:
-        """Whether it makes the rates of the cells jump as their states change."""
+        """Whether it can make the rates of the cells jump."""
         steps = isinstance(self.function, Table) and self.function.interpolation == "constant"
         return steps and not self.static
 

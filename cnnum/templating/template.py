@@ -278,7 +278,7 @@ class Template:
         return not self.nonlinear and self.delayed is None and not self.gains
 
     def without_state(self) -> str:
-        """Return what to say of a run without the initial state that the template needs."""
+        """Return the warning for a run without the initial state that the template needs."""
         start = (
             "from its input" if self.initial == "input" else f"at {self.initial:g} in every cell"
         )
@@ -288,20 +288,20 @@ class Template:
         )
 
     def timed(self, time: float, digits: int = 6) -> str:
-        """Return a time in words: as so many τ where every time constant is 1.
+        """Return a time in words, in units of τ where every time constant is 1.
 
         Parameters
         ----------
         time : float
             In the unit of `tau`.
         digits : int
-            Significant ones that are shown.
+            Number of significant digits.
         """
         return f"{time:.{digits}g} {self.unit_of_time}"
 
     @property
     def unit_of_time(self) -> str:
-        """That of durations, steps and delays in words: τ itself where every one is 1."""
+        """Unit of durations, steps and delays in words: τ if every time constant is 1."""
         return "τ" if (self.tau == 1.0).all() else "(unit of τ)"
 
     def _repr_html_(self) -> str:

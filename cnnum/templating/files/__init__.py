@@ -37,7 +37,7 @@ __all__ = [
 def load_template(path: str | PathLike[str], *, strict: bool = False) -> Template:
     """Return the template that a file describes; its suffix gives the format.
 
-    What the file of another program leaves open is guessed, and each guess is said on the logger
+    What a file of another program leaves open is guessed, and each guess is logged by the logger
     "cnnum".
 
     Parameters
@@ -162,7 +162,7 @@ def save_template(
     TemplateFileError
         If there is such a file, or it cannot be written.
     TemplateError
-        If the suffix is unknown, or a text of it has no UTF-8 form.
+        If the suffix is unknown, or a text of the template has no UTF-8 form.
     """
     from cnnum.templating.library import as_template  # it reads files by this module
 
