@@ -16,7 +16,7 @@ from cnnum.frame import Frame
 from cnnum.live.hub import Hub
 from cnnum.safety.values import is_real
 from cnnum.scenes.conversion import unit_of
-from cnnum.scenes.pipeline import FrameResult, Scene
+from cnnum.scenes.pipeline import FrameResult, Passage, Scene
 
 FIRST, ENOUGH = 0.3, 8
 """s, and frames at least, whose median is shown as nothing, of an array without a program."""
@@ -45,6 +45,19 @@ class Feed(Protocol):
         ...
 
 
+class _Warnings(logging.Handler):
+    """Gives a hub what the scene warns of: orders, dropouts, a silent array and so on."""
+
+    def __init__(self, hub: Hub) -> None:
+        super().__init__(logging.WARNING)
+        self._hub = hub
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Hand on a sentence."""
+        if record.name == "cnnum":
+            self._hub.warn(record.getMessage())
+
+
 class _Threaded(ABC):
     """A feed whose work ends by itself, or by an error that the page shows."""
 
@@ -59,6 +72,8 @@ class _Threaded(ABC):
         self._thread.start()
 
     def _run(self) -> None:
+        logger, handler = logging.getLogger("cnnum"), _Warnings(self.hub)
+        logger.addHandler(handler)
         try:
             self._work()
         except CnnumError as error:
@@ -69,6 +84,8 @@ class _Threaded(ABC):
             logging.getLogger(__name__).error("The source has failed.", exc_info=error)
         else:
             self.hub.end("The source has ended.")
+        finally:
+            logger.removeHandler(handler)
 
     @abstractmethod
     def _work(self) -> None:
@@ -205,13 +222,13 @@ class RecordingFeed(_Threaded):
         self._thread.join(5.0)
 
     def _work(self) -> None:
-        at, way = 0, self._scene.path()
+        at, way = 0, Passage(self._scene)
         while not self._stopped:
             moved = self._taken()
             if moved is not None:
                 goal = self._at(moved)
                 if goal < at:
-                    at, way = 0, self._scene.path()
+                    at, way = 0, Passage(self._scene)
                 self.hub.forget()
                 while at < goal and not self._interrupted():
                     way.step(at, self._frames[at])
@@ -223,7 +240,7 @@ class RecordingFeed(_Threaded):
                 continue
             if self._tared:
                 self._tared = False
-                way.tare()
+                self._scene.tare()
             self.hub.offer(way.step(at, self._frames[at]))
             at += 1
             if at < len(self._frames):

@@ -83,6 +83,9 @@ def _holds(value: Floats | None) -> bool:
 KEPT = 2000
 """Events that a page which connects gets."""
 
+WARNED = 20
+"""Newest warnings that a page shows."""
+
 SLIPPING = 0.3
 """s after its event during which a slip is shown."""
 
@@ -122,6 +125,7 @@ class Hub:
         self._read, self._counters = read, counters
         self._newest: FrameResult | None = None
         self._events: deque[dict[str, object]] = deque(maxlen=KEPT)
+        self._warnings: deque[str] = deque(maxlen=WARNED)
         self._lock = Lock()
         self._slip: tuple[float, str] | None = None
         self._gaps = GapWatch()
@@ -152,6 +156,12 @@ class Hub:
         with self._lock:
             self._events.clear()
             self._slip, self._gaps = None, GapWatch()
+
+    def warn(self, sentence: str) -> None:
+        """Keep a warning, once."""
+        with self._lock:
+            if sentence not in self._warnings:
+                self._warnings.append(sentence)
 
     def end(self, why: str) -> None:
         """Note that no more moments come, and why."""
@@ -191,12 +201,15 @@ class Hub:
         return newest, encoded(newest, loads, slip[1] if slip and going_on else None)
 
     def status(self) -> dict[str, object]:
-        """Return rate, losses, and whether the source has ended."""
+        """Return rate, losses, warnings, and whether the source has ended."""
         now, (then, before) = time.monotonic(), self._since
         self._since = (now, self.frames)
         seen = self._counters()
+        with self._lock:
+            warned = list(self._warnings)
         return {
             "kind": "status",
+            "warnings": warned,
             "rate": round((self.frames - before) / max(now - then, 1e-3), 1),
             "frames": self.frames,
             "dropped": seen.dropped,

@@ -239,6 +239,60 @@ class FramePath:
         return FrameResult(number, frame, None, {}, (), 0.0, error)
 
 
+class Passage:
+    """One pass over the frames of a scene: their path, its tares, and all that watches them.
+
+    Parameters
+    ----------
+    scene : Scene
+
+    Attributes
+    ----------
+    path : FramePath
+    first : float
+        Time of the first frame, s.
+    """
+
+    __slots__ = ("_due", "_scene", "_times", "first", "path")
+
+    def __init__(self, scene: "Scene") -> None:
+        self._scene, self.path, self.first = scene, scene.path(), math.nan
+        self._due, self._times = sorted(scene.spec.tares), list[float]()
+        for watch in (scene.push, scene.orders, scene.holds):
+            watch.begin()
+
+    def step(self, number: int, frame: Frame) -> FrameResult:
+        """Return the results of a frame; it raises as `FramePath.step`.
+
+        Raises
+        ------
+        SceneError
+            If the times of a recording contradict the program's rate.
+        """
+        scene, way = self._scene, self.path
+        self.first = self.first if number else frame.time
+        while self._due and frame.time - self.first >= self._due[0] - SAME_TIME:
+            self._due.pop(0)
+            scene.tare()
+        if scene.take_tare():
+            scene.push.begin()
+            scene.holds.begin()
+            way.tare()
+        if len(self._times) < TIMED:
+            self._times.append(frame.time)
+            scene.check_times(self._times)
+        moment = way.step(number, frame)
+        if moment.values is not None:
+            if scene.holds.look(moment.values, frame.time):
+                scene.tare()
+            scene.push.look(moment.values, frame.time)
+            scene.orders.look(scene.on_grid(frame))
+        if moment.events and scene.holds.marks:
+            marked_events = tuple(replace(event, rest_held=True) for event in moment.events)
+            moment = moment._replace(events=marked_events)
+        return moment
+
+
 @dataclass(slots=True, eq=False, repr=False)
 class Scene(OfThisProcess):
     """Scene that is ready to run: the whole path from its driver to its events.
@@ -390,39 +444,18 @@ class Scene(OfThisProcess):
             If the array is live and its frames were taken before, or a later pass has begun.
         """
         with closing(self._frames()) as frames:
-            way, first, due = self.path(), math.nan, sorted(self.spec.tares)
-            times = list[float]()
+            way = Passage(self)
             for number, frame in enumerate(frames):
-                first = first if number else frame.time
-                while due and frame.time - first >= due[0] - SAME_TIME:
-                    due.pop(0)
-                    self._tare.set()
-                if self._tare.is_set():
-                    self._tare.clear()
-                    self.push.begin()
-                    self.holds.begin()
-                    way.tare()
-                if len(times) < TIMED:
-                    times.append(frame.time)
-                    self._check_times(times)
                 moment = way.step(number, frame)
-                if moment.values is not None and self.holds.look(moment.values, frame.time):
-                    self.tare()
-                if moment.events and self.holds.marks:
-                    marked_events = tuple(replace(event, rest_held=True) for event in moment.events)
-                    moment = moment._replace(events=marked_events)
-                if frame.time - first < begin - SAME_TIME:
+                if frame.time - way.first < begin - SAME_TIME:
                     self._before, self._last_before = self._before + 1, frame
-                    self._seconds_before = frame.time - first
-                    if moment.values is not None:
-                        self.push.look(moment.values, moment.frame.time)
-                        self.orders.look(self._on_grid(frame))
+                    self._seconds_before = frame.time - way.first
                     continue
                 self._begun += 1
-                self._count(moment, way)
+                self._count(moment, way.path)
                 yield moment
 
-    def _check_times(self, times: Sequence[float]) -> None:
+    def check_times(self, times: Sequence[float]) -> None:
         """Hold the program's rate against the times of the first frames.
 
         Raises
@@ -468,9 +501,6 @@ class Scene(OfThisProcess):
                     "pass are gone: load the scene again, or record the array with 'cnnum record' "
                     "and replay it."
                 )
-            self.push.begin()
-            self.orders.begin()
-            self.holds.begin()
             self.bad, self._micros, self._late = BadFrames(), Histogram(), Histogram()
             self._begun = self._repeated = self._before = self._saturated = 0
             self._masked = self._dropouts = 0
@@ -554,8 +584,6 @@ class Scene(OfThisProcess):
 
     def _count(self, moment: FrameResult, way: FramePath) -> None:
         if moment.values is not None:
-            self.push.look(moment.values, moment.frame.time)
-            self.orders.look(self._on_grid(moment.frame))
             self._saturated += moment.saturated is not None
             self._masked += moment.masked is not None
             if way.dropouts is not None:
@@ -570,7 +598,8 @@ class Scene(OfThisProcess):
         else:
             self._repeated += 1
 
-    def _on_grid(self, frame: Frame) -> Frame:
+    def on_grid(self, frame: Frame) -> Frame:
+        """Return a frame on the grid of the program, unless nothing looks at it."""
         if self.grid is None or self.orders.said:
             return frame
         return replace(frame, values=self.grid.maps(frame.values), saturated=None)
@@ -581,6 +610,12 @@ class Scene(OfThisProcess):
         A contact that is held is released. This may be called from any thread.
         """
         self._tare.set()
+
+    def take_tare(self) -> bool:
+        """Return whether rest is to be learned again, and take it as done."""
+        wanted = self._tare.is_set()
+        self._tare.clear()
+        return wanted
 
     def events(self) -> Iterator[Event]:
         """Yield the events of the scene as they come; each call is a pass as of `results`."""

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from foreign_files import press
 
 from cnnum import load_recording
 from cnnum.drivers.registry import open_driver
@@ -169,6 +170,33 @@ def test_rest_is_learned_anew(
     browser.value(tare)
     browser.until("document.querySelector('#events li[data-kind=release]') !== null")
     browser.until("document.querySelector('#contact.on') === null")
+
+
+@pytest.mark.parametrize("played", [True, False], ids=["recording", "scene"])
+def test_warnings_and_a_silent_array_are_seen(
+    browser: Browser, viewing: Callable[..., Viewing], tmp_path: Path, played: bool
+) -> None:
+    """A press shows Fortran's order, a column drops out, and then nothing moves any more."""
+    import numpy as np
+
+    values = np.round(press(4, 4, offset=16_000.0))
+    values[230:260, :, 3] = 0.0
+    values = values.transpose(0, 3, 2, 1).reshape(values.shape)
+    values = np.concatenate([values, np.repeat(values[-1:], 250, axis=0)])
+    path = Recording(values, rate=100.0).save(tmp_path / "press.npz")
+    scene = tmp_path / "press.toml"
+    scene.write_text(
+        'needs = ["contact"]\n[array]\ndriver = "npz"\npath = "press.npz"\n[program]\n'
+        'name = "contact"\n[program.parameters]\npush = 1.0\n[engine]\nname = "numba"\n'
+    )
+    asked = (str(path), "--scene", str(scene)) if played else (str(scene),)
+    browser.open(viewing(*asked, "--port", "0").address)
+    browser.until("document.querySelector('#events li[data-kind=silent]') !== null")
+    browser.until("!at('warned').hidden && at('warnings').children.length >= 3")
+    text = browser.value("at('warnings').textContent")
+    assert text.count("frames channels cols rows") == 1
+    assert "have dropped out" in text
+    assert "read the same to the bit" in text
 
 
 @pytest.fixture(scope="session")

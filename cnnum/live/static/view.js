@@ -64,6 +64,15 @@ function status(s) {
   view.drawn = view.pictures;
   at("latency").textContent = `${view.latency.toFixed(1)} ms`;
   if (s.ended) state("ended", s.ended);
+  warn(s.warnings);
+}
+
+function warn(sentences) {
+  const list = at("warnings"), known = new Set([...list.children].map((item) => item.textContent));
+  if (sentences.length === known.size && sentences.every((one) => known.has(one))) return;
+  list.replaceChildren(...sentences.map((one) => Object.assign(document.createElement("li"), { textContent: one })));
+  at("warned").hidden = !sentences.length;
+  fit();
 }
 
 function picture(buffer) {
