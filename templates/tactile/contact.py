@@ -56,10 +56,11 @@ def contact(
     -------
     mapping
         `contact` (flag), `contact_map` (logic), `contact_area` (cells), `contact_row`,
-        `contact_column` (centroid of the load, cells; afterwards, where it was last), `load_x`,
-        `load_y`, `load_normal` (of all that touches), `friction_used` (tangential over normal
-        load), `shear_known` (flag: something touches, and no taxel is at an end of its range, where
-        `load_normal` is a lower bound and the shear and its ratio may be off either way).
+        `contact_column` (centroid of the load, cells; once it no longer stands clear of the noise,
+        where it was last), `load_x`, `load_y`, `load_normal` (of all that touches), `friction_used`
+        (tangential over normal load), `shear_known` (flag: something touches, and no taxel is at an
+        end of its range, where `load_normal` is a lower bound and the shear and its ratio may be
+        off either way).
 
     Raises
     ------
@@ -72,6 +73,7 @@ def contact(
     load = pressed_of(loads, share, depth, reads, normal_gain)
     row, column = place_on(frame, load.weight, pads)
     touches = load.touched.any()
+    shows = touches & loads.clear
     normal, *pulls = (where(touches, unit * part, 0.0) for part in (load.normal, *load.pulls))
     frictions = {}
     if pulls:
@@ -83,8 +85,8 @@ def contact(
         "contact": loads.contact,
         "contact_map": load.touched,
         "contact_area": load.touched.count(),
-        "contact_row": frame.memory("last row", scalar=True).hold(row, touches),
-        "contact_column": frame.memory("last column", scalar=True).hold(column, touches),
+        "contact_row": frame.memory("last row", scalar=True).hold(row, shows),
+        "contact_column": frame.memory("last column", scalar=True).hold(column, shows),
         **dict(zip(("load_x", "load_y"), pulls, strict=bool(pulls))),
         "load_normal": normal,
         **frictions,

@@ -96,7 +96,8 @@ def receptors(
         grows), `sa2`, `sa2_x`, `sa2_y` (maps in the unit of shear: size and components). Of each
         channel: `sa1_active` (flag), `sa1_strength` (largest output over its noise; of SA-II the
         sum, where half of all stretch goes one way), `sa1_row`,
-        `sa1_column` (centroid of the squared output, cells), `sa1_spikes` (map: spikes since the
+        `sa1_column` (centroid of the squared output, cells; where it was last once the strength no
+        longer exceeds `level`), `sa1_spikes` (map: spikes since the
         frame before, negative where the output is), `sa1_spike_time` (map: of the first of them
         against this frame, s: 0 or below), `sa1_spike_gap` (map: from one of them to the next, s; 0
         where there is no next), `sa1_first` (map: from the first spike of a touch anywhere to the
@@ -156,7 +157,13 @@ class _Channels(Clock):
     ) -> dict[str, Field]:
         """Return whether a channel is active, how strongly, and where."""
         strength = where(self.resting, 0.0, peak / noise)
-        row, column = self.frame.centroid(square(output))
+        shows = strength > level
+        row, column = (
+            self.frame.memory(f"last {axis} of {name}", scalar=True).hold(place, shows)
+            for axis, place in zip(
+                ("row", "column"), self.frame.centroid(square(output)), strict=True
+            )
+        )
         return {
             f"{name}_active": report(self.frame, strength, level, hold_time * self.rate),
             f"{name}_strength": strength,

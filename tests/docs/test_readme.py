@@ -1,13 +1,16 @@
 """The examples of the README and the docs run as they stand."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy import ndimage
 from scipy.integrate import solve_ivp
 
 import cnnum
+from cnnum.embedded.making import real
 
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
@@ -53,7 +56,8 @@ def a_product_settles_where_its_equation_does(names, said):
 def outlined(pictures):
     """Return where a black pixel has a white one among its eight neighbours."""
     padded = np.pad(pictures > 0, [(0, 0), (1, 1), (1, 1)], mode="edge")
-    around = [padded[:, i : i + 8, j : j + 8] for i in range(3) for j in range(3)]
+    rows, cols = pictures.shape[1:]
+    around = [padded[:, i : i + rows, j : j + cols] for i in range(3) for j in range(3)]
     return (pictures > 0) & ~np.all(around, axis=0)
 
 
@@ -63,6 +67,52 @@ def learned_outlines_are_those_of_edge(names, said):
     unseen = np.where(np.random.default_rng(1).random((20, 8, 8)) > 0.25, 1.0, -1.0)
     got = cnnum.Engine("numba").run(names["made"].template, input=unseen).output > 0
     assert (got == outlined(unseen)).mean() > 0.99
+
+
+def a_program_outlines_what_is_touched(names, said):
+    """Of all 1,000 frames: whether anything is, and EDGE's answer to it."""
+    touched = names["frames"][..., 2] > np.float32(0.1)
+    np.testing.assert_array_equal(names["found"]["contact"], touched.any(axis=(1, 2)))
+    np.testing.assert_array_equal(names["found"]["outline"] > 0, outlined(touched))
+    assert touched.any()
+
+
+def a_batch_has_a_template_a_row(names, said):
+    """Each answers as it does alone, which differs: a state rests at its feedback and its drive."""
+    picture = np.random.default_rng(2).uniform(-1.0, 1.0, (8, 8))
+    found = cnnum.Engine().run(names["batch"], input=picture).state
+    for row in (0, 500, 999):
+        alone = replace(names["edge"], A=names["weights"][row])
+        state = cnnum.Engine("reference").run(alone, input=picture).state
+        np.testing.assert_allclose(found[row], state, atol=2e-3)
+    assert np.abs(found[0] - found[999]).max() > 0.05
+
+
+def edges_are_black_next_to_white(names, said):
+    found = names["result"].output > 0
+    np.testing.assert_array_equal(found, outlined(names["picture"][np.newaxis])[0])
+
+
+def an_export_has_the_deepest_reading(names, said):
+    """Of each frame of its vector, the largest number: no rounding after that of the input."""
+    program, vector = names["exported"].program, names["exported"].vector
+    deepest = program.outputs["deepest"]
+    assert len(vector.frames) == len(vector.answers) > 2
+    for frame, answer in zip(vector.frames, vector.answers, strict=True):
+        ((name, given),) = frame.items()
+        largest = real(program.arrays[name], given).max()
+        found = real(program.arrays[deepest], answer[deepest])
+        assert float(found.squeeze()) == pytest.approx(largest, abs=40.0 / 2**14)
+        assert largest > 20.0
+
+
+def a_skeleton_is_thin_and_hangs_together(names, said):
+    """Of a black rectangle: one line within it, no cell of which fills a square with others."""
+    found = names["thin"]["picture"] > 0
+    assert ndimage.label(found, np.ones((3, 3)))[1] == 1
+    assert not (found & ~(names["picture"][..., 0] > 0)).any()
+    squares = [found[i : i + 6, j : j + 8] for i in (0, 1) for j in (0, 1)]
+    assert not np.all(squares, axis=0).any()
 
 
 def whole_matrix(template, n, mode):
@@ -145,6 +195,11 @@ def an_estimate_costs_evaluations(names, said):
 
 
 HELD = {
+    "docs/how-to/program.md-0": a_program_outlines_what_is_touched,
+    "docs/how-to/template.md-1": a_batch_has_a_template_a_row,
+    "docs/methods.md-1": edges_are_black_next_to_white,
+    "docs/microcontrollers.md-0": an_export_has_the_deepest_reading,
+    "docs/programs-by-example.md-4": a_skeleton_is_thin_and_hangs_together,
     "README.md-0": corners_are_four,
     "README.md-1": edges_are_those_of_the_punch,
     "docs/adding.md-0": a_product_settles_where_its_equation_does,

@@ -18,12 +18,69 @@ from cnnum.scenes.scene_file import read_scene, scene_names
 from cnnum.scenes.scene_record import SceneRecord
 from cnnum.tactile.texture import texture as friction_and_roughness
 
+TELLS = {
+    "contact": ("contact_row", "contact_column", "load_normal", "N"),
+    "release": ("contact_row", "contact_column"),
+    "slip": ("slip_x", "slip_y", "slip_strength", "score"),
+    "twist": ("twist_row", "twist_column", "twist_strength", "score", "twist_sense"),
+    "edge": ("edge_row", "edge_column"),
+    "bump": ("bump_row", "bump_column", "bump_normal", "N"),
+    "bump_release": ("bump_row", "bump_column"),
+    "texture": ("", "", "friction", "score"),
+    **dict.fromkeys(["grasp_slip", "grasp_tilt"], ("grasp_x", "grasp_y")),
+    **dict.fromkeys(["grasp_twist", "grasp_squeeze"], ("", "", "", None, "grasp_sense")),
+    **dict.fromkeys(["outline", "outline_lost"], ("contour_row", "contour_column")),
+    "onset": ("on_row", "on_column", "on_strength", "score"),
+    "offset": ("off_row", "off_column", "off_strength", "score"),
+    "flow": ("flow_x", "flow_y", "flow_speed", "cells/s"),
+    "drift": ("motion_x", "motion_y", "motion_strength", "share"),
+    **dict.fromkeys(["flow_end", "drift_end"], ()),
+    "pressure": ("sa1_row", "sa1_column", "sa1_strength", "score"),
+    "motion": ("ra1_row", "ra1_column", "ra1_strength", "score"),
+    "vibration": ("pc_row", "pc_column", "pc_strength", "score"),
+    "stretch": ("sa2_row", "sa2_column", "sa2_strength", "score"),
+    "pressure_end": ("sa1_row", "sa1_column"),
+    "motion_end": ("ra1_row", "ra1_column"),
+    "vibration_end": ("pc_row", "pc_column"),
+    "stretch_end": ("sa2_row", "sa2_column"),
+}
+"""Outputs of each event's place, or of its direction (x, y), of its strength, the strength's unit,
+and the output of its sense."""
+
+
+def tell_the_same(moments):
+    """Hold all outputs to be numbers, and all events to be what the outputs of their frame say."""
+    for moment in moments:
+        for name, output in moment.outputs.items():
+            assert np.isfinite(output).all(), name
+        for event in moment.events:
+            first, second, strength, unit, sense = (
+                *TELLS[event.kind], *("", "", "", None, "")[len(TELLS[event.kind]) :]
+            )  # fmt: skip
+            one, other = (float(moment.outputs[n]) if n else None for n in (first, second))
+            where = (one, other) if first.endswith("row") else None
+            way = None if where or not first else pytest.approx(np.arctan2(other, one))
+            if event.kind == "stretch":
+                pull = moment.outputs["stretch_y"], moment.outputs["stretch_x"]
+                way = pytest.approx(np.arctan2(*pull))
+            assert (event.time, event.frame) == (moment.frame.time, moment.number)
+            assert (event.where, event.direction, event.unit) == (where, way, unit)
+            assert event.strength == (float(moment.outputs[strength]) if strength else None)
+            assert event.sense == (np.sign(moment.outputs[sense]) if sense else None)
+
 
 def played(name, **changes):
     """Return a scene, its moments and the truth of each."""
     scene = load_scene(name, changes=changes)
     moments = [moment for moment in scene.results() if moment.outputs]
+    tell_the_same(moments)
     return scene, moments, [moment.frame.truth for moment in moments]
+
+
+def place_of(scene, truth):
+    """Return row and column of the middle of a body."""
+    middle = (np.array(scene.driver.shape) - 1) / 2
+    return middle + np.array([truth["y"], truth["x"]]) / scene.driver.pitch
 
 
 def kinds_of(moments):
@@ -51,7 +108,8 @@ def loads_on_bumps(array):
 
 def test_localize_gives_the_load_on_every_bump():
     """In newtons, with the sign of the pull, at rest and while it slides."""
-    wants = ["bump", "bump_contact", *(f"bump_load_{axis}" for axis in ("x", "y", "normal")),
+    loads = [f"bump_load_{axis}" for axis in ("x", "y", "normal")]
+    wants = ["bump", "bump_contact", "bump_count", *loads,
              "bump_x", "bump_y", "bump_normal", "bump_row", "bump_column"]  # fmt: skip
     scene, moments, truths = played("localize", needs=wants, **{"array.rate": 50.0})
     own = loads_on_bumps(scene.driver)
@@ -60,6 +118,7 @@ def test_localize_gives_the_load_on_every_bump():
     for n in held[::3]:
         out, top = moments[n].outputs, own[n, ..., 2].max()
         touched = out["bump_contact"] > 0
+        assert out["bump_count"] == touched.sum()
         # a bump counts from a tenth of the largest load on; noise is 1 % of that
         assert touched[own[n, ..., 2] > 0.12 * top].all()
         assert not touched[own[n, ..., 2] < 0.08 * top].any()
@@ -190,6 +249,8 @@ def test_a_sphere_that_is_pulled_and_turned_is_reported(name):
         assert 0 <= begins.time - onset(moments, truths, "contact") < 0.03
         last = max(m.frame.time for m, t in zip(moments, truths, strict=True) if t["contact"])
         assert abs(ends.time - last) < 0.03
+        # where it was, and not where the last noise is: it was 2.5 cells off
+        assert np.abs(ends.where - place_of(scene, truths[ends.frame])).max() < 1.0
         # from (−0.9, −0.4) mm: one pitch is 1.5 mm, and one taxel is touched first
         assert np.abs(np.array(begins.where) - [3.5 - 0.4 / 1.5, 3.5 - 0.9 / 1.5]).max() < 0.6
         assert begins.unit == "N"
@@ -198,17 +259,33 @@ def test_a_sphere_that_is_pulled_and_turned_is_reported(name):
         assert slip.direction == pytest.approx(0.5, abs=0.03)
         # 0.3 mm of sliding, the aim of docs/scoring.md
         assert 0 <= slip.time - since < 0.3e-3 / 0.8e-3
+        assert slip.strength > 2 * max(strengths(moments, truths, "slip"))
     if ("twist", None) in events:
         twist, truth = events["twist", None], truths[events["twist", None].frame]
         assert twist.sense == np.sign(truth["twist_rate"]) == 1
-        here = 3.5 + np.array([truth["y"], truth["x"]]) / scene.driver.pitch
-        assert np.abs(np.array(twist.where) - here).max() < 0.3
-    if "load_normal" in moments[0].outputs and name == "tactile":
-        for m, truth in zip(moments, truths, strict=True):
-            if truth["normal_force"] > 0.5:
-                assert float(m.outputs["load_normal"]) == pytest.approx(
-                    truth["normal_force"], rel=0.08
-                )
+        assert np.abs(twist.where - place_of(scene, truth)).max() < 0.3
+        assert 0 <= twist.time - onset(moments, truths, "twist_rate") < 0.2
+        assert twist.strength > 2 * max(strengths(moments, truths, "twist"))
+    for m, truth in zip(moments, truths, strict=True):
+        out = m.outputs
+        if "load_normal" not in out or truth["normal_force"] < 0.5:
+            continue
+        assert float(out["load_normal"]) == pytest.approx(truth["normal_force"], rel=0.08)
+        # docs/programs/contact.md: the place within 0.1 cells, a pull within 7 % of the largest
+        place = np.array([out["contact_row"], out["contact_column"]])
+        assert np.abs(place - place_of(scene, truth)).max() < 0.15
+        if name == "tactile":
+            pull = [truth["shear_x"], truth["shear_y"]]
+            assert np.hypot(out["load_x"] - pull[0], out["load_y"] - pull[1]) < 0.1 * 0.96
+            used = np.hypot(*pull) / truth["normal_force"]
+            assert float(out["friction_used"]) == pytest.approx(used, abs=0.06)
+            assert out["shear_known"]
+
+
+def strengths(moments, truths, kind):
+    """Return the strengths of a kind in the frames before it happens."""
+    first = next(n for n, t in enumerate(truths) if t["slip" if kind == "slip" else "twist_rate"])
+    return [float(moment.outputs[f"{kind}_strength"]) for moment in moments[:first]]
 
 
 def found_outline(scene, moment, truth):
@@ -218,7 +295,17 @@ def found_outline(scene, moment, truth):
     places = found_places(moment.outputs["edge_to_right"], moment.outputs["edge_to_below"])
     shift = np.array([truth["y"], truth["x"]]) / scene.driver.pitch
     assert rows == cols
+    # the map is of the taxels nearest to an outline
+    marked = np.argwhere(moment.outputs["edges"] > 0) - shift
+    assert np.median(off_outline(outline, marked, rows)) < 0.5
+    assert met(outline, marked, rows) > 0.7
     return outline, places - shift, rows
+
+
+def off_middle(scene, moments, truths, frames):
+    """Return how far the middles of the outlines lie from the bodies', cells: a median."""
+    found = [[moments[n].outputs[f"edge_{axis}"] for axis in ("row", "column")] for n in frames]
+    return np.median(np.abs(np.array(found) - [place_of(scene, truths[n]) for n in frames]))
 
 
 BODIES = {
@@ -242,7 +329,11 @@ def test_edges_follows_the_outline_of_every_flat_body(body, thickness):
     first = next(event for moment in moments for event in moment.events)
     # where it touches it has its edge, as soon as the load is clear of the noise, for 0.1 s
     assert 0.1 <= first.time - onset(moments, truths, "contact") < 0.2
+    assert np.abs(first.where - place_of(scene, truths[first.frame])).max() < 0.4
+    free = [n for n, truth in enumerate(truths) if not truth["contact"]]
+    assert not any(moments[n].outputs["edges"].any() for n in free)
     held = [n for n, truth in enumerate(truths) if truth["normal_force"] > 0.9]
+    assert off_middle(scene, moments, truths, held) < 0.4
     for n in held[::40]:
         outline, places, cells = found_outline(scene, moments[n], truths[n])
         off = off_outline(outline, places, cells)
@@ -311,12 +402,21 @@ def test_edge_enhancement_finds_the_outline_through_the_cover(body):
     first = next(event for moment in moments for event in moment.events)
     assert 0.1 <= first.time - onset(moments, truths, "contact") < 0.2  # it lasts for 0.1 s
     held = [n for n, truth in enumerate(truths) if truth["normal_force"] > 0.9]
+    assert off_middle(scene, moments, truths, held) < 0.4
     rest = np.mean([moment.values[..., 0] for moment in moments[:16]], axis=0)
+    still = max(np.abs(m.outputs["edge_enhanced"]).max() for m in moments[:60])
+    rows, cols = np.indices(scene.driver.shape)
     ours, sobel = [], []
     for n in held[::40]:
         outline, places, cells = found_outline(scene, moments[n], truths[n])
         ours.append(off_outline(outline, places, cells))
         assert met(outline, places, cells) > 0.9
+        # lateral inhibition: above 0 inside of the rim, below it outside, and nothing at rest
+        row, col = place_of(scene, truths[n])
+        inside = -outline.distance(cols - col, rows - row)
+        enhanced = moments[n].outputs["edge_enhanced"]
+        assert enhanced[(inside > 0.2) & (inside < 0.9)].mean() > 10.0 * still
+        assert enhanced[(inside < -0.5) & (inside > -1.0)].mean() < -10.0 * still
         normal = rest - moments[n].values[..., 0]
         steep = np.hypot(ndimage.sobel(normal, 0), ndimage.sobel(normal, 1))
         at = np.argwhere(steep > 0.5 * steep.max()).astype(float)
@@ -376,7 +476,10 @@ def test_grasp_code_reads_what_the_object_between_two_fingers_does():
         "grasp_squeeze", "grasp_slip", "grasp_squeeze", "grasp_tilt", "grasp_twist",
         "grasp_squeeze",
     ]  # fmt: skip
-    for event in events:
+    # the script's phases: a motion is reported after 0.1 s, a squeeze once rubber has moved on
+    begins = [0.3, 0.9, 1.7, 2.1, 3.3, 4.1]
+    for event, begin in zip(events, begins, strict=True):
+        assert 0.1 <= event.time - begin < 0.3
         truth = truths[event.frame]
         own = np.array([truth["shear_x"], truth["shear_y"]])
         # the other finger's x runs the other way in space
@@ -399,8 +502,16 @@ def test_grasp_code_reads_what_the_object_between_two_fingers_does():
                 assert event.sense == 1
                 assert max(together, apart) < 0.25 * truth["normal_force"] + 0.05
                 continue
-        # one bit a component knows a direction to 45°
-        assert abs(np.angle(np.exp(1j * (event.direction - way)))) <= np.pi / 4 + 1e-3
+        # one bit a component knows the quarter of the plane, and says its middle
+        quarter = np.arctan2(np.sign(np.sin(way)), np.sign(np.cos(way)))
+        assert event.direction == pytest.approx(quarter, abs=1e-3)
+        # all taxels of a finger have the signs of its pull: bits 0 and 1 of each, x and y
+        late = event.frame + 80
+        signs = [truths[late][name] > 0.0 for name in ("shear_x", "shear_y")]
+        other_signs = [truths[late][f"other_{name}"] > 0.0 for name in ("shear_x", "shear_y")]
+        code = sum(0x55 << k for k in (0, 1) if signs[k])
+        code += sum(0x55 << 8 + k for k in (0, 1) if other_signs[k])
+        assert moments[late].outputs["grasp_code"] == code
 
 
 def labelled_trials():
@@ -436,7 +547,7 @@ def test_a_recorded_grasp_asks_for_its_recording():
 
 def test_receptors_reports_what_each_channel_of_the_skin_feels():
     """It is pressed from 0.42 s on, shaken from 1.02, pulled from 1.52, let go from 2.12 s on."""
-    _, moments, truths = played("receptors")
+    scene, moments, truths = played("receptors")
     events = [event for moment in moments for event in moment.events]
     times = {kind: [e.time for e in events if e.kind == kind] for kind in {e.kind for e in events}}
     held = [m.frame.time for m, t in zip(moments, truths, strict=True) if t["contact"]]
@@ -460,7 +571,22 @@ def test_receptors_reports_what_each_channel_of_the_skin_feels():
     assert stretch.direction == pytest.approx(
         np.arctan2(truth["shear_y"], truth["shear_x"]), abs=0.05
     )
-    assert len(times["stretch_end"]) == 1
+    (stretch_ends,) = times["stretch_end"]
+    assert 2.12 < stretch_ends < 2.35
+    # 10 standard deviations of the noise are a report's level, which a slow push has just exceeded
+    assert all(10 < e.strength < 30 for e in events if e.kind in ("pressure", "motion"))
+    # where: in the middle of what is felt, of a pull ahead of it; at the end, where it was last
+    for name, begin, end, most, strong in (
+        ("sa1", 0.85, 1.0, 0.1, 1000), ("ra1", 0.6, 0.7, 0.3, 25), ("pc", 1.1, 1.2, 0.7, 5),
+        ("sa2", 2.0, 2.1, 1.2, 200),
+    ):  # fmt: skip
+        for moment, truth in zip(moments, truths, strict=True):
+            if begin <= moment.frame.time < end:
+                place = [moment.outputs[f"{name}_{axis}"] for axis in ("row", "column")]
+                assert np.abs(place - place_of(scene, truth)).max() < most
+                assert moment.outputs[f"{name}_strength"] > strong
+    for event in events:
+        assert np.abs(event.where - place_of(scene, truths[event.frame])).max() < 1.2
 
 
 def test_spikes_of_the_receptors_are_address_events(tmp_path):
@@ -486,7 +612,8 @@ def test_spikes_of_the_receptors_are_address_events(tmp_path):
 
 
 def test_on_off_tells_what_comes_from_what_goes():
-    scene, moments, truths = played("on_off")
+    # beside the middle, where nothing else lies; its path is the shipped scene's
+    scene, moments, truths = played("on_off", **{"array.start": [1.2e-3, -0.9e-3]})
     events = [event for moment in moments for event in moment.events]
     assert [event.kind for event in events] == ["onset", "offset"]
     held = [m.frame.time for m, t in zip(moments, truths, strict=True) if t["contact"]]
@@ -498,17 +625,31 @@ def test_on_off_tells_what_comes_from_what_goes():
     assert 0 <= events[0].time - held[0] < 0.02
     assert 0 <= events[1].time - lifts < 0.03
     for event in events:
-        assert np.abs(np.array(event.where) - 3.5).max() < 0.5  # the punch is in the middle
+        assert np.abs(event.where - place_of(scene, truths[event.frame])).max() < 0.4
+        assert 10 < event.strength < 40  # the level, which a press of 0.1 s has just exceeded
     at = next(n for n, m in enumerate(moments) if m.frame.time >= lifts) - 2
     held_still = moments[at].outputs
     rows, cols = np.indices(scene.driver.shape)
-    far = np.hypot(rows - 3.5, cols - 3.5) * scene.driver.pitch / 3e-3
+    row, col = place_of(scene, truths[at])
+    far = np.hypot(rows - row, cols - col) * scene.driver.pitch / 3e-3
     # strain under the rim: ON within the punch, OFF around it
     assert held_still["on_sustained"][far < 0.8].min() > 0
-    assert held_still["off_sustained"][(far > 1.5) & (far < 1.8)].min() > 0
+    around = (far > 1.5) & (far < 1.8)
+    assert held_still["off_sustained"][around].min() > 0
+    # a taxel answers with one sign, and neither before anything comes
+    assert not held_still["off_sustained"][far < 0.8].any()
+    assert not held_still["on_sustained"][around].any()
     # 0.8 s are 8 time constants of the adaptation
     noise = 0.05 * held_still["on_sustained"].max()
-    assert max(held_still[f"{sign}_transient"].max() for sign in ("on", "off")) < noise
+    for name in ("on_transient", "off_transient"):
+        assert held_still[name].max() < noise
+    quiet = [m.outputs for m in moments if m.frame.time < held[0]]
+    for name in ("on_sustained", "off_sustained", "on_transient", "off_transient"):
+        assert max(out[name].max() for out in quiet) < noise
+    # the transient answers are those to the press, and to its end
+    for name, begin in (("on_transient", held[0]), ("off_transient", lifts)):
+        during = next(m.outputs for m in moments if m.frame.time >= begin + 0.08)
+        assert during[name][far < 0.8].mean() > 4 * noise
 
 
 @pytest.mark.one_in(3)
@@ -537,6 +678,11 @@ def test_active_contour_keeps_to_a_body_that_is_dragged(thickness, modulus):
         # within half a pitch of the outline a taxel may count either way
         assert inside[deep > 0.5 * pitch].all()
         assert not inside[far > pitch].any()
+        rim = inside & ~ndimage.binary_erosion(inside, np.ones((3, 3)), border_value=1)
+        np.testing.assert_array_equal(moment.outputs["contour"] > 0, rim)
+        for name, places in (("row", rows), ("column", cols)):
+            middle = 3.5 + np.average(places[inside]) / pitch
+            assert moment.outputs[f"contour_{name}"] == pytest.approx(middle, abs=1e-5)
         checked.append(np.average(cols[inside]))
         assert checked[-1] == pytest.approx(truth["x"], abs=0.5 * pitch)
     assert checked[-1] - checked[0] > 1.5e-3  # it went along
@@ -547,6 +693,12 @@ def directed(name, kind):
     _, moments, truths = played(name)
     events = [event for moment in moments for event in moment.events]
     assert [event.kind for event in events] == [kind, f"{kind}_end"] * 2
+    slides = [t["slip"] for t in truths]
+    stops = [m.frame.time for m, t, on in zip(moments[1:], truths[1:], slides, strict=False)
+             if on and not t["slip"]]  # fmt: skip
+    for event, stop in zip(events[1::2], stops, strict=True):
+        # the mean goes back over 0.2 s and its flag lasts for 0.1 s; four times as long is silence
+        assert 0 < event.time - stop < 0.9
     return events[::2], moments, truths
 
 
@@ -557,7 +709,8 @@ def test_tactile_flow_follows_a_face_that_slides():
         since = onset_after(moments, truths, "slip", event.time - 0.2)
         assert 0 < event.time - since < 0.2
         assert abs(np.angle(np.exp(1j * (event.direction - way)))) < 0.3
-        assert event.unit == "cells/s"
+        # while it still gains speed
+        assert 0.4 < event.strength / (4.0 / 1.5) < 1.1
     slides = [n for n, t in enumerate(truths) if t["slip"] and truths[n - 80]["slip"]]
     assert len(slides) > 150
     for n in slides[::10]:
@@ -566,6 +719,7 @@ def test_tactile_flow_follows_a_face_that_slides():
         # noise of the readings, and the rim, add 10 %
         assert x == pytest.approx(1.04 * speed, rel=0.13)
         assert abs(y) < 0.1 * abs(x)
+        assert float(moments[n].outputs["flow_speed"]) == pytest.approx(np.hypot(x, y), rel=1e-5)
 
 
 def test_motion_direction_says_which_way_a_face_slides():
@@ -574,6 +728,19 @@ def test_motion_direction_says_which_way_a_face_slides():
         since = onset_after(moments, truths, "slip", event.time - 0.2)
         assert 0 < event.time - since < 0.2
         assert abs(np.angle(np.exp(1j * (event.direction - way)))) < 0.1
+        assert 0.05 < event.strength < 0.1  # `sure`, which it has just exceeded
+    # a wave of 6 cells at 4 mm/s, late by the angle of a low-pass of 0.1 s: sin 2φ sin k, over the
+    # pairs of neighbours, 7 of 8 columns
+    late = np.arctan(0.1 * 2 * np.pi / 6 * 4.0 / 1.5)
+    share = 7 / 8 * np.sin(2 * late) * np.sin(2 * np.pi / 6)
+    slides = [n for n, t in enumerate(truths) if t["slip"] and truths[n - 150]["slip"]]
+    assert len(slides) > 100
+    for n in slides[::10]:
+        out, sign = moments[n].outputs, np.cos(truths[n]["slip_direction"])
+        # three quarters of a period are in the means: 10 %
+        assert float(out["motion_x"]) == pytest.approx(sign * share, rel=0.12)
+        assert abs(out["motion_y"]) < 0.01 * share
+        assert float(out["motion_strength"]) == pytest.approx(abs(out["motion_x"]), rel=1e-3)
 
 
 def onset_after(moments, truths, flag, begin):

@@ -199,7 +199,7 @@ OMISSIONS = (
     "mesh.",
     "edges and edge_enhancement are of one skin and three kinds of punches; all are in tables of "
     "`python -m cnnum.lab.bench.programs.edge_errors`, and those of body_fit in `body_errors`.",
-    "tactile is made of the others, and has no field or event of its own.",
+    "tactile has the outputs of contact, slip, twist, edges and localize, and their errors.",
     "halfspace_layers and halfspace_equilibrium stop at two cells: beyond, one takes minutes to "
     "build and the other relaxes for seconds.",
     "The cover of the half-space programs is 1 mm over taxels 1.5 mm apart, with one value a cell. "

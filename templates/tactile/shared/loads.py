@@ -75,6 +75,9 @@ class Loads:
         Variance of one normal reading, a number.
     contact : Field
         Flag.
+    clear : Field
+        Flag: the peak stands above the noise as far as it must for a contact to begin. A load that
+        fades is in contact for some frames more, in which noise decides where.
     sound, healthy : Field
         Logic maps: taxels whose noise is no outlier in the normal axis, and in any. Only sound ones
         locate a contact, only healthy ones measure its load.
@@ -88,6 +91,7 @@ class Loads:
     shear_variance: Field | None
     normal_noise: Field
     contact: Field
+    clear: Field
     sound: Field
     healthy: Field
     alive: Field
@@ -154,6 +158,7 @@ def loads_of(frame: FrameFields, push: float) -> Loads:
         shear_variance=None if shear is None else shear.follow(free, rest.begins, broken),
         normal_noise=normal.follow(free, rest.begins, broken),
         contact=contact,
+        clear=high,
         sound=sound,
         healthy=healthy,
         alive=normal.alive | (abs(z) > 0.0),
