@@ -259,7 +259,11 @@ def warn_of_other_cover(program: Program, spec: SceneSpec, driver: Driver, unit:
     pitch = cast(float | None, getattr(driver, "pitch", None))
     cover, known = getattr(driver, "cover", None), inspect.signature(program.function).parameters
     asks = next((name for name in ("depth", "thickness") if name in known), None)
-    if cover is None or asks is None or pitch is None or not _wants_cover(program, spec):
+    if asks is None or not _wants_cover(program, spec):
+        return
+    if cover is None and asks in spec.usual:
+        _warn_of_unknown_cover(program, spec)
+    if cover is None or pitch is None:
         return
     facts = _of_cover(driver, known, dict(program.parameters), pitch, unit)
     if not isinstance(cover, FlatCover):
@@ -281,6 +285,21 @@ def warn_of_other_cover(program: Program, spec: SceneSpec, driver: Driver, unit:
         "Scene '%s': whether something touches is known, but loads, places and shapes by the "
         "program '%s' are not: %s.",
         spec.name, spec.program_name, why,
+    )  # fmt: skip
+
+
+def _warn_of_unknown_cover(program: Program, spec: SceneSpec) -> None:
+    """Say that a packaged scene takes any array's cover for that of the simulated one."""
+    given = dict(program.parameters)
+    said = " and ".join(
+        f"'program.parameters.{name}' ({given[name]:.4g})"
+        for name in ("depth", "unit")
+        if name in spec.usual and name in given
+    )
+    logging.getLogger("cnnum").warning(
+        "Scene '%s': the array does not tell its cover, and loads, places and shapes by the "
+        "program '%s' are right under the scene's own only: set %s to those of yours.",
+        spec.name, spec.program_name, said,
     )  # fmt: skip
 
 

@@ -161,6 +161,23 @@ def test_a_scene_that_says_nothing_of_its_cover_is_told_what_is_missing(thicknes
     assert not caplog.text
 
 
+def test_a_recording_does_not_tell_its_cover_and_a_packaged_scene_says_so(tmp_path, caplog):
+    """One of a cover of 2 mm, replayed by a scene of 1 mm, read 0.6 N for 1 N and said nothing."""
+    strain = np.random.default_rng(0).normal(0.0, 1e-5, (20, 8, 8, 3))
+    cnnum.Recording(strain, rate=25.0, unit="strain").save(tmp_path / "press.npz")
+    array = {"driver": "npz", "path": str(tmp_path / "press.npz")}
+    said = "the array does not tell its cover"
+    for scene in ("contact", "demo", "edges", "active_contour"):
+        assert told(caplog, scene, array=array).count(said) == 1
+    assert "depth' (0.667) and 'program.parameters.unit' (1.305)" in told(
+        caplog, "contact", array=array
+    )
+    yours = {"program.parameters.depth": 4 / 3, "program.parameters.unit": 1.305}
+    assert not told(caplog, "contact", array=array, **yours)
+    for scene in ("slip", "twist", "on_off"):  # they ask for none
+        assert not told(caplog, scene, array=array)
+
+
 def test_loads_that_taxels_carry_themselves_ask_for_no_cover(caplog):
     table = {"name": "contact", "parameters": {"reads": "force"}}
     assert not told(caplog, "contact", program=table)
