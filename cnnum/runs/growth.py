@@ -44,7 +44,6 @@ from cnnum.errors import MethodError, SizeError
 from cnnum.graph.nodes import RunSpec
 from cnnum.integrators.estimate import FLOOR, LOST, delayed_growth, error_growth
 from cnnum.integrators.schemes import (
-    LAYER_METHODS,
     MAX_STEPS,
     AdaptiveSteps,
     ChebyshevSteps,
@@ -344,12 +343,10 @@ def may_grow(template: Template, solver: Solver) -> bool:
 def hides_errors(template: Template, solver: Solver) -> bool:
     """Return whether every run takes another one to say how far off it is.
 
-    Steps of a fixed length are no longer than their stages show, but for exponential ones where
-    errors may grow: these integrate the decay by itself, and their stages see too little of the
-    rest.
+    Steps of a fixed length may be long against a growth: their stages see too little of it.
     """
     if _even(solver):
-        return solver.method in LAYER_METHODS and error_growth(template) > 0.0
+        return error_growth(template) > 0.0
     straight = template.output.linear or template.output.name in ("standard", "full-range")
     moving = any(not coupling.static for coupling in template.nonlinear)
     return not straight or bool(template.gains) or moving

@@ -177,8 +177,10 @@ class Oracle:
         off = (a.off + times(np.abs(v), b.off)) / np.where(room > 0.0, room, np.nan)
         off = np.where(zero, np.where(b.off == 0.0, 0.0, np.inf), off)
         if b.v.shape[-1] == 1:
-            # a map over a number is times its inverse, of 31 bits
+            # a map over a number is times its inverse, of 31 bits, or in C a rounded one
             inverse = self.kept(np.where(zero, 0.0, 1.0 / safe), 0.0)
+            if not self.measuring and self.rounding.steps:
+                off = off + times(np.abs(a.v), inverse.off)
             if not self.measuring and self.rounding.word:
                 step = 4.0 * Rounding.register(self.most())
                 off = off + np.where(np.isfinite(inverse.off), np.abs(a.v) * step, np.inf)

@@ -161,3 +161,14 @@ def test_a_small_start_is_solved_as_well_as_others_on_the_reference():
     run = cnnum.Engine("reference").run(template, state=np.full((1, 4), 1e-8), duration=9.0)
     true = 1e-8 * np.exp(18.0)
     assert np.abs(run.state - true).max() <= run.error < 1e-7 * true
+
+
+@pytest.mark.parametrize("method", ["heun", "euler"])
+def test_steps_of_one_length_that_are_long_against_a_growth(method):
+    """Four steps of two time constants, in each of which the state grows tenfold."""
+    account = Account()
+    engine = cnnum.Engine("numba", precision="float64")
+    account.take(engine, 5401, 219, method=method, estimate=True)
+    assert account.networks == 1
+    assert not account.infinite
+    assert not account.wrong

@@ -12,7 +12,7 @@ import pytest
 
 from cnnum.errors import FrameError, NoOpenCLError
 from tests.fuzz.conftest import SECONDS, TESTS
-from tests.fuzz.program_oracle import FLOAT32, FLOAT64, WHOLE, Oracle, V
+from tests.fuzz.program_oracle import EXPORTED, FLOAT32, FLOAT64, WHOLE, Oracle, V
 from tests.fuzz.program_writer import Writer
 from tests.fuzz.random_programs import Shard
 
@@ -97,3 +97,14 @@ def test_a_constant_that_float32_rounds_has_a_bound_where_its_product_is_exact()
     shard = Shard(engines=("numba",))
     shard.one(40_021)
     assert not shard.wrong
+
+
+def test_a_map_over_a_number_is_times_its_rounded_inverse_in_c():
+    """1.125 / −3 is exact, and 1.125 · (1 / −3) is not."""
+    oracle = Oracle((), {}, EXPORTED, ({}, {}))
+    oracle.number, oracle.last, oracle.count, oracle.key = 0, False, 0, ()
+    whole = V(np.full((1, 1, 1), 1.125), np.zeros((1, 1, 1)))
+    number = V(np.full((1, 1, 1), -3.0), np.zeros((1, 1, 1)))
+    found = oracle.divided(whole, number)
+    assert found.v[0, 0, 0] == -0.375
+    assert 2.0**-26 < found.off[0, 0, 0] < 2.0**-20
