@@ -3,18 +3,19 @@
 import math
 import re
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from typing import Any, cast
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from cnnum.arrays import Floats
 from cnnum.engine import Engine
-from cnnum.errors import ArrayError, CnnumError
+from cnnum.errors import ArrayError, CnnumError, name_error
 from cnnum.templating.library import get_entry, template_names
+from cnnum.templating.stability_class import stability_class
 from cnnum.templating.template import Template
 
 RELATED = (
@@ -53,6 +54,13 @@ LEFT_OUT = frozenset(
 PICTURES, SIDE = 8, 24
 """Random pictures on which coupled templates are compared, and their side in cells."""
 
+MOST_CELLS = 1 << 20
+"""Cells of all pictures between two templates that are looked at in one search."""
+
+NEAREST = 12
+"""Pictures between two templates on which a second template runs whose cells are coupled, which
+takes a hundred times as long."""
+
 
 @dataclass(frozen=True, slots=True)
 class Hit:
@@ -72,38 +80,53 @@ class Hit:
 
 @dataclass(frozen=True, slots=True)
 class Match:
-    """A template's answer to an example.
+    """A template's answer to an example, or that of a program of two.
 
     Attributes
     ----------
     name : str
+        A template's, or "EROSION → EDGE" of a program.
     wrong : int
         Cells whose sign is not the wanted one.
     cells : int
         Cells with a wanted sign.
     margin : float
-        By how much its bias may be off with no wrong cell, as measured; NaN where it is not known.
+        By how much its bias may be off with no wrong cell, as measured on its own check; NaN where
+        it is not known. Of a program, the smaller of the two.
+    templates : tuple of str
+        One, or two in the order in which they run.
     """
 
     name: str
     wrong: int
     cells: int
     margin: float
+    templates: tuple[str, ...]
 
 
-def find_by_words(words: str, most: int = 10) -> list[Hit]:
+def find_by_words(words: str, most: int = 10, *, tags: Sequence[str] = ()) -> list[Hit]:
     """Return the templates of the library that words describe, the best first.
 
     Parameters
     ----------
     words : str
-        As in "fill holes", "skeletonization" or "sobel".
+        As in "fill holes", "skeletonization" or "sobel". Without words, every template fits that
+        has the tags.
     most : int
         Templates at most.
+    tags : sequence of str
+        Only templates with all of these tags are returned.
+
+    Raises
+    ------
+    UnknownNameError
+        If no template has such a tag.
     """
+    tagged = _tagged(tags)
     asked = _weights(words)
     if not asked:
-        return []
+        names = sorted(tagged) if tags and not words.strip() else []
+        return [Hit(name, _summary(name), 1.0) for name in names[:most]]
     documents = dict(_documents())
     seen = Counter(stem for weights in documents.values() for stem in weights)
     for stem in {stem for ways in asked for stem, share in ways.items() if share == 1.0}:
@@ -126,9 +149,24 @@ def find_by_words(words: str, most: int = 10) -> list[Hit]:
             )
             for ways in asked
         )
+    scores = {name: score for name, score in scores.items() if score > 0.0 and name in tagged}
     best = max(scores.values(), default=0.0)
-    names = sorted((name for name in scores if scores[name] > 0.0), key=lambda n: (-scores[n], n))
+    names = sorted(scores, key=lambda n: (-scores[n], n))
     return [Hit(name, _summary(name), scores[name] / best) for name in names[:most]]
+
+
+def tags_of_library() -> tuple[str, ...]:
+    """Return every tag that a template of the library has."""
+    return tuple(sorted({tag for name in template_names() for tag in get_entry(name).about.tags}))
+
+
+def _tagged(tags: Sequence[str]) -> set[str]:
+    """Return the templates that have all of some tags."""
+    known = tags_of_library()
+    for tag in tags:
+        if tag not in known:
+            raise name_error("tag", tag, known)
+    return {n for n in template_names() if set(tags) <= set(get_entry(n).about.tags)}
 
 
 def find_by_example(
@@ -160,14 +198,163 @@ def find_by_example(
     Returns
     -------
     list of Match
-        Templates of several layers or inputs, and those that cannot run on these pictures, are
-        left out.
+        Templates of several layers or inputs, those that cannot run on these pictures, and without
+        a state those that need one are left out.
 
     Raises
     ------
     ArrayError
         If the pictures do not fit together, or no cell has a wanted sign.
     """
+    inputs, signs, matter = _example(given, wanted)
+    used, result = engine or Engine("numba"), list[Match]()
+    for name in names if names is not None else template_names():
+        template = get_entry(name).template
+        if not _takes_one_picture(template) or (template.needs_state and state is None):
+            continue
+        say(name)
+        output = _output(used, template, inputs, None if state is None else np.asarray(state))
+        if output is not None:
+            wrong = int(((output > 0.0) != (signs > 0.0))[matter].sum())
+            result.append(Match(name, wrong, int(matter.sum()), _margin(name), (name,)))
+    return sorted(result, key=_rank)
+
+
+def find_programs(
+    given: ArrayLike,
+    wanted: ArrayLike,
+    *,
+    engine: Engine | None = None,
+    names: Iterable[str] | None = None,
+    most: int = 10,
+    say: Callable[[str], object] = str,
+) -> list[Match]:
+    """Return the programs of two templates with the fewest wrong cells on an example.
+
+    The second template runs on the output of the first. One that needs two pictures gets the
+    given picture as the other, either as its input or as its initial state.
+
+    Parameters
+    ----------
+    given, wanted, engine, names, say
+        As `find_by_example` takes them; `say` is called for each template of both places.
+    most : int
+        Programs that are returned at most.
+
+    Notes
+    -----
+    Of templates with the same output on the given picture, and of outputs that are the given
+    picture or of one colour, only one is tried as the first. Where these outputs have more than
+    2²⁰ cells together, those nearest to the wanted picture are kept, and a second template whose
+    cells are coupled runs on the nearest 12.
+
+    Raises
+    ------
+    ArrayError
+        As `find_by_example`.
+    """
+    inputs, signs, matter = _example(given, wanted)
+    used = engine or Engine("numba")
+    taken = template_names() if names is None else names
+    taken = [name for name in taken if _takes_one_picture(get_entry(name).template)]
+    firsts, between = _between(used, taken, inputs, signs, matter, say)
+    result, cells = list[Match](), int(matter.sum())
+    for name in taken if firsts else ():
+        say(name)
+        few = len(firsts) if _alone(get_entry(name).template) else NEAREST
+        for said, output in _seconds(used, name, between[:few], inputs):
+            wrong = ((output > 0.0) != (signs > 0.0))[:, matter].sum(axis=1)
+            margins = [min(_margin(first), _margin(name)) for first in firsts[:few]]
+            result += [
+                Match(f"{first} → {name}{said}", int(count), cells, margin, (first, name))
+                for first, count, margin in zip(firsts[:few], wrong, margins, strict=True)
+            ]
+            result = sorted(result, key=_rank)[:most]
+    return result
+
+
+def _between(
+    engine: Engine,
+    names: Sequence[str],
+    inputs: Floats,
+    signs: Floats,
+    matter: NDArray[np.bool_],
+    say: Callable[[str], object],
+) -> tuple[list[str], Floats]:
+    """Return first templates whose outputs differ, and these outputs, the nearest ones first."""
+    known = {np.round(inputs, 3).tobytes()}
+    outputs = list[tuple[int, str, Floats]]()
+    for name in sorted(names, key=lambda n: (-np.nan_to_num(_margin(n)), n)):
+        template = get_entry(name).template
+        if template.needs_state:
+            continue
+        say(name)
+        output = _output(engine, template, inputs, None)
+        if output is None or np.ptp(output) < HALF:
+            continue
+        output = np.clip(output, -1.0, 1.0)
+        key = np.round(output, 3).tobytes()
+        if key not in known:
+            known.add(key)
+            wrong = int(((output > 0.0) != (signs > 0.0))[matter].sum())
+            outputs.append((wrong, name, output))
+    outputs.sort(key=lambda each: each[:2])
+    kept = outputs[: max(1, MOST_CELLS // inputs.size)]
+    return [name for _, name, _ in kept], np.array([output for _, _, output in kept])
+
+
+HALF = 0.5
+"""Range of an output below which it is taken to be of one colour."""
+
+
+def _seconds(
+    engine: Engine, name: str, between: Floats, inputs: Floats
+) -> Iterator[tuple[str, Floats]]:
+    """Yield how a second template gets its pictures, and its outputs."""
+    template = get_entry(name).template
+    if not template.needs_state:
+        output = _output(engine, template, between, None)
+        if output is not None:
+            yield "", output
+        return
+    whole = np.broadcast_to(inputs, between.shape)
+    for said, pair in (
+        (" (state: the given picture)", (between, whole)),
+        (" (input: the given picture)", (whole, between)),
+    ):
+        output = _output(engine, template, *pair)
+        if output is not None:
+            yield said, output
+
+
+def _takes_one_picture(template: Template) -> bool:
+    return template.layers == 1 and template.inputs <= 1
+
+
+def _output(
+    engine: Engine, template: Template, inputs: Floats, state: Floats | None
+) -> Floats | None:
+    """Return a template's output; None where it cannot run on such pictures."""
+    if state is None and template.initial == "input":
+        state = inputs
+    try:
+        result = engine.run(template, input=inputs if template.inputs else None, state=state)
+    except CnnumError:
+        return None
+    return np.asarray(result.output, np.float64)
+
+
+def _margin(name: str) -> float:
+    measured = get_entry(name).measured
+    return math.nan if measured is None or measured.margin is None else measured.margin
+
+
+def _rank(match: Match) -> tuple[int, float, str]:
+    return match.wrong, -float(np.nan_to_num(match.margin)), match.name
+
+
+def _example(given: ArrayLike, wanted: ArrayLike) -> tuple[Floats, Floats, NDArray[np.bool_]]:
+    """Return the input, the signs that are wanted, and the cells where they matter."""
     inputs, signs = np.asarray(given, np.float64), np.asarray(wanted, np.float64)
     if inputs.shape != signs.shape or inputs.ndim not in (2, 3):
         raise ArrayError(
@@ -177,24 +364,52 @@ def find_by_example(
     matter = np.isfinite(signs) & (signs != 0.0)
     if not matter.any():
         raise ArrayError("The desired output has no cell above or below 0, so it asks for nothing.")
-    used, result = engine or Engine("numba"), list[Match]()
-    for name in names if names is not None else template_names():
-        entry = get_entry(name)
-        template = entry.template
-        if template.layers != 1 or template.inputs > 1:
-            continue
-        say(name)
-        try:
-            starts = (
-                state if state is not None else (inputs if template.initial == "input" else None)
-            )
-            output = np.asarray(used.run(template, input=inputs, state=starts).output)
-        except CnnumError:
-            continue
-        wrong = int(((output > 0.0) != (signs > 0.0))[matter].sum())
-        margin = None if entry.measured is None else entry.measured.margin
-        result.append(Match(name, wrong, int(matter.sum()), math.nan if margin is None else margin))
-    return sorted(result, key=lambda m: (m.wrong, -np.nan_to_num(m.margin), m.name))
+    return inputs, signs, matter
+
+
+@dataclass(frozen=True, slots=True)
+class Figures:
+    """What is known of a template without a run.
+
+    Attributes
+    ----------
+    stability, why : str
+        Its class, and a sentence.
+    products, tables, once : int
+        Multiplications and table look-ups of a cell in a step, and multiplications with the input.
+    settle : float or None
+        Time that it takes on the largest array that was measured, in the unit of its τ.
+    margin : float or None
+        By how much its bias may be off with no wrong cell of its check.
+    """
+
+    stability: str
+    why: str
+    products: int
+    tables: int
+    once: int
+    settle: float | None
+    margin: float | None
+
+
+def figures(template: Template) -> Figures:
+    """Return stability class, cost, and what was measured of a template of the library."""
+    kind, late = stability_class(template), template.delayed
+    linear = [template.A, *([late.A, late.B] if late else [])]
+    dynamic = [c for c in template.nonlinear if not c.static]
+    measured = None
+    if template.name in template_names():
+        entry = get_entry(template.name)
+        measured = entry.measured if entry.template.digest == template.digest else None
+    return Figures(
+        kind.name,
+        kind.why,
+        sum(int((part != 0.0).sum()) for part in linear),
+        sum(int((c.weights != 0.0).sum()) for c in dynamic),
+        int((template.B != 0.0).sum()),
+        measured.settle[-1][1] if measured and measured.settle else None,
+        measured.margin if measured else None,
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -203,23 +418,33 @@ class Comparison:
 
     Attributes
     ----------
+    names : (str, str)
     differs : dict of str to (object, object)
         Properties that differ, by name.
+    figures : (Figures, Figures)
+        Stability class, cost, and what was measured.
     exhaustive : bool
-        Whether all 512 neighbourhoods were decided by both, and not random pictures.
+        Whether all 512 neighbourhoods were decided by both, and not random pictures. Where one of
+        the templates needs a state, each is decided from a white state and from a black one.
     cases, unlike : int
-        Neighbourhoods, or cells of the pictures, that were decided; and those decided differently.
+        Neighbourhoods, or cells of the pictures, that were decided, and those decided differently.
+        Both are 0 for templates of several layers or inputs, whose answers are not compared.
     inputs : (unlike pictures, rows, cols) float
         Neighbourhoods, or pictures, with another answer.
+    states : like `inputs` or None
+        Initial states, where one of the templates needs them.
     answers : (2, pictures) or (2, pictures, rows, cols) float
         Of the first template and of the second.
     """
 
+    names: tuple[str, str]
     differs: dict[str, tuple[object, object]]
+    figures: tuple[Figures, Figures]
     exhaustive: bool
     cases: int
     unlike: int
     inputs: Floats = field(repr=False)
+    states: Floats | None = field(repr=False)
     answers: Floats = field(repr=False)
 
 
@@ -228,38 +453,39 @@ def compare(first: Template, second: Template, *, engine: Engine | None = None) 
 
     Two uncoupled templates that read a cell's eight neighbours are compared on all 512
     neighbourhoods. Others run on random pictures, half black and half white, whose seed is fixed.
-
-    Raises
-    ------
-    ArrayError
-        If one of them has several layers or inputs.
     """
-    for template in (first, second):
-        if template.layers != 1 or template.inputs > 1:
-            raise ArrayError(
-                f"Template '{template.name}' has {template.layers} layers and "
-                f"{template.inputs} inputs: only answers of templates with one of each can be "
-                "compared."
-            )
+    pair = first, second
+    about = (
+        (first.name, second.name),
+        _differences(first, second),
+        (figures(first), figures(second)),
+    )
+    if not all(map(_takes_one_picture, pair)):
+        none = np.zeros((0, 3, 3))
+        return Comparison(*about, False, 0, 0, none, None, np.zeros((2, 0)))
     used = engine or Engine("numba")
-    whole = all(_alone(template) and template.radius <= 1 for template in (first, second))
+    two = any(template.needs_state for template in pair)
+    whole = all(_alone(template) and template.radius <= 1 for template in pair)
+    random = np.random.default_rng(0)
     if whole:
-        bits = np.arange(512)[:, None] >> np.arange(9) & 1
-        pictures = np.where(bits.reshape(512, 3, 3) == 1, 1.0, -1.0)
+        bits = np.arange(1024 if two else 512)[:, None] >> np.arange(10) & 1
+        colours = np.where(bits == 1, 1.0, -1.0)
+        pictures = colours[:, :9].reshape(-1, 3, 3)
+        states = np.broadcast_to(colours[:, 9:, None], pictures.shape)
     else:
-        random = np.random.default_rng(0)
-        pictures = np.where(random.random((PICTURES, SIDE, SIDE)) < 0.5, 1.0, -1.0)
-    answers = np.stack([_answers(used, template, pictures) for template in (first, second)])
+        pictures, states = np.where(random.random((2, PICTURES, SIDE, SIDE)) < 0.5, 1.0, -1.0)
+    answers = np.stack([_answers(used, template, pictures, states) for template in pair])
     if whole:
         answers = answers[:, :, 1, 1]
     unlike = (answers[0] > 0.0) != (answers[1] > 0.0)
     shown = unlike if whole else unlike.any(axis=(1, 2))
     return Comparison(
-        _differences(first, second),
+        *about,
         whole,
         int(unlike.size),
         int(unlike.sum()),
         pictures[shown],
+        states[shown] if two else None,
         answers[:, shown],
     )
 
@@ -271,9 +497,12 @@ def _alone(template: Template) -> bool:
     return not feedback.any() and template.plain
 
 
-def _answers(engine: Engine, template: Template, pictures: Floats) -> Floats:
-    starts = pictures if template.initial == "input" else None
-    return np.asarray(engine.run(template, input=pictures, state=starts).output, np.float64)
+def _answers(engine: Engine, template: Template, pictures: Floats, states: Floats) -> Floats:
+    start = states if template.needs_state else pictures if template.initial == "input" else None
+    given = pictures if template.inputs else None
+    if given is None and start is None:
+        start = np.full(pictures.shape, template.initial)
+    return np.asarray(engine.run(template, input=given, state=start).output, np.float64)
 
 
 _PROPERTIES = ("A", "B", "z", "tau", "boundary", "input_boundary", "initial", "duration", "output")

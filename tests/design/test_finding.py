@@ -10,8 +10,9 @@ from scipy import ndimage
 
 import cnnum
 from cnnum.cli import main
-from cnnum.design.finding import compare, find_by_example, find_by_words
-from cnnum.errors import ArrayError
+from cnnum.design.finding import compare, find_by_example, find_by_words, find_programs
+from cnnum.errors import ArrayError, UnknownNameError
+from cnnum.templating.library import get_entry
 
 
 @pytest.mark.parametrize(
@@ -37,6 +38,18 @@ def test_words_that_nothing_has_find_nothing():
     assert find_by_words("the of in") == []
 
 
+def test_tags_narrow_a_search_and_are_one_by_themselves():
+    names = [hit.name for hit in find_by_words("", 300, tags=["logic"])]
+    assert {"LOGAND", "LOGNOT"} <= set(names)
+    assert all("logic" in get_entry(name).about.tags for name in names)
+    both = find_by_words("edge", 300, tags=["gray"])
+    assert both
+    assert all("gray" in get_entry(hit.name).about.tags for hit in both)
+    assert both[0].score == 1.0
+    with pytest.raises(UnknownNameError, match="skeleton"):
+        find_by_words("", tags=["skeletn"])
+
+
 def random_pictures(seed=0):
     return np.where(np.random.default_rng(seed).random((3, 16, 16)) < 0.5, 1.0, -1.0)
 
@@ -56,6 +69,38 @@ def test_an_example_finds_what_makes_it():
     assert found[0].cells == rim.sum()
     inverted = find_by_example(given, -given, names=names)
     assert (inverted[0].name, inverted[0].wrong) == ("LOGNOT", 0)
+
+
+FEW = ["CHUA_EROSION", "CHUA_DILATION", "EDGE", "LOGNOT", "LOGDIF", "CORNER", "RETINA_1"]
+"""Of uncoupled cells but the last, which has several layers."""
+
+
+def test_a_program_of_two_is_found():
+    """SciPy's opening by a cross: no template of these makes it, and erosion and dilation do."""
+    given = random_pictures(4)
+    cross = ndimage.generate_binary_structure(2, 1)
+    opened = np.stack([ndimage.binary_opening(p > 0, cross) for p in given])
+    wanted = np.where(opened, 1.0, -1.0)
+    assert find_by_example(given, wanted, names=FEW)[0].wrong > 0
+    first, second, *_ = find_programs(given, wanted, names=FEW)
+    assert (first.wrong, first.cells) == (0, given.size)
+    assert first.templates == ("CHUA_EROSION", "CHUA_DILATION")
+    margins = [get_entry(name).measured.margin for name in first.templates]
+    assert first.margin == min(margins)
+    assert second.wrong > 0
+
+
+def test_the_second_of_a_program_may_read_the_given_picture_too():
+    """What an erosion takes away is the given picture without the eroded one."""
+    given = random_pictures(5)
+    cross = ndimage.generate_binary_structure(2, 1)
+    eroded = np.stack([ndimage.binary_erosion(p > 0, cross) for p in given])
+    outline = np.where((given > 0) & ~eroded, 1.0, -1.0)
+    names = ["CHUA_EROSION", "LOGDIF", "LOGNOT", "CHUA_DILATION"]
+    best = find_programs(given, outline, names=names)[0]
+    assert (best.templates, best.wrong) == (("CHUA_EROSION", "LOGDIF"), 0)
+    # the input of LOGDIF is taken from its state, as the library says
+    assert best.name == "CHUA_EROSION → LOGDIF (state: the given picture)"
 
 
 def test_examples_that_are_none():
@@ -85,6 +130,67 @@ def test_two_rules_differ_where_arithmetic_says():
     assert coupled.unlike > 0
 
 
+def test_templates_of_two_pictures_are_compared_from_both_states():
+    """AND and OR differ where input and state do: for half of 512 neighbourhoods and two states."""
+    found = compare(cnnum.get_template("LOGAND"), cnnum.get_template("LOGOR"))
+    assert found.exhaustive
+    assert (found.cases, found.unlike) == (1024, 512)
+    assert (found.states[:, 1, 1] != found.inputs[:, 1, 1]).all()
+    assert found.differs.keys() == {"z"}
+
+
+def test_what_is_known_without_a_run_stands_beside():
+    found = compare(cnnum.get_template("EDGE"), cnnum.get_template("HOLE"))
+    edge, hole = found.figures
+    assert (edge.stability, hole.stability) == ("monostable cells", "symmetric A")
+    assert (edge.products, edge.once, hole.products, hole.once) == (1, 9, 5, 1)
+    assert hole.margin == get_entry("HOLE").measured.margin
+    assert hole.settle == get_entry("HOLE").measured.settle[-1][1]
+    other = replace(cnnum.get_template("HOLE"), z=-0.9)  # not the one that was measured
+    assert compare(other, other).figures[0].margin is None
+    layers = compare(cnnum.get_template("RETINA_1"), cnnum.get_template("EDGE"))
+    assert (layers.cases, layers.unlike) == (0, 0)
+    assert "A" in layers.differs
+
+
+@pytest.mark.parametrize("suffix", [".png", ".svg"])
+def test_a_comparison_is_a_picture(suffix, tmp_path):
+    path = tmp_path / f"pair{suffix}"
+    ask = ["templates", "compare", "CHUA_EROSION", "EDGE", "--picture", str(path)]
+    said = CliRunner().invoke(main, ask)
+    assert said.exit_code == 0, said.output
+    assert "stability" in said.stdout
+    assert "margin of the bias" in said.stdout
+    if suffix == ".png":
+        shown = cnnum.load_picture(path)
+        assert min(shown.shape) > 300
+        assert 0.02 < (shown > 0).mean() < 0.9
+    else:
+        assert "Their answers differ in" in path.read_text()
+        assert CliRunner().invoke(main, ask).exit_code == 2  # only a PNG says that cnnum made it
+    ask[-1] = str(tmp_path / "pair.doc")
+    assert CliRunner().invoke(main, ask).exit_code == 2
+
+
+def test_the_command_finds_programs_where_no_template_fits(tmp_path, monkeypatch):
+    monkeypatch.setattr("cnnum.design.finding.template_names", lambda: tuple(FEW))
+    given = random_pictures(6)[0]
+    opened = ndimage.binary_opening(given > 0, ndimage.generate_binary_structure(2, 1))
+    files = [str(tmp_path / name) for name in ("given.png", "wanted.png", "same.png")]
+    for file, picture in zip(files, (given, np.where(opened, 1.0, -1.0), -given), strict=True):
+        cnnum.save_picture(picture, file)
+
+    def found(wanted, *more):
+        ask = ["templates", "find", "--input", files[0], "--wanted", wanted, "--json", *more]
+        said = CliRunner().invoke(main, ask)
+        assert said.exit_code == 0, said.output
+        return [json.loads(line)["templates"] for line in said.stdout.splitlines()]
+
+    assert found(files[1])[0] == ["CHUA_EROSION", "CHUA_DILATION"]
+    assert all(len(names) == 1 for names in found(files[1], "--no-programs"))
+    assert found(files[2])[0] == ["LOGNOT"]
+
+
 def test_the_commands(tmp_path):
     run = CliRunner().invoke
     said = run(main, ["templates", "find", "fill", "holes", "--json"])
@@ -93,5 +199,5 @@ def test_the_commands(tmp_path):
     said = run(main, ["templates", "compare", "EROSION", "DILATION"])
     assert said.exit_code == 0, said.output
     assert "of 512 neighbourhoods" in said.stdout
-    for wrong in ([], ["x", "--input", __file__], ["--input", __file__]):
+    for wrong in ([], ["x", "--input", __file__], ["--input", __file__], ["x", "--programs"]):
         assert run(main, ["templates", "find", *wrong]).exit_code == 2

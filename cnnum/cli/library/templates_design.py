@@ -165,16 +165,14 @@ def _share(change: "Flips") -> str:
 
 def _cost(template: "Template") -> dict[str, Any]:
     """Return multiplications a cell: of an evaluation of the rates, and of the input, once."""
-    linear = sum(int((part != 0.0).sum()) for part in _feedback(template))
-    dynamic = [c for c in template.nonlinear if not c.static]
-    tables = sum(int((c.weights != 0.0).sum()) for c in dynamic)
-    static = int((template.B != 0.0).sum())
-    return {"products_a_step": linear, "tables_a_step": tables, "products_once": static}
+    from cnnum.design.finding import figures
 
-
-def _feedback(template: "Template") -> list[Any]:
-    late = template.delayed
-    return [template.A, *([late.A, late.B] if late else [])]
+    known = figures(template)
+    return {
+        "products_a_step": known.products,
+        "tables_a_step": known.tables,
+        "products_once": known.once,
+    }
 
 
 def _lines(found: dict[str, Any], unit: str) -> list[tuple[str, str]]:

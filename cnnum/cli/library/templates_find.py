@@ -1,5 +1,6 @@
 """`cnnum templates list`, `find` and `compare`: the library, searched by words or an example."""
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
@@ -7,8 +8,8 @@ import click
 import numpy as np
 
 from cnnum.cli.library.templates_convert import is_place
-from cnnum.cli.options import completed, json_option
-from cnnum.cli.output import Output, facts, progress, table
+from cnnum.cli.options import completed, force_option, json_option, target_option
+from cnnum.cli.output import Output, progress, table
 
 if TYPE_CHECKING:
     from cnnum.arrays import Floats
@@ -60,6 +61,12 @@ PICTURE = click.Path(path_type=Path, exists=True, dir_okay=False)
 @click.option("--input", "given", type=PICTURE, help="Input picture of the example.")
 @click.option("--wanted", type=PICTURE, help="Output picture of the example.")
 @click.option("--state", type=PICTURE, help="Initial state; by default that of each template.")
+@click.option("--tag", "tags", multiple=True, help="Only templates with this tag; repeatable.")
+@click.option(
+    "--programs/--no-programs",
+    default=None,
+    help="With an example, also rank programs of two templates; by default where no template fits.",
+)
 @click.option(
     "--most", default=10, show_default=True, type=click.IntRange(min=1), help="Number of results."
 )
@@ -69,53 +76,73 @@ def find(
     given: Path | None,
     wanted: Path | None,
     state: Path | None,
+    tags: tuple[str, ...],
+    programs: bool | None,
     most: int,
     as_json: bool,
 ) -> None:
-    """Find templates by WORDS, such as "fill holes", or by an example.
+    """Find templates by WORDS, such as "fill holes", by tags, or by an example.
 
     An example is an input picture and the desired output picture. Every template with one input
-    and one layer runs on it, and those with the fewest wrong cells come first.
+    and one layer runs on it, and programs of two such templates where none is right; those with
+    the fewest wrong cells come first, and among these those with the largest margin.
     """
     output = Output(as_json)
-    if bool(words) == (given is not None or wanted is not None):
-        raise click.UsageError("Give words, or an example with --input and --wanted.")
-    if words:
-        _by_words(" ".join(words), most, output)
+    example = given is not None or wanted is not None
+    if bool(words or tags) == example:
+        raise click.UsageError("Give words or tags, or an example with --input and --wanted.")
+    if not example:
+        if programs is not None or state is not None:
+            raise click.UsageError("--programs and --state belong to an example with --input.")
+        _by_words(" ".join(words), tags, most, output)
         return
     if given is None or wanted is None:
         raise click.UsageError("An example needs both --input and --wanted.")
-    _by_example(given, wanted, state, most, output)
+    if programs and state is not None:
+        raise click.UsageError("Programs of two begin from the input: leave out --state.")
+    _by_example(given, wanted, state, programs, most, output)
 
 
-def _by_words(words: str, most: int, output: Output) -> None:
+def _by_words(words: str, tags: tuple[str, ...], most: int, output: Output) -> None:
     from cnnum.design.finding import find_by_words
 
-    hits = find_by_words(words, most)
+    hits = find_by_words(words, most, tags=tags)
     shown = table("Template", ">fit", "what it does")
     for hit in hits:
         output.record(
             {"template": hit.name, "fit": round(hit.score, 3), "description": hit.summary}
         )
         shown.add_row(hit.name, f"{hit.score:.2f}", hit.summary)
-    output.show(shown if hits else f"No template matches '{words}'.")
+    output.show(shown if hits else f"No template matches '{' '.join((words, *tags)).strip()}'.")
 
 
-def _by_example(given: Path, wanted: Path, state: Path | None, most: int, output: Output) -> None:
-    from cnnum.design.finding import find_by_example
+def _by_example(
+    given: Path,
+    wanted: Path,
+    state: Path | None,
+    programs: bool | None,
+    most: int,
+    output: Output,
+) -> None:
+    from cnnum.design.finding import find_by_example, find_programs
     from cnnum.pictures import load_picture
     from cnnum.templating.library import template_names
 
     start = None if state is None else load_picture(state)
-    with progress("templates", len(template_names()), as_json=output.as_json) as steps:
-        found = find_by_example(
-            load_picture(given), load_picture(wanted), state=start, say=lambda _: steps.advance()
-        )
+    example, names = (load_picture(given), load_picture(wanted)), template_names()
+    with progress("templates", len(names), as_json=output.as_json) as steps:
+        found = find_by_example(*example, state=start, say=lambda _: steps.advance())
+    right = bool(found) and found[0].wrong == 0
+    if programs or (programs is None and state is None and not right):
+        with progress("programs", 2 * len(names), as_json=output.as_json) as steps:
+            pairs = find_programs(*example, most=most, say=lambda _: steps.advance())
+        found = sorted([*found, *pairs], key=lambda m: (m.wrong, len(m.templates)))
     shown = table("Template", ">wrong cells", ">of", ">margin")
     for match in found[:most]:
         output.record(
             {
                 "template": match.name,
+                "templates": list(match.templates),
                 "wrong": match.wrong,
                 "cells": match.cells,
                 "margin": None if np.isnan(match.margin) else match.margin,
@@ -129,15 +156,26 @@ def _by_example(given: Path, wanted: Path, state: Path | None, most: int, output
 @click.command("compare")
 @click.argument("first", shell_complete=completed("template", files=True))
 @click.argument("second", shell_complete=completed("template", files=True))
+@target_option("--picture", "FILE.png|svg|pdf", "Write the comparison as a picture.")
+@force_option
 @json_option
-def compare(first: str, second: str, as_json: bool) -> None:
+def compare(first: str, second: str, picture: Path | None, force: bool, as_json: bool) -> None:
     """Show where the numbers and the answers of the templates FIRST and SECOND differ.
 
     Each is a template of the library or a file. Uncoupled templates of radius 1 are compared on all
-    512 neighbourhoods, others on random pictures.
+    512 neighbourhoods, others on random pictures. Stability class, cost, settling time and margin
+    stand beside the numbers.
     """
     from cnnum.design.finding import compare as compared
+    from cnnum.report.comparison import (
+        comparison_rows,
+        refuse_unknown_kind,
+        verdict,
+        write_comparison,
+    )
 
+    if picture is not None:
+        refuse_unknown_kind(picture)
     one, other = _template(first), _template(second)
     found, output = compared(one, other), Output(as_json)
     numbers = {name: [_plain(value) for value in pair] for name, pair in found.differs.items()}
@@ -149,21 +187,25 @@ def compare(first: str, second: str, as_json: bool) -> None:
             "exhaustive": found.exhaustive,
             "cases": found.cases,
             "unlike": found.unlike,
+            "figures": [asdict(each) for each in found.figures],
             "neighbourhoods": found.inputs.astype(int).tolist() if found.exhaustive else [],
         }
     )
     shown = table("", one.name, other.name)
     for name, pair in found.differs.items():
         shown.add_row(name, *(_written(value) for value in pair))
-    output.show(shown if found.differs else "They have the same numbers.")
-    what = "of 512 neighbourhoods" if found.exhaustive else f"of {found.cases:,} cells of pictures"
-    output.show(facts([("answers differ in", f"{found.unlike:,} {what}")]))
+    for row in comparison_rows(found):
+        shown.add_row(*row)
+    output.show(*([] if found.differs else ["They have the same numbers."]), shown, verdict(found))
     if found.exhaustive and found.unlike:
         pairs = zip(found.inputs, found.answers[0], strict=True)
         blocks = [_block(picture, black=answer > 0.0) for picture, answer in pairs]
         output.show(
             f"Black of {one.name} (■), or of {other.name} (□):", *_side_by_side(blocks[:12])
         )
+    if picture is not None:
+        write_comparison(picture, found, force=force)
+        output.record({"kind": "picture", "file": str(picture)}, f"Written: {picture}")
 
 
 def _template(name: str) -> "Template":

@@ -1,0 +1,151 @@
+"""A picture of two templates side by side: their numbers, and where their answers differ."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cnnum.arrays import Floats
+from cnnum.design.finding import Comparison
+from cnnum.errors import ReportError, name_error
+from cnnum.report.plots import drawn, own_defaults
+from cnnum.safety.files import write_whole
+
+KINDS = (".png", ".svg", ".pdf")
+
+MOST, ACROSS = 48, 12
+"""Neighbourhoods that are drawn, and those in a row."""
+
+LINES = ("A", "B", "z", "boundary", "initial", "duration")
+
+
+def refuse_unknown_kind(path: Path) -> None:
+    """Refuse a file that is no picture.
+
+    Raises
+    ------
+    UnknownNameError
+        With the suffixes that are known.
+    """
+    if path.suffix.lower() not in KINDS:
+        raise name_error("kind of picture", path.suffix or path.name, KINDS)
+
+
+def write_comparison(path: Path, found: Comparison, *, force: bool = False) -> None:
+    """Write a comparison of two templates as a picture, of the kind that the suffix names.
+
+    Raises
+    ------
+    UnknownNameError
+        If the suffix is none of a picture.
+    ReportError
+        If it cannot be written.
+    """
+    refuse_unknown_kind(path)
+    with own_defaults():
+        content = drawn(_figure(found), path.suffix.lower().removeprefix("."))
+    write_whole(path, content, error=ReportError, force=force)
+
+
+def _figure(found: Comparison) -> Any:
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    shown = found.inputs[:MOST] if found.exhaustive else found.inputs[:1]
+    across = min(ACROSS, max(1, len(shown)))
+    down = -(-len(shown) // across) if found.exhaustive else len(shown)
+    text = _text(found)
+    high = 0.16 * (text.count("\n") + 1)
+    wide = 9.0
+    panels = 4 if found.states is None else 5
+    each = wide / ACROSS if found.exhaustive else wide / panels
+    figure: Any = Figure(figsize=(wide, high + 0.4 + each * 1.35 * down))
+    FigureCanvasAgg(figure)
+    top = high / figure.get_figheight()
+    figure.text(
+        0.02, 1.0 - 0.1 / figure.get_figheight(), text, va="top", family="monospace", size=8
+    )
+    below = 1.0 - top - 0.3 / figure.get_figheight()
+    for number, picture in enumerate(shown):
+        row, column = divmod(number, across)
+        height = below / max(1, down)
+        if found.exhaustive:
+            place = (column / ACROSS, below - (row + 1) * height, 0.9 / ACROSS, 0.8 * height)
+            black = found.names[0 if found.answers[0][number] > 0.0 else 1]
+            state = "" if found.states is None else f", state {found.states[number][1, 1]:+.0f}"
+            _draw(figure.add_axes(place), picture, f"{black}{state}")
+            continue
+        answers = [found.answers[0][number], found.answers[1][number]]
+        differ = np.sign(answers[0]) - np.sign(answers[1])
+        named = {"input": picture}
+        if found.states is not None:
+            named["state"] = found.states[number]
+        named |= {**dict(zip(found.names, answers, strict=True)), "difference": differ / 2.0}
+        for at, (title, panel) in enumerate(named.items()):
+            place = (at / panels + 0.005, below - (row + 1) * height, 0.95 / panels, 0.85 * height)
+            _draw(figure.add_axes(place), panel, title)
+    return figure
+
+
+def _draw(ax: Any, picture: Floats, title: str) -> None:
+    ax.imshow(picture, cmap="gray_r", vmin=-1.0, vmax=1.0, interpolation="nearest")
+    rows, cols = picture.shape
+    if rows <= 5:
+        ax.hlines(np.arange(rows + 1) - 0.5, -0.5, cols - 0.5, color="0.6", linewidth=0.5)
+        ax.vlines(np.arange(cols + 1) - 0.5, -0.5, rows - 0.5, color="0.6", linewidth=0.5)
+    ax.set(xticks=[], yticks=[])
+    ax.set_title(title, fontsize=6)
+
+
+def _text(found: Comparison) -> str:
+    """Return what differs, in two columns."""
+    rows = [("", *found.names)]
+    rows += [(key, _value(one), _value(other)) for key, (one, other) in found.differs.items()]
+    rows += comparison_rows(found)
+    lines = list[str]()
+    split = [[cell.split("\n") for cell in row] for row in rows]
+    widths = [max(len(line) for row in split for line in row[at]) for at in range(3)]
+    for row in split:
+        for number in range(max(map(len, row))):
+            cells = [part[number] if number < len(part) else "" for part in row]
+            lines.append("  ".join(c.ljust(w) for c, w in zip(cells, widths, strict=True)).rstrip())
+    lines.append(verdict(found))
+    if found.exhaustive and found.unlike:
+        some = f" The first {MOST} are drawn." if found.unlike > MOST else ""
+        lines.append(f"Above each neighbourhood stands the template that answers black.{some}")
+    return "\n".join(lines)
+
+
+def comparison_rows(found: Comparison) -> list[tuple[str, str, str]]:
+    """Return stability class, cost, settling time and margin of both, as words."""
+    pair = found.figures
+    words = {
+        "stability": [each.stability for each in pair],
+        "products a step": [str(each.products) for each in pair],
+        "look-ups a step": [str(each.tables) for each in pair],
+        "products once": [str(each.once) for each in pair],
+        "settles within": [_known(each.settle) for each in pair],
+        "margin of the bias": [_known(each.margin) for each in pair],
+    }
+    return [(key, one, other) for key, (one, other) in words.items()]
+
+
+def verdict(found: Comparison) -> str:
+    """Return in how many cases the answers differ, as a sentence."""
+    if not found.cases:
+        return "Answers of templates of several layers or inputs are not compared."
+    kind = "neighbourhoods" if found.states is None else "neighbourhoods and states"
+    of = f"{found.cases} {kind}" if found.exhaustive else f"{found.cases:,} cells of pictures"
+    return f"Their answers differ in {found.unlike:,} of {of}."
+
+
+def _known(value: float | None) -> str:
+    return "not known" if value is None else f"{value:.3g}"
+
+
+def _value(given: object) -> str:
+    """Return a number, a matrix in lines, or a word."""
+    if not isinstance(given, np.ndarray):
+        return str(given) if len(str(given)) <= 40 else f"{str(given)[:37]}..."
+    rows = given.reshape(-1, given.shape[-1]) if given.ndim > 1 else given.reshape(1, -1)
+    return "\n".join(" ".join(f"{number:5g}" for number in row) for row in rows)
