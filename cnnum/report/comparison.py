@@ -1,7 +1,7 @@
 """A picture of two templates side by side: their numbers, and where their answers differ."""
 
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -147,5 +147,6 @@ def _value(given: object) -> str:
     """Return a number, a matrix in lines, or a word."""
     if not isinstance(given, np.ndarray):
         return str(given) if len(str(given)) <= 40 else f"{str(given)[:37]}..."
-    rows = given.reshape(-1, given.shape[-1]) if given.ndim > 1 else given.reshape(1, -1)
+    array = cast("Floats", given)
+    rows = array.reshape(-1, array.shape[-1]) if array.ndim > 1 else array.reshape(1, -1)
     return "\n".join(" ".join(f"{number:5g}" for number in row) for row in rows)
