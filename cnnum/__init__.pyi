@@ -53,6 +53,9 @@ from .templating.couplings import Gain as Gain
 from .templating.couplings import NonlinearCoupling as NonlinearCoupling
 from .templating.files import load_template as load_template
 from .templating.files import save_template as save_template
+from .templating.functions import OutputFunction as OutputFunction
+from .templating.functions import PairFunction as PairFunction
+from .templating.functions import Table as Table
 from .templating.library import get_template as get_template
 from .templating.library import template_names as template_names
 from .templating.template import Check as Check
