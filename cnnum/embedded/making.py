@@ -13,7 +13,7 @@ from cnnum.embedded.formats import NoFormats, Precision
 from cnnum.embedded.lowering.builder import solvers_for
 from cnnum.embedded.lowering.schedules import lower
 from cnnum.embedded.measuring import Seen, inputs_of, measured
-from cnnum.embedded.program import Array, IntegerProgram
+from cnnum.embedded.program import Array, IntegerProgram, array_names
 from cnnum.graph.schedule import Schedule
 from cnnum.integrators.solver import Solver
 
@@ -96,7 +96,9 @@ class Made:
             What the header says of the frames.
         """
         streams = frames if frames.ndim == 5 else frames[:, np.newaxis]
-        return exported(self.program, [self.inputs(frame) for frame in streams], about, facts)
+        channels = array_names("in", self.schedule.channels)
+        inputs = [self.inputs(frame) for frame in streams]
+        return exported(self.program, inputs, about, facts, channels)
 
 
 def quantised(array: Array, values: Floats) -> Numbers:

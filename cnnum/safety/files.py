@@ -135,7 +135,9 @@ def write_files(
     error: type[CnnumError] = ReportError,
     force: bool = False,
 ) -> None:
-    """Write several files into a folder, which is made: all drafts first, then all moves.
+    """Write several files into a folder: all drafts first, then all moves.
+
+    The folder is made, and so are those that names lead through, as in "src/slip.c".
 
     All places are looked at again before the first move. The other arguments and the errors are
     those of `written`. A target that changes between two moves, or a kill, can leave some of the
@@ -143,6 +145,8 @@ def write_files(
     """
     with sentences(folder, error):
         make_folder(folder)
+        for name in files:
+            make_folder((folder / name).parent)
     with contextlib.ExitStack() as drafts:
         for name, content in files.items():
             data = content.encode("utf-8") if isinstance(content, str) else content

@@ -22,6 +22,7 @@ from cnnum.errors import ArrayError, SceneError, name_error
 from cnnum.frame import FORCE_AXES
 from cnnum.graph.schedule import Schedule, schedule
 from cnnum.programs import Program
+from cnnum.programs.library import program_names
 from cnnum.recordings.recording import Recording
 from cnnum.safety.values import shown
 from cnnum.scenes.arrangement import bound, named, program_of
@@ -123,6 +124,15 @@ def _seen(name: str, shape: Shape, method: str, needs: tuple[str, ...] | None) -
     return measured(result, solvers_for(result, method), measuring_frames(shape)[::step])
 
 
+def pictures(shape: Shape) -> Floats:
+    """Return random black-and-white pictures, with objects and with single cells, as `measured`."""
+    random = np.random.default_rng(0)
+    noise = random.standard_normal((4, 32, *shape, 1))
+    rough, smooth = noise[:2], noise[2:]
+    moved = [np.roll(smooth, (row, col), (2, 3)) for row in (-1, 0, 1) for col in (-1, 0, 1)]
+    return np.where(np.concatenate([rough, np.sum(moved, axis=0)]) > 0.0, 1.0, -1.0)
+
+
 def vector_streams(shape: Shape, count: int, rate: float = RATE) -> Floats:
     """Return simulated streams among which a test vector is chosen, as `vector_parts` does."""
     scenes = trials(shape, 0, MEASURED, rate)[::MEASURED]
@@ -168,10 +178,16 @@ def vector_frames(shape: Shape, count: int) -> Floats:
 SHORT, LONG = 48, 160
 """Frames of each stream of the test vector: long ones where they change more outputs."""
 
+PICTURES = 6
+"""Pictures of each stream of a test vector."""
+
 MOST = 3000
 """Frames of a recording that are looked at, from its start on."""
 
 SIMULATED = "strain"
+
+PICTURE, GREY = "picture", "-1 white to 1 black"
+"""Channel of the library's programs for pictures, and its unit."""
 
 
 def export(
@@ -200,13 +216,14 @@ def export(
     needs : sequence of str, optional
         Outputs to export. The default is all.
     channels : sequence of str, optional
-        Channels of a frame, in order. The default is those of `like`, or x, y and normal.
+        Channels of a frame, in order. The default is those of `like`; without it "picture" for a
+        program of pictures, and x, y and normal for any other.
     rate : float, Hz, optional
         Frame rate, for a program that has times. The default is that of `like`, or 200.
     like : Recording, array, path or Scene, optional
         Typical frames, on which the range of every value is measured: a recording, its file, an
         array (frames, rows, cols, channels), or a scene, which is run to its end and calibrated.
-        The default is strain of simulated scenes.
+        The default is strain of simulated scenes, or random black-and-white pictures.
 
     Returns
     -------
@@ -223,6 +240,8 @@ def export(
         If there is no such program, output, precision or channel.
     """
     found = named(program) if isinstance(program, str) else program
+    if like is None and channels is None and found.name in program_names("pictures"):
+        channels = (PICTURE,)
     seen = Examples.of(like, shape, channels, rate)
     timed = found if found.rate is not None else found.bind(rate=seen.rate)
     traced = timed.trace(seen.shape, seen.channels)
@@ -231,6 +250,10 @@ def export(
     streams = seen.measured[:: 1 if wanted.memories or not seen.simulated else APART]
     made = make(timed.name, wanted, precision_named(precision), streams, method)
     facts = Facts(traced.rate if traced.timed else None, seen.unit, precision, method)
+    if (
+        seen.unit == GREY
+    ):  # waves may take a thousand steps a picture, and no picture depends on others
+        return made.export(seen.parts(PICTURES), facts=facts)
     exported = made.export(seen.parts(SHORT), facts=facts)
     if exported.vector.still:
         longer = made.export(seen.parts(LONG), facts=facts)
@@ -326,6 +349,8 @@ class Examples:
         cls, shape: Shape, channels: Sequence[str] | None, rate: float | None
     ) -> "Examples":
         names = tuple(channels or FORCE_AXES)
+        if names == (PICTURE,):
+            return cls(shape, names, rate or RATE, GREY, pictures(shape))
         for name in names:
             if name not in FORCE_AXES:
                 error = name_error("channel", name, FORCE_AXES)
@@ -375,4 +400,5 @@ class Examples:
         if self.simulated:
             places = [FORCE_AXES.index(name) for name in self.channels]
             return vector_streams(self.shape, count, self.rate)[..., places]
-        return vector_parts([self.measured[:, 0]], count)
+        one_after_another = self.measured.reshape(-1, *self.measured.shape[2:])
+        return vector_parts([one_after_another], count)

@@ -16,6 +16,7 @@ from cnnum.cli.options import (
     trust_option,
 )
 from cnnum.cli.output import Output
+from cnnum.embedded.c.packages import PACKAGES
 
 if TYPE_CHECKING:
     from cnnum.embedded.c.files import Exported
@@ -45,6 +46,11 @@ if TYPE_CHECKING:
 )
 @set_option
 @trust_option
+@click.option(
+    "--package",
+    type=click.Choice(PACKAGES),
+    help="Also write what this build system needs.",
+)
 @click.option("--needs", help="Outputs, such as gross_slip,slip_x; all by default.")
 @click.option(
     "--out",
@@ -66,6 +72,7 @@ def command(
     scene: str | None,
     settings: tuple[str, ...],
     trust: bool,
+    package: str | None,
     needs: str | None,
     out: Path,
     force: bool,
@@ -92,12 +99,12 @@ def command(
                 "A scene determines shape, rate, channels and outputs: leave these options out."
             )
         with load_scene(scene, changes=assignments(settings), trust=trust) as opened:
-            ours = require_room(out, opened.plan.program, force=force)
+            ours = require_room(out, opened.plan.program, package, force=force)
             exported = export_scene(opened, precision=precision, method=method)
     else:
         size = None if shape is None else shape_of(shape)
         found = named(cast("str", program))
-        ours = require_room(out, found.name, force=force)
+        ours = require_room(out, found.name, package, force=force)
         exported = export(
             found,
             size,
@@ -108,6 +115,8 @@ def command(
             rate=rate,
             like=like,
         )
+    if package is not None:
+        exported = exported.packaged(package)
     exported.write(out, force=force or ours)
     _show(exported, out, Output(as_json))
     return 0
@@ -156,7 +165,7 @@ def _names(text: str | None) -> tuple[str, ...] | None:
     return None if text is None else tuple(name.strip() for name in text.split(","))
 
 
-def require_room(out: Path, program: str, *, force: bool) -> bool:
+def require_room(out: Path, program: str, package: str | None = None, *, force: bool) -> bool:
     """Refuse a folder that cannot be made or written, before the work of a minute.
 
     Returns
@@ -175,7 +184,7 @@ def require_room(out: Path, program: str, *, force: bool) -> bool:
     if not (there.is_dir() and os.access(there, os.W_OK | os.X_OK)):
         raise click.UsageError(f"'{out}' cannot be written: no files can be created in '{there}'.")
     ours = is_export(out, program)
-    if not (force or ours) and (other := in_the_way(out, program)):
+    if not force and (other := in_the_way(out, program, package)):
         raise click.UsageError(
             f"'{out}' contains a file '{other}' that no export of '{program}' wrote: choose "
             "another folder, or use --force."

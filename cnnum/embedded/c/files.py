@@ -1,17 +1,20 @@
 """A program as a folder of C99 files: the program, a test vector, a stream, and a Makefile."""
 
+import json
 import textwrap
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
 
 import numpy as np
 
+from cnnum.embedded.c.packages import FOLDERS, MARK, Source, package_files
 from cnnum.embedded.c.program import (
     bytes_of,
     c_text,
     element_type,
+    in_order,
     literal,
     members,
     size_of,
@@ -57,6 +60,30 @@ class Exported:
         """
         write_files(Path(folder), self.files, force=force)
 
+    def packaged(self, kind: str) -> "Exported":
+        """Return the same program as a package of a build system, with a few more files.
+
+        Parameters
+        ----------
+        kind : "cmake", "arduino", "platformio", "zephyr" or "esp-idf"
+
+        Raises
+        ------
+        UnknownNameError
+            If there is no such kind.
+        """
+        name, math, files = identifier(self.program.name), self.program.real, dict(self.files)
+        rows, cols = self.program.shape
+        about = f"Program {name} on {rows} x {cols} cells, {self.facts.precision}."
+        made = package_files(kind, Source(name, about, math, files["vector.c"]))
+        if at := FOLDERS.get(kind, ""):
+            for one in (f"{name}.c", f"{name}.h"):
+                files[at + one] = files.pop(one)
+            files["Makefile"] = _makefile(name, at, math=math)
+            manifest = json.loads(files[MANIFEST]) | {"source": f"{at}{name}.c"}
+            files[MANIFEST] = json.dumps(manifest, indent=1, ensure_ascii=False) + "\n"
+        return replace(self, files=files | made)
+
 
 @dataclass(frozen=True, slots=True)
 class Facts:
@@ -77,7 +104,10 @@ class Facts:
     method: str
 
 
-OTHERS = ("vector.c", "stream.c", "Makefile", "ranges.txt")
+MANIFEST = "export.json"
+"""File that describes frame and answers to programs that read it."""
+
+OTHERS = ("vector.c", "stream.c", "Makefile", "ranges.txt", MANIFEST)
 """Files that have the same names in every export."""
 
 
@@ -96,11 +126,18 @@ def identifier(name: str) -> str:
     return result
 
 
-def in_the_way(folder: Path, program: str) -> str | None:
+def in_the_way(folder: Path, program: str, package: str | None = None) -> str | None:
     """Return a file that an export would replace, though no export of this program wrote it."""
-    if is_export(folder, program):
-        return None
-    return next((place.name for place in _places(folder, program) if _is_there(place)), None)
+    if not is_export(folder, program):
+        for place in _places(folder, program):
+            if _is_there(place):
+                return str(place.relative_to(folder))
+    if package is not None:
+        for name in package_files(package, Source(identifier(program), "", False, "")):
+            place = folder / name
+            if _is_there(place) and not (place.is_file() and MARK.encode() in place.read_bytes()):
+                return name
+    return None
 
 
 def is_export(folder: Path, program: str) -> bool:
@@ -108,24 +145,30 @@ def is_export(folder: Path, program: str) -> bool:
     makefile, name = folder / "Makefile", identifier(program)
     if any(place.is_symlink() for place in _places(folder, program)) or not makefile.is_file():
         return False
-    return _rule(name) in makefile.read_bytes().decode("utf-8", "replace")
+    text = makefile.read_bytes().decode("utf-8", "replace")
+    return any(_rule(name, at) in text for at in ("", *FOLDERS.values()))
 
 
 def _places(folder: Path, program: str) -> list[Path]:
     name = identifier(program)
-    return [folder / one for one in (f"{name}.c", f"{name}.h", *OTHERS)]
+    own = [f"{at}{name}.{end}" for at in ("", *FOLDERS.values()) for end in "ch"]
+    return [folder / one for one in (*own, *OTHERS)]
 
 
 def _is_there(place: Path) -> bool:
     return place.is_symlink() or place.exists()
 
 
-def _rule(name: str) -> str:
-    return f"vector: vector.c {name}.c {name}.h\n"
+def _rule(name: str, at: str = "") -> str:
+    return f"vector: vector.c {at}{name}.c {at}{name}.h\n"
 
 
 def exported(
-    program: IntegerProgram, streams: Frames, about: Sequence[str], facts: Facts | None = None
+    program: IntegerProgram,
+    streams: Frames,
+    about: Sequence[str],
+    facts: Facts | None = None,
+    channels: Mapping[str, str] | None = None,
 ) -> Exported:
     """Return a program's files.
 
@@ -138,6 +181,8 @@ def exported(
         Lines at the head of the program's own file.
     facts : Facts, optional
         What the header says of the frames.
+    channels : mapping of str to str, optional
+        The arrays of all channels of a frame; those that are not read have none in the program.
     """
     if facts is not None and not about:
         about = (
@@ -174,6 +219,7 @@ def exported(
         "stream.c": _stream(name),
         "Makefile": _makefile(name, math=program.real),
         "ranges.txt": "".join(f"{line}\n" for line in range_lines(program)),
+        MANIFEST: _manifest(program, f"{name}.c", facts, channels or {}),
     }
     return Exported(
         files,
@@ -315,6 +361,45 @@ def _facts(program: IntegerProgram, inputs: Sequence[Array], facts: Facts | None
     return [part for line in lines for part in textwrap.wrap(line, 90)]
 
 
+def _part(array: Array, name: str) -> dict[str, object]:
+    least, largest = array.bounds or (None, None)
+    return {
+        "name": name,
+        "member": array.name,
+        "map": array.length > 0,
+        "type": element_type(array),
+        "fraction": None if array.format is None else array.format.fraction,
+        "least": least,
+        "largest": largest,
+    }
+
+
+def _manifest(
+    program: IntegerProgram, source: str, facts: Facts | None, channels: Mapping[str, str]
+) -> str:
+    """Return what the header says, as JSON: members stand in the order of their structures."""
+    known = facts or Facts(None, "", "float32" if program.real else "", "")
+    names = {array: name for name, array in (*channels.items(), *program.outputs.items())}
+    parts = dict[str, object]()
+    for kind in ("input", "output"):
+        parts[f"{kind}s"] = [
+            _part(one, names.get(one.name, one.name)) for one in in_order(program.of_kind(kind))
+        ]
+    about: dict[str, object] = {
+        "program": program.name,
+        "source": source,
+        "shape": list(program.shape),
+        "channels": list(channels),
+        "rate": known.rate,
+        "unit": known.unit,
+        "precision": known.precision,
+        "method": known.method,
+        "version": __version__,
+        **parts,
+    }
+    return json.dumps(about, indent=1, ensure_ascii=False) + "\n"
+
+
 def _vector(name: str, program: IntegerProgram, vector: Vector) -> str:
     """Return a main program that runs frames and compares the answers."""
     inputs, outputs = program.of_kind("input"), program.of_kind("output")
@@ -432,8 +517,8 @@ def _stream(name: str) -> str:
     )
 
 
-def _makefile(name: str, *, math: bool) -> str:
-    libraries = " -lm" if math else ""
+def _makefile(name: str, at: str = "", *, math: bool) -> str:
+    libraries, include = " -lm" if math else "", f"-I{at} " if at else ""
     return "\n".join(
         [
             "# `make check` compiles the program, and compares it with the test vector",
@@ -445,11 +530,11 @@ def _makefile(name: str, *, math: bool) -> str:
             "\t@./vector || { echo 'The answers differ from the test vector.' >&2; exit 1; }",
             f"\t@echo 'The test vector of {name} passes.'",
             "",
-            _rule(name).rstrip(),
-            f"\t$(CC) $(CFLAGS) -o $@ vector.c {name}.c{libraries}",
+            _rule(name, at).rstrip(),
+            f"\t$(CC) $(CFLAGS) {include}-o $@ vector.c {at}{name}.c{libraries}",
             "",
-            f"stream: stream.c {name}.c {name}.h",
-            f"\t$(CC) $(CFLAGS) -o $@ stream.c {name}.c{libraries}",
+            f"stream: stream.c {at}{name}.c {at}{name}.h",
+            f"\t$(CC) $(CFLAGS) {include}-o $@ stream.c {at}{name}.c{libraries}",
             "",
             "clean:",
             "\trm -f vector stream",

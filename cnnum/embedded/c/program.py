@@ -173,8 +173,12 @@ def literal(array: Array, value: float) -> str:
 
 def members(arrays: Iterable[Array]) -> list[str]:
     """Return the members of a structure, the widest first, so that nothing is padded."""
-    ordered = sorted(arrays, key=lambda one: -WIDTHS[element_type(one)])
-    return [f"    {element_type(one)} {declared(one)}; {comment(one)}" for one in ordered]
+    return [f"    {element_type(one)} {declared(one)}; {comment(one)}" for one in in_order(arrays)]
+
+
+def in_order(arrays: Iterable[Array]) -> list[Array]:
+    """Return the members of a structure in their order, the widest first."""
+    return sorted(arrays, key=lambda one: -WIDTHS[element_type(one)])
 
 
 def declared(array: Array) -> str:
@@ -220,9 +224,8 @@ def record_type(arrays: Sequence[Array], *, memory: bool = False) -> np.dtype[An
     memory : bool
         Whether it is that of the memory, which begins with a flag.
     """
-    ordered = sorted(arrays, key=lambda one: -WIDTHS[element_type(one)])
     members: list[Any] = [
-        (one.name, CODES[element_type(one)], (max(1, one.length),)) for one in ordered
+        (one.name, CODES[element_type(one)], (max(1, one.length),)) for one in in_order(arrays)
     ]
     if memory:
         members = [("started", "<i4"), *members]

@@ -1,0 +1,369 @@
+"""An exported program, compiled on this machine and run over frames and recordings."""
+
+import ctypes
+import json
+import os
+import shlex
+import shutil
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from os import PathLike
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cnnum.arrays import Floats, finite
+from cnnum.embedded.c.files import MANIFEST
+from cnnum.errors import ArrayError, NotSupportedError, ProgramError, name_error, unreadable
+from cnnum.recordings.recording import Recording
+
+COMPILERS = ("cc", "gcc", "clang")
+
+FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-shared", "-fPIC")
+"""As the Makefile of an export, for a library that this process loads."""
+
+NEAR = 0.01
+"""Share by which the rate of a recording may differ from that of the program."""
+
+_LAYOUTS = {"float": "f4", "uint8_t": "u1", "int8_t": "i1", "int16_t": "i2", "int32_t": "i4"}
+
+_SHIM = """#include "{name}.h"
+
+int64_t cnnum_size(int32_t which);
+void cnnum_run(void *memory, int32_t reset, const void *in, void *out, int64_t frames);
+
+int64_t cnnum_size(int32_t which)
+{{
+    return which == 0 ? (int64_t)sizeof({name}_memory)
+        : which == 1 ? (int64_t)sizeof({name}_input) : (int64_t)sizeof({name}_output);
+}}
+
+void cnnum_run(void *memory, int32_t reset, const void *in, void *out, int64_t frames)
+{{
+    if (reset) {{
+        {name}_reset(({name}_memory *)memory);
+    }}
+    for (int64_t n = 0; n < frames; ++n) {{
+        const {name}_input *frame = (const {name}_input *)in + n;
+        {name}_step(({name}_memory *)memory, frame, ({name}_output *)out + n);
+    }}
+}}
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """A member of the structure of a frame, or of its answers.
+
+    Attributes
+    ----------
+    name, member : str
+        The channel or output, and its name in C.
+    type : str
+        Of C.
+    shape : tuple of int
+        (rows, cols) of a map, () of a number.
+    fraction : int or None
+        A whole number q stands for q · 2^−fraction; None of reals.
+    least, largest : int or None
+        The range of an input; numbers beyond it are taken as its end.
+    """
+
+    name: str
+    member: str
+    type: str
+    shape: tuple[int, ...]
+    fraction: int | None = None
+    least: int | None = None
+    largest: int | None = None
+
+    @property
+    def field(self) -> tuple[str, str, tuple[int, ...]]:
+        """The member as NumPy has it."""
+        return self.member, _LAYOUTS[self.type], self.shape or (1,)
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class LoadedExport:
+    """An export that runs on this machine; `cnnum.load_export` makes it.
+
+    Attributes
+    ----------
+    program : str
+    shape : (rows, cols)
+    channels : tuple of str
+        Of a frame, in their order.
+    rate : float or None
+        Frames per second that the constants of time are for; None where the program has none.
+    unit : str
+        Unit of the inputs, or empty.
+    precision : str
+    inputs, outputs : tuple of Part
+    """
+
+    program: str
+    shape: tuple[int, int]
+    channels: tuple[str, ...]
+    rate: float | None
+    unit: str
+    precision: str
+    inputs: tuple[Part, ...]
+    outputs: tuple[Part, ...]
+    _library: Any = None
+
+    def __repr__(self) -> str:
+        rows, cols = self.shape
+        timed = "" if self.rate is None else f", {self.rate:g} frames per second"
+        return f"LoadedExport({self.program}, {rows}×{cols}, {self.precision}{timed})"
+
+    def stream(self) -> "ExportStream":
+        """Return a stream with cleared memory."""
+        return ExportStream(self)
+
+    def run(self, frames: Recording | ArrayLike) -> dict[str, Floats]:
+        """Run the program over frames from a cleared memory.
+
+        Parameters
+        ----------
+        frames : Recording, or (frames, rows, cols, channels) float
+            A recording supplies the channels by their names. An array has those of the program in
+            their order; the last axis may be left out where there is one.
+
+        Returns
+        -------
+        dict of str to (frames, rows, cols) or (frames,) float
+            Outputs as real numbers. Those of whole numbers are exact, so that outputs that are
+            equal here are equal to the bit.
+
+        Raises
+        ------
+        ArrayError
+            If the frames do not fit the program, or the recording has another rate.
+        UnknownNameError
+            If the recording has no such channel.
+        """
+        return self.stream().run(frames)
+
+    def _read(self, frames: Recording | ArrayLike) -> Floats:
+        """Return (frames, rows, cols, channels) numbers."""
+        if isinstance(frames, Recording):
+            rate = self.rate
+            if rate is not None and abs(frames.rate - rate) > NEAR * rate:
+                raise ArrayError(
+                    f"The recording has {frames.rate:g} frames per second, and '{self.program}' "
+                    f"was exported for {rate:g}: export it with --rate {frames.rate:g}, or pass "
+                    "the recording's values alone to run it all the same."
+                )
+            known = frames.channels
+            for name in self.channels:
+                if name not in known:
+                    raise name_error("channel", name, known)
+            values = np.asarray(frames.values, dtype=np.float64)
+            values = values.reshape(*values.shape[:3], len(known))
+            values = values[..., [known.index(name) for name in self.channels]]
+        else:
+            values = np.asarray(frames, dtype=np.float64)
+            if values.ndim == 3 and len(self.channels) == 1:
+                values = values[..., np.newaxis]
+        if values.shape[1:] != (*self.shape, len(self.channels)):
+            names = ", ".join(self.channels)
+            raise ArrayError(
+                f"'{self.program}' takes frames (frames, {self.shape[0]}, {self.shape[1]}, "
+                f"{len(self.channels)}), with the channels {names}, got {values.shape}."
+            )
+        return finite("frames", values)
+
+
+@dataclass(slots=True, eq=False, repr=False)
+class ExportStream:
+    """Frames of one array in time; owns the memory.
+
+    Attributes
+    ----------
+    exported : LoadedExport
+    frames : int
+        Frames so far.
+    limited : int
+        Input numbers so far that lay beyond their range, and were taken as its end.
+    """
+
+    exported: LoadedExport
+    frames: int = 0
+    limited: int = 0
+    _memory: Any = field(default=None)
+
+    def __post_init__(self) -> None:
+        # words of eight bytes, so that every member is aligned
+        words = -(-_size(self.exported._library, 0) // 8)
+        self._memory = np.zeros(words, dtype=np.int64)
+
+    def push(self, frame: ArrayLike) -> dict[str, Floats]:
+        """Run the program on the next frame.
+
+        Parameters
+        ----------
+        frame : (rows, cols, channels) float
+            The last axis may be left out where there is one.
+
+        Returns
+        -------
+        dict of str to (rows, cols) or () float
+
+        Raises
+        ------
+        ArrayError
+            If the frame does not fit the program.
+        """
+        answers = self.run(np.asarray(frame, dtype=np.float64)[np.newaxis])
+        return {name: values[0] for name, values in answers.items()}
+
+    def run(self, frames: Recording | ArrayLike) -> dict[str, Floats]:
+        """Run the program on the next frames, as `LoadedExport.run` does."""
+        exported = self.exported
+        values = exported._read(frames)
+        given = np.zeros(len(values), dtype=_layout(exported.inputs))
+        for part in exported.inputs:
+            numbers = values[..., exported.channels.index(part.name)]
+            given[part.member] = self._whole(part, numbers).reshape(len(values), *part.shape)
+        answers = np.zeros(len(values), dtype=_layout(exported.outputs))
+        exported._library.cnnum_run(
+            self._memory.ctypes.data_as(ctypes.c_void_p),
+            ctypes.c_int32(int(self.frames == 0)),
+            given.ctypes.data_as(ctypes.c_void_p),
+            answers.ctypes.data_as(ctypes.c_void_p),
+            ctypes.c_int64(len(values)),
+        )
+        self.frames += len(values)
+        return {part.name: _real(part, answers[part.member]) for part in exported.outputs}
+
+    def _whole(self, part: Part, values: Floats) -> NDArray[Any]:
+        """Return numbers as the C takes them: halves up, saturated."""
+        if part.fraction is None:
+            return values.astype(np.float32)
+        assert part.least is not None
+        assert part.largest is not None
+        whole = np.floor(np.ldexp(values, part.fraction) + 0.5)
+        legal = np.clip(whole, part.least, part.largest)
+        self.limited += int(np.count_nonzero(legal != whole))
+        return legal.astype(np.int64)
+
+
+def _real(part: Part, numbers: NDArray[Any]) -> Floats:
+    shaped = numbers.astype(np.float64).reshape(len(numbers), *part.shape)
+    return np.ldexp(shaped, -(part.fraction or 0))
+
+
+def _layout(parts: tuple[Part, ...]) -> np.dtype[Any]:
+    """Return the structure of the header: the members stand in its order."""
+    fields: list[Any] = [part.field for part in parts]
+    return np.dtype(fields or [("nothing", "u1")], align=True)
+
+
+def _size(library: Any, which: int) -> int:
+    return int(library.cnnum_size(ctypes.c_int32(which)))
+
+
+def load_export(folder: str | PathLike[str]) -> LoadedExport:
+    """Compile an export with this machine's C compiler, and return it as something to run.
+
+    The compiler is that of the environment variable CC, or `cc`, `gcc` or `clang`. The code of the
+    folder is run in this process, with your rights.
+
+    Parameters
+    ----------
+    folder : str or Path
+        A folder that `cnnum export` wrote.
+
+    Raises
+    ------
+    NotSupportedError
+        If there is no C compiler.
+    ProgramError
+        If the folder holds no export, or its C cannot be compiled or has other structures than its
+        record says.
+    """
+    place = Path(folder)
+    record = _record(place)
+    with TemporaryDirectory(prefix="cnnum-", ignore_cleanup_errors=True) as work:
+        library = _compiled(place, record, Path(work))
+    inputs, outputs = (
+        tuple(_part(one, record["shape"]) for one in record[kind]) for kind in ("inputs", "outputs")
+    )
+    for which, parts in ((1, inputs), (2, outputs)):
+        if _size(library, which) != _layout(parts).itemsize:
+            raise ProgramError(
+                f"'{place}' has other structures in its header than '{MANIFEST}' says: export the "
+                "program again."
+            )
+    rows, cols = record["shape"]
+    return LoadedExport(
+        str(record["program"]),
+        (int(rows), int(cols)),
+        tuple(record["channels"]),
+        record["rate"],
+        str(record["unit"]),
+        str(record["precision"]),
+        inputs,
+        outputs,
+        library,
+    )
+
+
+def _part(one: Mapping[str, Any], shape: Sequence[int]) -> Part:
+    known = {key: value for key, value in one.items() if key != "map"}
+    return Part(**known, shape=tuple(shape) if one["map"] else ())
+
+
+def _record(place: Path) -> Mapping[str, Any]:
+    advice = ": name a folder that 'cnnum export' of this version wrote"
+    try:
+        text = (place / MANIFEST).read_text(encoding="utf-8")
+    except OSError as error:
+        raise unreadable(ProgramError, f"'{place / MANIFEST}'", error, advice) from None
+    try:
+        return cast("Mapping[str, Any]", json.loads(text))
+    except ValueError:
+        raise ProgramError(f"'{place / MANIFEST}' is not JSON{advice}.") from None
+
+
+def _compiled(place: Path, record: Mapping[str, Any], work: Path) -> Any:
+    """Return the loaded library of a folder's C."""
+    source = place / str(record["source"])
+    shim, library = work / "shim.c", work / f"{source.stem}.so"
+    shim.write_text(_SHIM.format(name=source.stem), encoding="utf-8")
+    math = ["-lm"] if record["precision"] == "float32" and sys.platform != "win32" else []
+    command = [*_compiler(), *FLAGS, f"-I{source.parent.absolute()}", "-o", str(library)]
+    try:
+        done = subprocess.run(
+            [*command, str(shim), str(source.absolute()), *math],
+            capture_output=True,
+            text=True,
+            check=False,
+            errors="replace",
+        )
+    except OSError as error:
+        raise NotSupportedError(
+            f"The C compiler '{command[0]}' cannot be started ({error.strerror}): set CC to "
+            "another one."
+        ) from None
+    if done.returncode:
+        said = next((line for line in done.stderr.splitlines() if "error" in line), done.stderr)
+        raise ProgramError(f"'{source}' cannot be compiled by '{command[0]}': {said.strip():.300}")
+    return ctypes.CDLL(str(library))
+
+
+def _compiler() -> list[str]:
+    if asked := os.environ.get("CC"):
+        return shlex.split(asked)
+    found = next((path for one in COMPILERS if (path := shutil.which(one))), None)
+    if found is None:
+        raise NotSupportedError(
+            "An export is compiled before it runs here, and no C compiler was found (cc, gcc or "
+            "clang): install one, such as the package 'gcc', or set CC."
+        )
+    return [found]
