@@ -82,7 +82,7 @@ class Exported:
             files["Makefile"] = _makefile(name, at, math=math)
             manifest = json.loads(files[MANIFEST]) | {"source": f"{at}{name}.c"}
             files[MANIFEST] = json.dumps(manifest, indent=1, ensure_ascii=False) + "\n"
-        return replace(self, files=files | made)
+        return replace(self, files={**files, **made})
 
 
 @dataclass(frozen=True, slots=True)

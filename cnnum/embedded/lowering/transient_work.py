@@ -1,7 +1,8 @@
 """One transient while it is lowered: its arguments, its drive, its start and its answers."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 
@@ -11,11 +12,16 @@ from cnnum.embedded.lowering.builder import FINE, Builder, Padded, reach
 from cnnum.embedded.program import Array
 from cnnum.errors import NotSupportedError
 from cnnum.graph.nodes import Pick
+from cnnum.templating.couplings import NonlinearCoupling
+from cnnum.templating.functions import Table
 from cnnum.templating.network import taps
 from cnnum.templating.template import Template
 
 Given = Mapping[str, Sequence[Array | Quantity]]
 Terms = list[tuple[float, Quantity]]
+
+Read = Callable[[str, int, int, int], Quantity]
+"""Returns "x", "y" or "u" of a layer or input, so many rows below and columns to the right."""
 
 
 @dataclass(slots=True, eq=False)
@@ -45,8 +51,8 @@ class TransientWork:
     picks: Mapping[int, Pick]
     figures: dict[str, Quantity] = field(default_factory=dict[str, Quantity])
     watched: bool = False
-    _padded: dict[tuple[int, float | None], Padded] = field(
-        default_factory=dict[tuple[int, "float | None"], Padded]
+    _padded: dict[tuple[int, float | None, int], Padded] = field(
+        default_factory=dict[tuple[int, "float | None", int], Padded]
     )
 
     def check(self) -> None:
@@ -58,12 +64,18 @@ class TransientWork:
                     f"The figure '{pick.what}' of a run is not exported: leave out the outputs "
                     "that need it."
                 )
-        if not template.plain or template.output.discrete:
+        if template.delayed is not None or template.gains:
             raise NotSupportedError(
-                f"Template '{template.name}' has nonlinear, delayed, timed or discrete couplings, "
-                "which are not exported: leave out the outputs that need it."
+                f"Template '{template.name}' has delayed or timed couplings, which are not "
+                "exported: leave out the outputs that need it."
             )
-        if template.output.name not in ("standard", "linear", "full-range"):
+        for one in template.nonlinear:
+            if not isinstance(one.function, Table):
+                raise NotSupportedError(
+                    f"The function '{one.function.name}' of two cells of template "
+                    f"'{template.name}' is not exported: take a table of points."
+                )
+        if template.output.name not in ("standard", "linear", "full-range", "sign"):
             raise NotSupportedError(
                 f"The output function '{template.output.name}' of template '{template.name}' is "
                 "not exported: take a piecewise linear one."
@@ -84,11 +96,71 @@ class TransientWork:
             for tap in taps(template.B, layer):
                 padded = self.padded(self.given["input"][tap.source], boundary.constant)
                 terms.append((share * tap.weight, padded.at(tap.row, tap.col)))
+            for number, one in self.couplings(layer, static=True):
+                terms.append((share, self.coupled(number, one, self._input)))
         if template.z[layer]:
             terms.append((1.0, self.fixed(share * float(template.z[layer]))))
         if self.given["bias"]:
             terms.append((share, self.cell(self.given["bias"][layer])))
         return terms
+
+    def couplings(self, layer: int, *, static: bool) -> list[tuple[int, NonlinearCoupling]]:
+        """Return the nonlinear couplings into a layer, with their numbers."""
+        known = enumerate(self.template.nonlinear)
+        return [(n, one) for n, one in known if one.to == layer and one.static == static]
+
+    def coupled(self, number: int, one: NonlinearCoupling, read: Read) -> Quantity:
+        """Return the sum of weight · f(argument) of a nonlinear coupling; writes variables."""
+        to, radius, terms = self.to, one.weights.shape[0] // 2, list[tuple[float, Quantity]]()
+        for at, (row, col) in enumerate(np.argwhere(one.weights).tolist()):
+            argument = read(one.neighbour, one.source, row - radius, col - radius)
+            if one.centre is not None:
+                own = read(one.centre, one.centre_source, 0, 0)
+                first, second = (argument, own) if one.reversed_sign else (own, argument)
+                argument = to.arithmetic.subtract(first, second, FINE)
+            name = f"{self.index}_{number}_{at}"
+            argument = self._register(f"v{name}", argument)
+            value = self._function(one.table, argument)
+            if one.times_argument:
+                value = self._register(f"g{name}", value)
+                value = to.arithmetic.multiply(value, argument, FINE)
+            terms.append((float(one.weights[row, col]), self._register(f"f{name}", value)))
+        total = to.arithmetic.weighted(terms, FINE)
+        return self._register(f"f{self.index}_{number}", total)
+
+    def _register(self, name: str, value: Quantity) -> Quantity:
+        """Return a value by a name, in the format that its range takes."""
+        form = self.to.formats.register(name)
+        return self.to.let(name, self.to.arithmetic.fit(value, form))  # type: ignore[arg-type]
+
+    def _function(self, table: Table, v: Quantity) -> Quantity:
+        """Return a table's function: steps as choices, straight lines as a sum of ramps."""
+        arithmetic, points = self.to.arithmetic, table.points
+        if table.interpolation == "constant":
+            found = constant(points[-1][1])
+            for place, value in reversed(points[:-1]):
+                above = arithmetic.compare("greater", v, constant(place))
+                found = arithmetic.select(above, found, constant(value), FINE)
+            return found
+        base, terms = points[0][1], list[tuple[float, Quantity]]()
+        for (low, before), (high, after) in pairwise(points):
+            slope = (after - before) / (high - low)
+            if slope:
+                ramp = arithmetic.extreme("maximum", v, constant(low), v.fraction)
+                ramp = arithmetic.extreme("minimum", ramp, constant(high), v.fraction)
+                terms.append((slope, ramp))
+                base -= slope * low
+        ramps = arithmetic.weighted(terms, FINE)
+        return arithmetic.add(ramps, constant(base), FINE) if base else ramps
+
+    def _input(self, quantity: str, source: int, row: int, col: int) -> Quantity:
+        del quantity  # a coupling of the drive reads inputs alone
+        return self.seen_input(source, self.halo).at(row, col)
+
+    def seen_input(self, source: int, halo: int) -> Padded:
+        """Return an input with a rim of that width."""
+        edge = self.template.input_boundary.constant
+        return self.padded(self.given["input"][source], edge, halo)
 
     def fixed(self, value: float) -> Quantity:
         """Return a constant term as the arithmetic has it."""
@@ -112,25 +184,33 @@ class TransientWork:
 
     @property
     def halo(self) -> int:
-        """The width of the rims of padded inputs."""
-        return reach(self.template.B)
+        """The width of the rims of inputs that the drive reads."""
+        return max(reach(self.template.B), self.far(static=True))
 
-    def padded(self, given: Array | Quantity, edge: float | None) -> Padded:
+    def far(self, *, static: bool) -> int:
+        """Return how far nonlinear couplings reach: those of the drive, or those of each step."""
+        known = [one.weights for one in self.template.nonlinear if one.static == static]
+        return max((reach(one[np.newaxis, np.newaxis]) for one in known), default=0)
+
+    def padded(
+        self, given: Array | Quantity, edge: float | None, halo: int | None = None
+    ) -> Padded:
         """Return an input with its rim, which is written where it is asked for first."""
-        key = (id(given), edge)
+        width = self.halo if halo is None else halo
+        key = (id(given), edge, width)
         if key not in self._padded:
             name = f"p{self.index}_{len(self._padded)}"
             self._padded[key] = Padded.copied(
-                self.to, name, given, self.template.input_boundary, self.halo
+                self.to, name, given, self.template.input_boundary, width
             )
         return self._padded[key]
 
     def prepare(self) -> None:
         """Write the rims of all inputs."""
-        if not self.given["input"] or not np.any(self.template.B):
-            return
+        static = [one for one in self.template.nonlinear if one.static]
+        read = {one.source for one in static} | {one.centre_source for one in static if one.centre}
         for source, one in enumerate(self.given["input"]):
-            if np.any(self.template.B[:, source]):
+            if source in read or np.any(self.template.B[:, source]):
                 self.padded(one, self.template.input_boundary.constant)
 
     def target(self, layer: int, what: str) -> Array:
@@ -176,11 +256,18 @@ class TransientWork:
                 continue
             linear = self.template.output.linear or pick.what == "state"
             array = self.target(layer, "state" if linear else "output")
-            value = state if linear else self.clipped(state)
+            value = state if linear else self.output(state)
             if array not in result.values() and not (linear and self.watched):
                 self.to.store(array, value)
             result[index] = array
         return result
+
+    def output(self, state: Quantity) -> Quantity:
+        """Return the output f(x) of a state."""
+        if self.template.output.discrete:
+            positive = self.to.arithmetic.compare("at_least", state, constant(0.0))
+            return self.to.arithmetic.select(positive, constant(1.0), constant(-1.0), FINE)
+        return self.clipped(state)
 
     def clipped(self, state: Quantity) -> Quantity:
         """Return a state kept within −1 and 1."""

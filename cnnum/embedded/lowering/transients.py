@@ -3,7 +3,7 @@
 Uncoupled cells are a weighted sum of inputs and start, by any method: their answer is exact.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from math import prod
 from typing import NamedTuple
@@ -22,7 +22,7 @@ from cnnum.integrators.exact_ends import Circulant, Decay, Propagator, Spectral
 from cnnum.integrators.schemes import MAX_STEPS, FixedSteps
 from cnnum.integrators.solver import Solver
 from cnnum.integrators.tableau import EULER
-from cnnum.templating.network import taps
+from cnnum.templating.network import moving_inputs, reads_states, taps
 
 J = ir.Name("j", (0, 1 << 16))
 DOWN = ir.Name("d", (0, 1 << 16))
@@ -425,21 +425,30 @@ def stepped(work: TransientWork, scheme: FixedSteps) -> dict[int, Array]:
     work.prepare()
     states = [_state(work, layer) for layer in range(template.layers)]
     drives = [_drive(work, layer, scheme.step) for layer in range(template.layers)]
-    halo = reach(template.A)
+    halo = max(reach(template.A), work.far(static=False))
+    inputs = {source: work.seen_input(source, halo) for source in moving_inputs(template)}
     seen = [
         Padded.made(
             to, _like_output(work, states[n]), f"y{work.index}_{n}", template.boundary, halo
         )
         for n in range(template.layers)
     ]
+    # of states that neighbours read, a copy: the cells of a step see those before it
+    past = [
+        Padded.made(to, state, f"o{work.index}_{n}", template.boundary, halo)
+        for n, state in enumerate(states if reads_states(template) else [])
+    ]
+    maps = {"u": inputs, "y": dict(enumerate(seen)), "x": dict(enumerate(past))}
     watch = Watch.of(work, scheme)
     with to.within() as steps:
         for state, padded in zip(states, seen, strict=True):
             value = to.item(state)
-            padded.fill(value if template.output.linear else work.clipped(value))
+            padded.fill(value if template.output.linear else work.output(value))
+        for state, padded in zip(states, past, strict=False):
+            padded.fill(to.item(state))
         with to.within() as body:
             for layer, (state, drive) in enumerate(zip(states, drives, strict=True)):
-                _step(work, layer, scheme, state, drive, seen, watch)
+                _step(work, layer, scheme, state, drive, maps, watch)
         to.loop(body, cols=halo > 0, halo=halo)
     watch.repeat(work, scheme, steps)
     return _ends(work, states)
@@ -458,7 +467,8 @@ def _like_output(work: TransientWork, state: Array) -> Array:
 
 def _state(work: TransientWork, layer: int) -> Array:
     to, name = work.to, f"x{work.index}_{layer}"
-    form = to.formats.stored(name)
+    # steps beside jumps and corners are short: a word would round away the changes of many of them
+    form = to.formats.kept(name) if work.template.nonlinear else to.formats.stored(name)
     array = to.array(name, "work", to.cells, form, f"state of {work.template.name}")
     start = work.start(layer)
     to.loop([to.store_to(array, _value(work, array, start))])
@@ -489,10 +499,10 @@ def _step(
     scheme: FixedSteps,
     state: Array,
     drive: Array | None,
-    seen: list[Padded],
+    maps: Mapping[str, Mapping[int, Padded]],
     watch: Watch,
 ) -> None:
-    to, template = work.to, work.template
+    to, template, seen = work.to, work.template, maps["y"]
     share = scheme.step / float(template.tau[layer])
     terms = [
         (share * tap.weight, seen[tap.source].at(tap.row, tap.col))
@@ -504,6 +514,11 @@ def _step(
         terms = _merged(terms, own, seen[layer].at(0, 0))
     elif own:
         terms.append((own, to.item(state)))
+    for number, coupling in work.couplings(layer, static=False):
+        value = work.coupled(
+            number, coupling, lambda what, source, row, col: maps[what][source].at(row, col)
+        )
+        terms.append((share, value))
     total = to.arithmetic.weighted(terms, FINE)
     if drive is not None:
         # of a step as long as τ nothing of the state is kept, and the drive is all there is
@@ -542,7 +557,7 @@ def _ends(work: TransientWork, states: list[Array]) -> dict[int, Array]:
             result[index] = states[layer]
             continue
         array = work.target(layer, "output")
-        value = work.clipped(work.to.item(states[layer]))
+        value = work.output(work.to.item(states[layer]))
         work.to.loop([work.to.store_to(array, work.to.stored(value, array))])
         result[index] = array
     return result
