@@ -104,6 +104,8 @@ class LoadedExport:
         Unit of the inputs, or empty.
     precision : str
     inputs, outputs : tuple of Part
+    library : ctypes.CDLL
+        The compiled code.
     """
 
     program: str
@@ -114,7 +116,7 @@ class LoadedExport:
     precision: str
     inputs: tuple[Part, ...]
     outputs: tuple[Part, ...]
-    _library: Any = None
+    library: Any
 
     def __repr__(self) -> str:
         rows, cols = self.shape
@@ -149,8 +151,8 @@ class LoadedExport:
         """
         return self.stream().run(frames)
 
-    def _read(self, frames: Recording | ArrayLike) -> Floats:
-        """Return (frames, rows, cols, channels) numbers."""
+    def read(self, frames: Recording | ArrayLike) -> Floats:
+        """Return frames as numbers, (frames, rows, cols, channels), as `run` takes them."""
         if isinstance(frames, Recording):
             rate = self.rate
             if rate is not None and abs(frames.rate - rate) > NEAR * rate:
@@ -199,7 +201,7 @@ class ExportStream:
 
     def __post_init__(self) -> None:
         # words of eight bytes, so that every member is aligned
-        words = -(-_size(self.exported._library, 0) // 8)
+        words = -(-_size(self.exported.library, 0) // 8)
         self._memory = np.zeros(words, dtype=np.int64)
 
     def push(self, frame: ArrayLike) -> dict[str, Floats]:
@@ -225,13 +227,13 @@ class ExportStream:
     def run(self, frames: Recording | ArrayLike) -> dict[str, Floats]:
         """Run the program on the next frames, as `LoadedExport.run` does."""
         exported = self.exported
-        values = exported._read(frames)
+        values = exported.read(frames)
         given = np.zeros(len(values), dtype=_layout(exported.inputs))
         for part in exported.inputs:
             numbers = values[..., exported.channels.index(part.name)]
             given[part.member] = self._whole(part, numbers).reshape(len(values), *part.shape)
         answers = np.zeros(len(values), dtype=_layout(exported.outputs))
-        exported._library.cnnum_run(
+        exported.library.cnnum_run(
             self._memory.ctypes.data_as(ctypes.c_void_p),
             ctypes.c_int32(int(self.frames == 0)),
             given.ctypes.data_as(ctypes.c_void_p),
