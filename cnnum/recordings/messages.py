@@ -10,7 +10,7 @@ from importlib.util import find_spec
 from io import BytesIO
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, cast
+from typing import IO, Any, cast
 
 import numpy as np
 from mcap.data_stream import ReadDataStream
@@ -39,7 +39,7 @@ BAGS = (".bag", ".db3")
 LOG_TIME, PUBLISH_TIME = "log_time", "publish_time"
 """Names of the times of a message that are not in it."""
 
-LONGEST_LINE = 16 * MEGABYTE
+LONGEST_LINE, LONGEST_LIST = 16 * MEGABYTE, 64 * MEGABYTE
 
 MOST_TOPICS = 4096
 
@@ -341,6 +341,10 @@ def _of_lines(path: Path) -> Generator[Message, None, None]:
     number = 0
     try:
         with open_regular(path) as file:
+            if (listed := _listed(file)) is not None:
+                for number, one in enumerate(listed, 1):
+                    yield Message("", number, number, _Later("JSON", _itself, one))
+                return
             while line := file.readline(LONGEST_LINE):
                 number += 1
                 if line.strip():
@@ -350,6 +354,27 @@ def _of_lines(path: Path) -> Generator[Message, None, None]:
         if isinstance(error, CnnumError):
             raise
         raise unreadable(RecordingError, f"'{path}'", error) from None
+
+
+def _itself(content: Any) -> Any:
+    return content
+
+
+def _listed(file: IO[bytes]) -> list[Any] | None:
+    """Return the messages of a file that is one list of them; None where it has lines."""
+    begin = file.read(LOOKED_AT)
+    file.seek(0)
+    if begin.lstrip()[:1] != b"[" or b"{" not in begin:
+        return None
+    try:
+        held = json.loads(file.read(LONGEST_LIST))
+    except (ValueError, RecursionError):
+        held = None
+    file.seek(0)
+    if isinstance(held, list) and held:
+        found: list[Any] = held
+        return found if all(isinstance(one, dict) for one in found) else None
+    return None
 
 
 def _checked(path: Path, line: int, content: _Later) -> _Later:

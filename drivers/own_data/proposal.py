@@ -4,7 +4,7 @@ import json
 import math
 import re
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field
 from io import TextIOWrapper
@@ -29,7 +29,16 @@ from cnnum.drivers.text_table import (
 )
 from cnnum.drivers.uskin_csv import refuse_several
 from cnnum.errors import CnnumError, CodecError, RecordingError, unreadable
-from cnnum.recordings.messages import BAGS, LINES, is_bag, messages, numeric_fields
+from cnnum.recordings.messages import (
+    BAGS,
+    LINES,
+    STAMPS,
+    is_bag,
+    messages,
+    names_of,
+    numeric_fields,
+    part_of,
+)
 from cnnum.recordings.times import rate_of
 from cnnum.safety.reading import open_regular
 
@@ -78,12 +87,16 @@ TIME = re.compile(
 """Names of times. A "t" with a number is a taxel."""
 
 COUNTER = re.compile(r"^(?:|index|frame|frame.?(?:no|nr|id|index|number)|seq|sequence|n|#)$", re.I)
+BRACKETS = re.compile(r"\s*[\[(][^\])]*[\])]\s*")
 UNITS = {"N": "N", "n": "N", "kpa": "kPa", "pa": "Pa", "v": "V", "mv": "mV", "psi": "psi"}
 PAD = re.compile(r"shape = \[(\d+), (\d+)\]")
 """The shape that a decoder asks for where it finds pads of several."""
 
 MOSTLY = 0.9
 """Part of a column's fields that are numbers, from which another word in it is a fault."""
+
+MONITOR = re.compile(r"\s*\d+:\d+:\d+[.,]?\d* -> ")
+"""What Arduino's serial monitor writes before a line."""
 
 LIKELY = re.compile(r"tact|taxel|touch|skin|press|force|sensor|xela|values|data|grid", re.I)
 TIME_UNITS = ("s", "ms", "us", "ns")
@@ -238,7 +251,7 @@ def _of_axes(proposal: Proposal, shape: Sequence[int]) -> None:
     """Set shape, channels and order by the axes of a frame."""
     axes = [size for size in shape if size > 1] or [1]
     few = (2, 3, 4, 6)
-    if len(axes) == 3 and axes[2] in few:
+    if len(axes) == 3 and axes[2] in few and not (axes[0] == 3 and axes[2] in few[2:]):
         proposal.table["shape"], count = tuple(axes[:2]), axes[2]
     elif len(axes) == 3 and axes[0] in few:
         proposal.table["shape"], count = tuple(axes[1:]), axes[0]
@@ -427,10 +440,13 @@ def _of_messages(path: Path, topic: str) -> Proposal:
 
 
 def _line_times(path: Path, proposal: Proposal) -> None:
-    from cnnum.recordings.messages import names_of, part_of
-
     with closing(messages(path, "")) as every:
         some = [message.content() for message in islice(every, LOOKED_AT)]
+    stamps = [set(pair) for pair in STAMPS]
+    for name in _paths(some[0]):
+        if set(names_of(part_of(some[0], name))) in stamps:
+            proposal.table["time"] = name
+            return
     for name in names_of(some[0]):
         held = [part_of(one, name) for one in some if name in names_of(one)]
         if TIME.search(name) and all(isinstance(one, int | float) for one in held):
@@ -439,6 +455,15 @@ def _line_times(path: Path, proposal: Proposal) -> None:
                 proposal.table |= {"time": name, "time_unit": unit}
                 return
     _no_rate(proposal)
+
+
+def _paths(content: object, depth: int = 3) -> Iterator[str]:
+    """Yield the paths of fields that have fields of their own."""
+    for name in names_of(content) if depth else ():
+        part = part_of(content, name)
+        if names_of(part):
+            yield name
+            yield from (f"{name}.{deeper}" for deeper in _paths(part, depth - 1))
 
 
 # bytes as an array sent them
@@ -523,6 +548,11 @@ def _of_text(path: Path, lines: list[str]) -> Proposal:
     comment = next((c for c, count in begins.items() if count), "#")
     best: tuple[float, int, str, str] = (0.0, 0, ",", ".")
     content = [line for line in lines if line.strip() and not line.lstrip().startswith(comment)]
+    if sum(MONITOR.match(line) is not None for line in content) > MOSTLY * len(content):
+        raise CodecError(
+            f"'{path}' has lines as of Arduino's serial monitor ({content[0][:24].strip()!r}…): "
+            "replace ' -> ' by a comma, as \"sed 's/ -> /,/'\" does, so that times are a column."
+        )
     for separator in (",", *SEPARATORS):
         rows = [fields for fields in fields_of(content, TextForm(separator)) if any(fields)]
         rows = [_stripped(fields) for fields in rows]
@@ -581,6 +611,17 @@ def _of_table(path: Path, lines: list[str], form: TextForm, width: int) -> Propo
             rows.append(fields)
             numeric += 1
             continue
+        if len(rows) == 1 and len(fields) == len(rows[0]) and not any(numbers):
+            raise CodecError(
+                f"'{path}', line {number + 1}: names below names, as of columns of two levels in "
+                "pandas: give each column one name, as by df.columns = ['_'.join(map(str, c)) for "
+                "c in df.columns]."
+            )
+        if header and len(fields) == width and all(BRACKETS.fullmatch(text) for text in fields):
+            raise CodecError(
+                f"'{path}', line {number + 1}: units ({fields[0]}, …) below the names of the "
+                "columns: delete this line."
+            )
         if not rows and len(fields) >= width - 1 and len(fields) > 1 and not all(numbers):
             header, said, skip = bare, is_comment, number
         elif not rows and line.strip() and not is_comment:
@@ -610,6 +651,31 @@ def _of_table(path: Path, lines: list[str], form: TextForm, width: int) -> Propo
     _columns(proposal, columns, form.decimal, bool(header))
     proposal.seen.append(f"a table of {len(names)} columns")
     return proposal
+
+
+def _refuse_long(
+    columns: Mapping[str, list[str]], clock: str, values: Mapping[str, Floats]
+) -> None:
+    """Refuse a table with a row a taxel.
+
+    Raises
+    ------
+    CodecError
+        If a column goes through the same whole numbers at each of its times.
+    """
+    times = columns.get(clock, [])
+    ends = [n for n in range(1, len(times)) if times[n] != times[n - 1]]
+    lengths = set(np.diff(ends).tolist())
+    if len(ends) < 3 or len(lengths) != 1 or (each := lengths.pop()) < 2:
+        return
+    for name, numbers in values.items():
+        some = numbers[ends[0] : ends[0] + each * (len(ends) - 1)].reshape(-1, each)
+        if name != clock and len(set(some[0].tolist())) == each and (some == some[0]).all():
+            raise CodecError(
+                f"The table has a row a taxel: '{name}' goes through {each} numbers at each time; "
+                f"make it a row a frame, as by df.pivot(index='{clock}', columns='{name}') in "
+                "pandas, with one name a column."
+            )
 
 
 def _date_forms(texts: list[str]) -> list[str]:
@@ -662,6 +728,7 @@ def _columns(
                 break
     if not clock:
         _no_rate(proposal)
+    _refuse_long(columns, clock, values)
     rest = [n for n in values if n != clock and not (named and COUNTER.search(n))]
     rest = [n for n in rest if not (TIME.search(n) and named)]
     counters = [

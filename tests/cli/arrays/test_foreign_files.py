@@ -304,3 +304,87 @@ def test_taxels_before_channels_and_frames_last_are_read(call, tmp_path):
     done = call("layout", path, "--write")
     assert done.exit_code == 0, done.stderr
     np.testing.assert_array_equal(cnnum.load_recording(path).values, values)
+
+
+def bridge(folder, values, times):
+    """What a bridge of ROS to a browser sends."""
+    lines = [
+        {
+            "op": "publish",
+            "msg": {
+                "header": {"stamp": {"secs": 1_700_000_000, "nsecs": round(1e9 * t)}},
+                "taxels": [dict(zip("xyz", one, strict=True)) for one in frame.reshape(-1, 3)],
+            },
+        }
+        for frame, t in zip(values, times, strict=True)
+    ]
+    (folder / "a.jsonl").write_text("\n".join(map(json.dumps, lines)))
+    return folder / "a.jsonl"
+
+
+def json_list(folder, values, times, indent=None):
+    lines = [{"time": t, "data": f.ravel().tolist()} for f, t in zip(values, times, strict=True)]
+    (folder / "a.json").write_text(json.dumps(lines, indent=indent))
+    return folder / "a.json"
+
+
+def channels_first(folder, values, times):
+    """Four columns might be four channels, and three channels three rows."""
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(folder / "a.h5", "w") as file:
+        file["tactile"], file["t"] = values.transpose(0, 3, 1, 2), times
+    return folder / "a.h5"
+
+
+@pytest.mark.parametrize(
+    "write",
+    [bridge, json_list, lambda *args: json_list(*args, indent=2), channels_first],
+    ids=["stamps of ROS", "list", "list over lines", "channels first"],
+)
+def test_messages_with_stamps_lists_and_channels_before_four_columns(call, tmp_path, write):
+    values, times = press(4, 4, offset=1000.0)[:90], np.arange(90) / 100.0
+    path = write(tmp_path, values, times)
+    assert call("layout", path, "--write").exit_code == 0
+    recording = cnnum.load_recording(path)
+    np.testing.assert_allclose(recording.values, values, atol=1e-9)
+    assert recording.rate == pytest.approx(100.0)
+
+
+REFUSED = {
+    "a row a taxel": (
+        ["time,taxel,x,y,z", *(f"{n / 100},{k},1,2,{n}" for n in range(20) for k in range(16))],
+        "a row a taxel: 'taxel' goes through 16 numbers at each time",
+    ),
+    "units below names": (
+        ["t,P1,P2", "[s],[kPa],[kPa]", *(f"{n / 100},{n},3" for n in range(20))],
+        "line 2: units ([s], …) below the names",
+    ),
+    "two levels of names": (
+        ["taxel,0,0,0,1,1,1", "axis,x,y,z,x,y,z", *(f"{n / 100},1,2,3,4,5,6" for n in range(20))],
+        "line 2: names below names",
+    ),
+    "Arduino's monitor": (
+        [f"12:00:00.{10 * n:03d} -> {n},2,3" for n in range(20)],
+        "Arduino's serial monitor",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_tables_that_would_be_misread_are_one_sentence(call, tmp_path, name):
+    lines, said = REFUSED[name]
+    (tmp_path / "a.csv").write_text("\n".join(lines) + "\n")
+    done = call("layout", tmp_path / "a.csv")
+    assert (done.exit_code, done.stderr.count("\n")) == (2, 1)
+    assert said in done.stderr
+
+
+def test_words_and_times_that_come_often_are_no_fault(call, tmp_path):
+    """A coarse clock, and a row of missing values below the first."""
+    rows = [f"{n // 10 / 10},{n % 7},{n % 9},3,{n % 3}" for n in range(200)]
+    text = "\n".join(["t,p1,p2,p3,p4", rows[0], "0.0,NA,NA,NA,NA", *rows[1:]])
+    (tmp_path / "a.csv").write_text(text)
+    done = call("layout", tmp_path / "a.csv")
+    assert done.exit_code == 0
+    assert 'time = "t"' in done.stdout
+    assert "shape = [2, 2]" in done.stdout
