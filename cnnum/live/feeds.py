@@ -45,6 +45,41 @@ class Feed(Protocol):
         ...
 
 
+class Rested:
+    """The numbers of frames less their rest, the median of the first good ones.
+
+    Parameters
+    ----------
+    read : callable
+        From a frame to its numbers.
+    """
+
+    def __init__(self, read: Callable[[Frame], Floats]) -> None:
+        self._read = read
+        self._rest: Floats | float = 0.0
+        self.begin()
+
+    def begin(self) -> None:
+        """Learn the rest from the next frames."""
+        self._first: list[Floats] = []
+        self._since, self._learns = 0.0, True
+
+    def look(self, frame: Frame) -> None:
+        """Take in a good frame."""
+        if not self._learns:
+            return
+        self._since = self._since if self._first else frame.time
+        self._first.append(self._read(frame))
+        count = len(self._first)
+        self._learns = count < ENOUGH or frame.time - self._since < FIRST
+        if count <= ENOUGH or not self._learns:
+            self._rest = np.median(np.stack(self._first), axis=0)
+
+    def __call__(self, frame: Frame) -> Floats:
+        """Return the numbers of a frame."""
+        return np.asarray(self._read(frame) - self._rest)
+
+
 class _Warnings(logging.Handler):
     """Gives a hub what the scene warns of: orders, dropouts, a silent array and so on."""
 
@@ -110,20 +145,23 @@ class SceneFeed(_Live):
 
     def __init__(self, scene: Scene) -> None:
         super().__init__()
-        self._scene = scene
-        self.hub = hub_of(scene)
+        self._scene, self._shown = scene, shown_of(scene)
+        self.hub = hub_of(scene, self._shown)
 
     def _work(self) -> None:
         begin = time.monotonic()
         for moment in self._scene.results():
             if moment.frame.monotonic_ns is None:  # a simulation is as quick as it can be
                 time.sleep(max(0.0, begin + moment.frame.time - time.monotonic()))
+            if moment.values is not None:
+                self._shown.look(moment.frame)
             self.hub.offer(moment)
             if self._stopped:
                 return
 
     def tare(self) -> None:
         """Learn rest anew from the next frame on."""
+        self._shown.begin()
         self._scene.tare()
 
     def stop(self) -> None:
@@ -139,16 +177,14 @@ class ArrayFeed(_Live):
     def __init__(self, name: str, driver: Driver) -> None:
         super().__init__()
         self._driver = driver
-        self._first: list[Floats] = []
-        self._since, self._tared = 0.0, False
-        self._rest: Floats | float = 0.0
+        self._shown = Rested(lambda frame: frame.values)
         self.hub = Hub(
             name,
             driver.shape,
             driver.channels,
             driver.unit,
             driver.rate,
-            lambda frame: frame.values - self._rest,
+            self._shown,
             lambda: driver.counters,
         )
 
@@ -157,19 +193,14 @@ class ArrayFeed(_Live):
         for number, frame in enumerate(self._driver.frames()):
             if frame.monotonic_ns is None:
                 time.sleep(max(0.0, begin + frame.time - time.monotonic()))
-            if self._tared:
-                self._first, self._tared = [], False
-            self._since = self._since if self._first else frame.time
-            if len(self._first) < ENOUGH or frame.time - self._since < FIRST:
-                self._first.append(frame.values)
-                self._rest = np.median(np.stack(self._first), axis=0)
+            self._shown.look(frame)
             self.hub.offer(FrameResult(number, frame, None, {}, (), 0.0))
             if self._stopped:
                 return
 
     def tare(self) -> None:
         """Show the next frames as nothing."""
-        self._tared = True
+        self._shown.begin()
 
     def stop(self) -> None:
         """Let go of the array."""
@@ -195,7 +226,8 @@ class RecordingFeed(_Threaded):
             self._frames: Sequence[Frame] = list(scene.driver.frames())
         self._times: Floats = np.array([frame.time for frame in self._frames])
         duration = float(self._times[-1] - self._times[0]) if len(self._times) else 0.0
-        self.hub = hub_of(scene, duration)
+        self._shown = shown_of(scene)
+        self.hub = hub_of(scene, self._shown, duration)
         self._changed = Condition()
         self._seek: float | None = 0.0
         self._speed, self._paused, self._woken, self._tared = 1.0, False, False, False
@@ -229,9 +261,10 @@ class RecordingFeed(_Threaded):
                 goal = self._at(moved)
                 if goal < at:
                     at, way = 0, Passage(self._scene)
+                    self._shown.begin()
                 self.hub.forget()
                 while at < goal and not self._interrupted():
-                    way.step(at, self._frames[at])
+                    self._step(way, at)
                     at += 1
                 if at < goal:
                     continue
@@ -240,11 +273,18 @@ class RecordingFeed(_Threaded):
                 continue
             if self._tared:
                 self._tared = False
+                self._shown.begin()
                 self._scene.tare()
-            self.hub.offer(way.step(at, self._frames[at]))
+            self.hub.offer(self._step(way, at))
             at += 1
             if at < len(self._frames):
                 self._wait(float(self._times[at] - self._times[at - 1]))
+
+    def _step(self, way: Passage, at: int) -> FrameResult:
+        moment = way.step(at, self._frames[at])
+        if moment.values is not None:
+            self._shown.look(moment.frame)
+        return moment
 
     def _interrupted(self) -> bool:
         """Return whether the way to a place is no longer wanted."""
@@ -278,18 +318,23 @@ def _is_number(value: object) -> TypeGuard[float]:
     return is_real(value) and not isinstance(value, bool)
 
 
-def hub_of(scene: Scene, duration: float = 0.0) -> Hub:
+def shown_of(scene: Scene) -> Rested:
+    """Return the numbers of a scene's frames that a page shows, less their rest."""
+    conversion, grid = scene.conversion, scene.grid
+    read: Callable[[Frame], Floats] = conversion.reader(conversion.channels, checks=False)
+    return Rested(read if grid is None else lambda frame: grid.maps(read(frame)))
+
+
+def hub_of(scene: Scene, shown: Rested, duration: float = 0.0) -> Hub:
     """Return the hub of a scene."""
     conversion, driver = scene.conversion, scene.driver
-    read: Callable[[Frame], Floats] = conversion.reader(conversion.channels, checks=False)
-    grid = scene.grid
     return Hub(
         scene.spec.name,
         scene.shape,
         conversion.channels,
         unit_of(conversion, driver),
         driver.rate,
-        read if grid is None else lambda frame: grid.maps(read(frame)),
+        shown,
         lambda: driver.counters,
         duration,
     )

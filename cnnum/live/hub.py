@@ -196,6 +196,8 @@ class Hub:
         if newest is None or newest is shown:
             return shown, b""
         loads = planes(self._read(newest.frame), self.channels)
+        if newest.masked is not None and newest.masked.shape == loads.shape[1:]:
+            loads = np.where(newest.masked, 0.0, loads)
         slip = self._slip
         going_on = slip is not None and 0 <= newest.frame.time - slip[0] < SLIPPING
         return newest, encoded(newest, loads, slip[1] if slip and going_on else None)

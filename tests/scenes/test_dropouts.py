@@ -319,6 +319,8 @@ def random_presses(array, rate, rng):
         begin = rng.uniform(max(0.15, 10 / rate), t[-1] - 0.1)
         rise, fall = np.exp(rng.uniform(np.log(0.005), np.log(0.5), 2))
         end = begin + rise + rng.uniform(0.02, 1.5)
+        # a pin that lifts within a frame beside another load reads as a taxel that is lost
+        fall = max(fall, 2.0 / rate) if kind == "pin" else fall
         grown = np.clip((t - begin) / rise, 0, 1) * (1 - np.clip((t - end) / fall, 0, 1))
         if kind == "tap":
             grown = np.sin(np.pi * np.clip((t - begin) / rng.uniform(0.01, 0.1), 0, 1))
