@@ -82,7 +82,7 @@ class Order:
     def of(self, values: Floats) -> Floats:
         """Return (frames, rows, cols, 3) values in this order."""
         if self.grid != GRID:
-            sizes = dict(zip(GRID, values.shape[1:], strict=True))
+            sizes: dict[str, int] = dict(zip(GRID, values.shape[1:], strict=True))
             held = values.reshape(-1, *(sizes[axis] for axis in self.grid))
             values = held.transpose(0, *(self.grid.index(axis) + 1 for axis in GRID))
         return np.asarray(values[..., list(self.channels)] * np.array(self.signs))

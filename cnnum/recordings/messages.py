@@ -3,7 +3,7 @@
 import json
 import warnings
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
-from contextlib import closing
+from contextlib import closing, suppress
 from dataclasses import dataclass, fields, is_dataclass
 from importlib import import_module
 from importlib.util import find_spec
@@ -360,21 +360,20 @@ def _itself(content: Any) -> Any:
     return content
 
 
-def _listed(file: IO[bytes]) -> list[Any] | None:
+def _listed(file: IO[bytes]) -> list[object] | None:
     """Return the messages of a file that is one list of them; None where it has lines."""
     begin = file.read(LOOKED_AT)
     file.seek(0)
     if begin.lstrip()[:1] != b"[" or b"{" not in begin:
         return None
-    try:
+    held: object = None
+    with suppress(ValueError, RecursionError):
         held = json.loads(file.read(LONGEST_LIST))
-    except (ValueError, RecursionError):
-        held = None
     file.seek(0)
-    if isinstance(held, list) and held:
-        found: list[Any] = held
-        return found if all(isinstance(one, dict) for one in found) else None
-    return None
+    if not isinstance(held, list) or not held:
+        return None
+    listed = cast("list[object]", held)
+    return listed if all(isinstance(one, dict) for one in listed) else None
 
 
 def _checked(path: Path, line: int, content: _Later) -> _Later:
