@@ -162,7 +162,7 @@ class Engine(OfThisProcess):
         if like is not None:
             backend = measuring(backend, like, (*graph.shape, len(channels)))
         about = (program.name, graph, channels, needs)
-        plan = plan_of(*about, self._open.backend, backend=backend, asked=asked)
+        plan = plan_of(*about, self._open.backend, backend=backend, overrides=asked)
         if not graph.timed or graph.rate is not None:
             return replace(plan, rate=graph.rate)
         known = program

@@ -270,7 +270,7 @@ def shifted(expression: Expression, offset: int) -> Expression:
     if isinstance(expression, Binary) and (expression.sign, expression.right) == ("+", CELL):
         return expression + offset
     if isinstance(expression, Binary):
-        left, right = (shifted(each, offset) for each in (expression.left, expression.right))
+        left, right = (shifted(side, offset) for side in (expression.left, expression.right))
         return Binary(expression.sign, left, right)
     if isinstance(expression, Call):
         inner = tuple(shifted(argument, offset) for argument in expression.arguments)

@@ -33,7 +33,7 @@ def _changed(value: Any, by: Mapping[str, Expression]) -> Any:
     if isinstance(value, Name):
         return by.get(value.text, value)
     if isinstance(value, tuple):
-        return tuple([_changed(each, by) for each in value])  # pyright: ignore[reportUnknownVariableType]
+        return tuple([_changed(part, by) for part in value])  # pyright: ignore[reportUnknownVariableType]
     kind = cast("Callable[..., Any]", type(value))
     names = _fields_of(kind)
     return kind(*[_changed(getattr(value, name), by) for name in names]) if names else value
@@ -177,13 +177,13 @@ class _Split:
             return
         body: list[ir.Statement] = []
         used: set[Meaning] = set()
-        for one in self.waiting:
-            used.update(one.used)
-            if one.guard is None:
-                body += one.body
+        for statement in self.waiting:
+            used.update(statement.used)
+            if statement.guard is None:
+                body += statement.body
             else:
-                used.add(one.guard)
-                body.append(ir.Branch(one.guard.name.differs(0), one.body))
+                used.add(statement.guard)
+                body.append(ir.Branch(statement.guard.name.differs(0), statement.body))
         self.waiting = []
         arrays = [array for array in self.arrays if array in used]
         registers = [register for register in self.registers if register in used]
@@ -204,9 +204,9 @@ class _Split:
 
     def _wait(self, statement: ir.Statement, *own: Register, always: bool = False) -> None:
         """Let a statement wait; `own` are registers that it names by their names."""
-        found = self._found(uses((statement,)).names)
-        guard, body = None if always else self.guard, (_meant(statement, found),)
-        self.waiting.append(_Waiting(guard, body, (*own, *found.values())))
+        meanings = self._found(uses((statement,)).names)
+        guard, body = None if always else self.guard, (_meant(statement, meanings),)
+        self.waiting.append(_Waiting(guard, body, (*own, *meanings.values())))
 
     def _declare(self, new: ir.Declare) -> None:
         for name, value in new.variables:
@@ -238,15 +238,15 @@ class _Split:
         if sweep.variable != ir.ROW:
             pieces = min(self.rows, max(1, sweep.count // PIECE))
         used = uses(sweep.body)
-        found = self._found(used.names)
-        registers = {n: meant for n, meant in found.items() if isinstance(meant, Register)}
+        meanings = self._found(used.names)
+        registers = {n: meant for n, meant in meanings.items() if isinstance(meant, Register)}
         if changed := registers.keys() & used.changed:
             raise ValueError(f"A sweep changes {sorted(changed)} in a way that has no pieces.")
         sums = [(r, used.taken_in[name]) for name, r in registers.items() if name in used.taken_in]
         body: list[ir.Statement] = []
         if self.guard is not None:
             body.append(ir.Branch(self.guard.where.equals(0), (ir.Verbatim(("return;",)),)))
-        body += _loads(found.values())
+        body += _loads(meanings.values())
         # a sum goes on from its value in the first piece, and starts from 0 in the others
         body += [
             ir.Assign(r.name, ir.Choice(AT.equals(0), r.name, ir.ZERO))
@@ -256,7 +256,7 @@ class _Split:
         for end, piece in ((BEGIN, AT), (END, AT + 1)):
             place = ir.Cast("long", ir.Integer(sweep.count)) * piece / pieces
             body.append(ir.fixed(end, ir.Cast("int", place), of="int"))
-        body.append(ir.Loop(sweep.variable, END, _meant(sweep.body, found), start=BEGIN))
+        body.append(ir.Loop(sweep.variable, END, _meant(sweep.body, meanings), start=BEGIN))
         body += [ir.Assign(_partial(slot, pieces, AT), r.name) for slot, (r, _) in enumerate(sums)]
         self._launch(body, pieces)
         self.partials = max(self.partials, len(sums) * pieces)
@@ -290,20 +290,20 @@ class _Split:
     def _counted(self, loop: ir.Counted) -> None:
         scope, guard = self.scope, self.guard
         self.scope = scope.new_child()
-        asked = not isinstance(loop.end, int) or loop.running is not None
+        asks_host = not isinstance(loop.end, int) or loop.running is not None
         count: Register | None = None
-        if asked or loop.variable.text in uses(loop.body).names:
+        if asks_host or loop.variable.text in uses(loop.body).names:
             count = self._register("int", loop.variable)
             self._wait(ir.Assign(count.name, ir.Integer(loop.start)), count)
             self.scope[loop.variable.text] = count
-        if asked:
+        if asks_host:
             self.guard = self._guarded(loop.condition)
         self.flush()
         before, self.parts = self.parts, []
         self.walk(loop.body)
         if count is not None:
             self._wait(ir.Assign(count.name, ir.Integer(1), "+="), count)
-        if asked and self.guard is not None:
+        if asks_host and self.guard is not None:
             self._renew(self.guard, self.guard, loop.condition)
         self.flush()
         self.parts = [*before, self._rounds(loop)]
@@ -322,16 +322,16 @@ class _Split:
         return Rounds(parts, flag=self.guard.place)
 
 
-def _meant(record: Record, found: Mapping[str, Meaning]) -> Record:
+def _meant(record: Record, meanings: Mapping[str, Meaning]) -> Record:
     """Return a record with the meanings of its names."""
-    by = {n: m if isinstance(m, ir.Expression) else m.name for n, m in found.items()}
+    by = {n: m if isinstance(m, ir.Expression) else m.name for n, m in meanings.items()}
     return substituted(record, by)
 
 
 def _loads(meanings: Iterable[Meaning]) -> list[ir.Statement]:
     """Return the statements that bring registers and arrays into a kernel."""
     kept = (meaning for meaning in meanings if not isinstance(meaning, ir.Expression))
-    return [one.load if isinstance(one, Register) else one for one in kept]
+    return [value.load if isinstance(value, Register) else value for value in kept]
 
 
 def _bracketed(value: ir.Expression) -> ir.Call:

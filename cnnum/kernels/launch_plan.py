@@ -62,10 +62,10 @@ class Strips:
 
     def launches(self, pieces: int) -> int:
         """Return the launches for an array in a number of strips."""
-        moves = (self.first is not None) + self.ends
+        copies = (self.first is not None) + self.ends
         if pieces == 1 and self.alone:
-            return moves + (self.count > 0)
-        return moves + 2 * math.ceil(self.count / self.levels)
+            return copies + (self.count > 0)
+        return copies + 2 * math.ceil(self.count / self.levels)
 
 
 @dataclass(frozen=True, slots=True)

@@ -206,10 +206,10 @@ class LLVMPrinter:
 
     def swap(self, swap: ir.Swap) -> None:
         """Append that two aliases change places."""
-        places = [self._named(name.text).address for name in (swap.one, swap.other)]
-        one, other = (self._now.body.load(place) for place in places)
+        places = [self._named(name.text).address for name in (swap.first, swap.second)]
+        first, other = (self._now.body.load(place) for place in places)
         self._now.body.store(other, places[0])
-        self._now.body.store(one, places[1])
+        self._now.body.store(first, places[1])
 
     def assign(self, assign: ir.Assign) -> None:
         """Append an assignment."""
@@ -256,10 +256,10 @@ class LLVMPrinter:
         for name in used.names:
             if name in self.tables:
                 continue
-            found = self._named(name)
-            by_address = isinstance(found, Variable) and (found.array or name in changed)
-            given.append(found.address if by_address else self.name(ir.Name(name)))
-            places[name] = found if by_address else None
+            variable = self._named(name)
+            by_address = isinstance(variable, Variable) and (variable.array or name in changed)
+            given.append(variable.address if by_address else self.name(ir.Name(name)))
+            places[name] = variable if by_address else None
         number = len(self._module.functions)
         made = self._new(f"{self._module.name}_{number}", [value.type for value in given])
         made.linkage = "internal"
@@ -380,8 +380,8 @@ class LLVMPrinter:
         return self._now.body.load(self._address(element))
 
     def _address(self, element: ir.Element) -> Value:
-        found, at = self._named(element.array.text), self._now.body
-        start = found.address if found.array else at.load(found.address)
+        variable, at = self._named(element.array.text), self._now.body
+        start = variable.address if variable.array else at.load(variable.address)
         return at.gep(start, [self.value(element.at)], inbounds=True)
 
     def _far(self, place: ir.Expression, stride: ir.Expression) -> Value:
@@ -444,8 +444,10 @@ class LLVMPrinter:
             return self.choice(ir.Choice(condition, yes, no))
         values = [self.value(argument) for argument in call.arguments]
         if call.function == "max":  # of whole numbers
-            one, other = values
-            return self._now.body.select(self._now.body.icmp_signed("<", one, other), other, one)
+            first, other = values
+            return self._now.body.select(
+                self._now.body.icmp_signed("<", first, other), other, first
+            )
         numbers = [self._as(self._real, value) for value in values]
         own: Callable[..., Value] | None = getattr(self, _OWN.get(call.function, ""), None)
         return own(*numbers) if own else self._of_library(call.function, numbers)
@@ -468,10 +470,10 @@ class LLVMPrinter:
         """Return a value kept between two."""
         return self.smaller(self.larger(value, low), high)
 
-    def greater(self, one: Value, other: Value) -> Value:
+    def greater(self, first: Value, other: Value) -> Value:
         """Return the larger of two that are not negative: as bits, compared many at a time."""
         at, kind = self._now.body, _LLVM.IntType(8 * self.dtype.itemsize)
-        bits = [at.bitcast(value, kind) for value in (one, other)]
+        bits = [at.bitcast(value, kind) for value in (first, other)]
         less = at.icmp_signed("<", *bits)
         return at.bitcast(at.select(less, bits[1], bits[0]), self._real)
 

@@ -217,8 +217,8 @@ class OpenCLPrinter(Printer):
 
     def swap(self, swap: Swap) -> list[str]:
         """Write that two aliases change places."""
-        one, other = swap.one.text, swap.other.text
-        return [f"__private real *const swap = {one}; {one} = {other}; {other} = swap;"]
+        first, other = swap.first.text, swap.second.text
+        return [f"__private real *const swap = {first}; {first} = {other}; {other} = swap;"]
 
     def store(self, store: Store) -> list[str]:
         """Write that a place gets a vector."""
@@ -299,7 +299,8 @@ class C99Printer(Printer):
         operands = both.left, both.right
         wide = self._wide(operands, [] if logic or both.bounds is None else [both.bounds])
         left, right = (
-            self._widened(one, UNARY) if wide else self.within(one, UNARY) for one in operands
+            self._widened(argument, UNARY) if wide else self.within(argument, UNARY)
+            for argument in operands
         )
         text = f"{left} {both.sign} {right}", RANKS[both.sign]
         return text if logic else self._narrowed(text, both, wide=wide)
@@ -319,13 +320,16 @@ class C99Printer(Printer):
         """Write one of two."""
         both = choice.yes, choice.no
         wide = self._wide(both, [choice.bounds] if choice.bounds else [])
-        yes, no = (self._widened(one, UNARY) if wide else self.within(one, UNARY) for one in both)
+        yes, no = (
+            self._widened(argument, UNARY) if wide else self.within(argument, UNARY)
+            for argument in both
+        )
         condition = self.within(choice.condition, UNARY)
         return self._narrowed((f"{condition} ? {yes} : {no}", CHOICE), choice, wide=wide)
 
     def _wide(self, operands: Sequence[ir.Expression], others: Sequence[ir.Bounds]) -> bool:
         """Return whether an operation takes the wider type: any of its whole numbers needs it."""
-        known = [one.bounds for one in operands if one.bounds is not None]
+        known = [argument.bounds for argument in operands if argument.bounds is not None]
         whole = len(known) == len(operands)
         return whole and any(self.whole.needs_wide(bounds) for bounds in (*known, *others))
 
@@ -348,7 +352,7 @@ class C99Printer(Printer):
         real = any(argument.bounds is None for argument in arguments)
         width = "_real" if real else "64" if wide else "32"
         names = (f"{name}{width}", f"{name}64")
-        return next((one for one in names if one in self.functions), name)
+        return next((known_name for known_name in names if known_name in self.functions), name)
 
     # statements
 

@@ -69,8 +69,8 @@ class Alias:
 class Swap:
     """Two aliases change places."""
 
-    one: Name
-    other: Name
+    first: Name
+    second: Name
 
 
 @dataclass(frozen=True, slots=True)
@@ -348,8 +348,8 @@ def declared(records: Any) -> Iterator[str]:
 def _records(value: Any) -> Iterator[Any]:
     """Yield a record and all in it, in the order in which they are written."""
     if isinstance(value, tuple):
-        for each in value:  # pyright: ignore[reportUnknownVariableType]
-            yield from _records(each)
+        for part in value:  # pyright: ignore[reportUnknownVariableType]
+            yield from _records(part)
     elif is_dataclass(value):
         yield value
         for field in fields(value):
@@ -369,13 +369,13 @@ def _live(body: Sequence[Statement], needed: set[str], own: set[str]) -> tuple[S
     kept = list[Statement]()
     for statement in reversed(body):
         if isinstance(statement, Sweep | Loop | Counted):
-            found = _live_block(statement, needed, own)
+            live_part = _live_block(statement, needed, own)
         elif isinstance(statement, Declare):
-            found = _live_variables(statement, needed)
+            live_part = _live_variables(statement, needed)
         else:
-            found = statement if _sets(statement, needed, own) else None
-        if found is not None:
-            kept.append(found)
+            live_part = statement if _sets(statement, needed, own) else None
+        if live_part is not None:
+            kept.append(live_part)
     return tuple(kept[::-1])
 
 

@@ -109,10 +109,10 @@ class Program:
         """
         place = self.function.__module__, self.function.__qualname__
         try:
-            found = _program_at(*place)
+            resolved = _program_at(*place)
         except (ImportError, AttributeError):
-            found = None
-        if not (isinstance(found, Program) and found.function is self.function):
+            resolved = None
+        if not (isinstance(resolved, Program) and resolved.function is self.function):
             raise OtherProcessError(
                 f"Program '{self.name}' cannot be pickled, for '{place[1]}' of the module "
                 f"'{place[0]}' is not it: define it at the top of a module."

@@ -138,8 +138,8 @@ class Field:
         self, ufunc: np.ufunc, method: str, *operands: object, **options: object
     ) -> "Field":
         if method != "__call__" or options or ufunc not in _UFUNCS:
-            asked = ufunc.__name__ if method == "__call__" else f"{ufunc.__name__}.{method}"
-            raise _unknown_to_fields(f"{asked}({', '.join(options)})" if options else asked)
+            function = ufunc.__name__ if method == "__call__" else f"{ufunc.__name__}.{method}"
+            raise _unknown_to_fields(f"{function}({', '.join(options)})" if options else function)
         graph = graph_of(operands)
         return _UFUNCS[ufunc](*(as_field(graph, operand) for operand in operands))
 
@@ -435,10 +435,10 @@ def _no_values(instead: str) -> ProgramError:
     return ProgramError(f"A program is traced once, and a field has no values yet: use {instead}.")
 
 
-def _unknown_to_fields(asked: str) -> ProgramError:
+def _unknown_to_fields(function: str) -> ProgramError:
     known = ", ".join(sorted(ufunc.__name__ for ufunc in _UFUNCS))
     return ProgramError(
-        f"NumPy's '{asked}' does not accept a field of a program: expected one of {known}, or "
+        f"NumPy's '{function}' does not accept a field of a program: expected one of {known}, or "
         "cnnum.where and the field's own sum, mean, max, min, any, all."
     )
 

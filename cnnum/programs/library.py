@@ -49,7 +49,7 @@ def program_names(room: str | None = None) -> tuple[str, ...]:
     if not (room is None or (isinstance(cast(object, room), str) and room in _ROOMS)):
         raise name_error("room of programs", room, _ROOMS)
     rooms = _ROOMS if room is None else (room,)
-    return tuple(name for each in rooms for name in _programs(each))
+    return tuple(name for folder in rooms for name in _programs(folder))
 
 
 def get_program(name: str) -> Program:
@@ -99,7 +99,7 @@ def load_program(path: str | PathLike[str], name: str | None = None) -> Program:
     except Exception as error:
         why = f"{type(error).__name__}: {error}"
         raise ProgramError(f"'{file}' cannot be run: {why}.") from error
-    own = {n: found for n, found in vars(module).items() if isinstance(found, Program)}
+    own = {n: value for n, value in vars(module).items() if isinstance(value, Program)}
     if name is not None:
         if name not in own:
             raise name_error(f"program of '{file.name}'", name, own)

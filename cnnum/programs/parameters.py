@@ -242,8 +242,8 @@ def _expected(kind: Any, value: object) -> str | None:
     if get_origin(kind) is Literal:
         return _text(value)  # the program itself refuses a text that is none of its choices
     if get_origin(kind) in (Union, types.UnionType):
-        wrong = [_expected(each, value) for each in get_args(kind)]
-        return None if None in wrong else " or ".join(each for each in wrong if each)
+        wrong = [_expected(type_, value) for type_ in get_args(kind)]
+        return None if None in wrong else " or ".join(sentence for sentence in wrong if sentence)
     if kind in (None, type(None)):
         return None if value is None else "nothing"
     return _CHECKS[kind](value) if kind in _SIMPLE else None

@@ -160,7 +160,11 @@ def analyse_program(
     expect("program", program, Program, ProgramError)
     thinned = schedule(program.trace(shape, channels), channels, None)
     result = {node.operation: None for node in thinned.transients}
-    return tuple(_analysed(one, thinned.shape) for one in result if isinstance(one, Transient))
+    return tuple(
+        _analysed(transient, thinned.shape)
+        for transient in result
+        if isinstance(transient, Transient)
+    )
 
 
 def _analysed(transient: Transient, shape: Shape) -> Analysis:
@@ -247,20 +251,20 @@ def _condition(template: Template, shape: Shape) -> float:
     return most / least if least > ROUNDINGS * most else math.inf
 
 
-def _saturation(template: Template, found: Spectrum) -> str:
+def _saturation(template: Template, rates: Spectrum) -> str:
     """Return the effect of saturation on the rates."""
     output = template.output
     if output.linear:
         return "No cell saturates: the rates hold for every state."
     if output.discrete:
         return "It runs in discrete time: every cell is saturated at every step."
-    if found.real and not found.exact:
+    if rates.real and not rates.exact:
         return (
             "Cells that saturate move the rates towards the cells' own decay: they stay between "
             "those of the array and −1/τ, as A is symmetric."
         )
-    discs = found.discs
-    reach = found.fastest if discs is None else discs.reach
+    discs = rates.discs
+    reach = rates.fastest if discs is None else discs.reach
     growth = max(error_growth(template), 0.0)
     most = f"they may grow at {growth:.3g} at most" if growth else "none grows"
     return f"With any cells saturated, rates are {reach:.3g} at most, and {most} (Gershgorin)."

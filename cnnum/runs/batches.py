@@ -73,9 +73,9 @@ def _widened(template: Template, numbers: Parts) -> Floats:
         most = np.abs(numbers[f"gain {k}"]).max(axis=-1)
         weights = np.abs(numbers["A"][:, gain.to, gain.source]).sum(axis=(1, 2))
         total[:, gain.to] += np.maximum(most - 1.0, 0.0) * weights * template.output.steepest
-    for k, one in enumerate(template.nonlinear, 1):
-        each = replace(one, weights=np.ones((1, 1))).stiffness
-        total[:, one.to] += each * np.abs(numbers[f"coupling {k}"]).sum(axis=(1, 2))
+    for k, coupling in enumerate(template.nonlinear, 1):
+        per_weight = replace(coupling, weights=np.ones((1, 1))).stiffness
+        total[:, coupling.to] += per_weight * np.abs(numbers[f"coupling {k}"]).sum(axis=(1, 2))
     return total
 
 
@@ -98,10 +98,10 @@ LEAST = 1e-9
 Maps = dict[str, NDArray[np.floating]]
 
 
-def fits_lanes(batch: TemplateBatch, shape: Shape, asked: Mapping[str, Any]) -> bool:
+def fits_lanes(batch: TemplateBatch, shape: Shape, options: Mapping[str, Any]) -> bool:
     """Return whether the templates of a batch can be lanes of a launch."""
     template = batch.template
-    method, fixed = asked["method"], asked["dt"] is not None
+    method, fixed = options["method"], options["dt"] is not None
     known = method in ("auto", BOGACKI_SHAMPINE.name, "euler") or (fixed and method in TABLEAUX)
     return known and not template.output.discrete and shape[0] * shape[1] <= MOST_CELLS
 
@@ -111,7 +111,7 @@ def run_lanes(
     lead: tuple[int, ...],
     maps: Maps,
     shape: Shape,
-    asked: Mapping[str, Any],
+    options: Mapping[str, Any],
     engine: OpenEngine,
 ) -> list[tuple[NDArray[np.intp], Result]]:
     """Run all frames of a batch, and return results with the places of their frames.
@@ -126,13 +126,13 @@ def run_lanes(
     maps : dict of str to (n, maps, rows, cols) array
         By role.
     shape : (rows, cols)
-    asked : mapping
+    options : mapping
         Options of the run.
     engine : OpenEngine
     """
     template, numbers = batch.template, batch.flat(lead)
     given = _given(template, numbers, maps, shape)
-    patterns, rate = _patterns(batch), fastest(batch, asked["dt"])
+    patterns, rate = _patterns(batch), fastest(batch, options["dt"])
     rungs = _rungs(template, numbers)
     parts: list[tuple[NDArray[np.intp], Result]] = []
     for rung in np.unique(rungs):
@@ -140,19 +140,19 @@ def run_lanes(
         standing = _standing(template, patterns, rate, float(rung))
         own = {role: array[at] for role, array in given.items()}
         own["weights"] = _packed(template, numbers, patterns, at, shape)
-        parts.append((at, _launch(standing, own, asked, engine)))
+        parts.append((at, _launch(standing, own, options, engine)))
     return parts
 
 
 def _launch(
-    template: Template, given: Maps, asked: Mapping[str, Any], engine: OpenEngine
+    template: Template, given: Maps, options: Mapping[str, Any], engine: OpenEngine
 ) -> Result:
     names, lead = channels_and_lead(given)
     shape = (int(given["state"].shape[-2]), int(given["state"].shape[-1]))
-    free = asked["method"] == "auto" and asked["dt"] is None
+    free = options["method"] == "auto" and options["dt"] is None
     follows = free and template.delayed is None and not jumps(template)
-    method = BOGACKI_SHAMPINE.name if follows else asked["method"]
-    spec = RunSpec(asked["duration"], method, asked["rtol"], asked["atol"], asked["dt"])
+    method = BOGACKI_SHAMPINE.name if follows else options["method"]
+    spec = RunSpec(options["duration"], method, options["rtol"], options["atol"], options["dt"])
     plan = engine.plan_for(template, shape, names, spec, "own weights")
     outputs = plan.run_finite(as_frame(given, lead, np.dtype(engine.precision)))
     (solver,) = plan.solvers.values()
@@ -177,7 +177,9 @@ def _given(template: Template, numbers: Parts, maps: Maps, shape: Shape) -> Maps
 def _sees_inputs(template: Template) -> bool:
     """Return whether any coupling but B reads inputs."""
     delayed = template.delayed is not None and template.inputs > 0
-    return delayed or any("u" in (one.neighbour, one.centre) for one in template.nonlinear)
+    return delayed or any(
+        "u" in (coupling.neighbour, coupling.centre) for coupling in template.nonlinear
+    )
 
 
 def _driven(b: Floats, inputs: NDArray[np.floating], template: Template) -> Floats:
@@ -303,7 +305,7 @@ def as_batch(ask: Ask, down: Callable[[Ask], Result]) -> Result:
         If an option takes single templates.
     """
     engine, batch = ask.engine, ask.template
-    *asked, force, estimate = ask.options
+    *shared, force, estimate = ask.options
     if force or estimate or ask.at is not None:
         raise NotSupportedError(
             "A batch of templates runs without 'force', 'estimate' and 'at': run them one by one."
@@ -320,13 +322,13 @@ def as_batch(ask: Ask, down: Callable[[Ask], Result]) -> Result:
         role: np.broadcast_to(array, (*lead, *array.shape[-3:])).reshape(-1, *array.shape[-3:])
         for role, array in maps.items()
     }
-    options: dict[str, Any] = dict(zip(OPTIONS, asked, strict=True))
+    options: dict[str, Any] = dict(zip(OPTIONS, shared, strict=True))
     lanes = engine.record.lanes and not engine.whole
     if lanes and fits_lanes(batch, shape, options):
 
         def side_by_side(dt: float | None) -> Result:
-            asked = {**options, "dt": dt}
-            return _joined(run_lanes(batch, lead, flat, shape, asked, engine))
+            stepped = {**options, "dt": dt}
+            return _joined(run_lanes(batch, lead, flat, shape, stepped, engine))
 
         result = _halved(batch.template, side_by_side, options, engine.precision)
         if ask.duration == "settle":
@@ -339,7 +341,7 @@ def as_batch(ask: Ask, down: Callable[[Ask], Result]) -> Result:
 def _halved(
     template: Template,
     run: Callable[[float | None], Result],
-    asked: Mapping[str, Any],
+    options: Mapping[str, Any],
     precision: str,
 ) -> Result:
     """Return a run of frames; with a delay in shorter steps until the tolerance is kept."""
@@ -348,11 +350,11 @@ def _halved(
         result = run(step)
         return replace(result, **{name: getattr(result, name)[frames] for name in PARTS})
 
-    first = run(asked["dt"])
-    duration = template.duration if asked["duration"] is None else asked["duration"]
-    if not by_halving(template, dt=asked["dt"], settle=duration == "settle"):
+    first = run(options["dt"])
+    duration = template.duration if options["duration"] is None else options["duration"]
+    if not by_halving(template, dt=options["dt"], settle=duration == "settle"):
         return first
-    return halved(first, finer, delay_of(template), (asked["rtol"], asked["atol"]), precision)
+    return halved(first, finer, delay_of(template), (options["rtol"], options["atol"]), precision)
 
 
 def _one_by_one(

@@ -81,9 +81,9 @@ class Pairs:
         """Return the function of every pair, times its weight."""
         return np.asarray(self.weights * self.coupling.value(*self.quantities(maps)))
 
-    def argument(self, maps: Mapping[str, Floats], *, moves: bool = False) -> Floats:
+    def argument(self, maps: Mapping[str, Floats], *, moving: bool = False) -> Floats:
         """Return the argument of every pair's table, or how it moves where quantities do."""
-        edge = 0.0 if moves else self.edge
+        edge = 0.0 if moving else self.edge
         near = np.asarray(np.append(maps[self.coupling.neighbour], edge)[self.near])
         if self.coupling.centre is None:
             return near
@@ -117,13 +117,13 @@ class Pairs:
 
     def entries(self) -> list[tuple[str, Places, float]]:
         """Return the quantity, the place and the factor of each part of the arguments."""
-        one, sign = self.coupling, self.coupling.sign
-        if not isinstance(one.function, Table):
-            assert one.centre is not None
-            return [(one.neighbour, self.near, 1.0), (one.centre, self.centre, 1.0)]
-        if one.centre is None:
-            return [(one.neighbour, self.near, 1.0)]
-        return [(one.neighbour, self.near, -sign), (one.centre, self.centre, sign)]
+        coupling, sign = self.coupling, self.coupling.sign
+        if not isinstance(coupling.function, Table):
+            assert coupling.centre is not None
+            return [(coupling.neighbour, self.near, 1.0), (coupling.centre, self.centre, 1.0)]
+        if coupling.centre is None:
+            return [(coupling.neighbour, self.near, 1.0)]
+        return [(coupling.neighbour, self.near, -sign), (coupling.centre, self.centre, sign)]
 
 
 def table_slopes(table: Table, low: Floats, high: Floats, *, times: bool = False) -> Bounds:
@@ -256,7 +256,9 @@ class Cells:
         beside = off.row != off.col
         places = (off.row[beside], off.col[beside])
         self.beside = sparse.csr_matrix((off.data[beside], places), shape=matrix.shape)
-        self.pairs = tuple(self.pairs_of(one) for one in template.nonlinear if not one.static)
+        self.pairs = tuple(
+            self.pairs_of(coupling) for coupling in template.nonlinear if not coupling.static
+        )
         per_row = int(np.diff(sizes.tocsr().indptr).max(initial=0))
         per_row += sum(int(np.bincount(pair.to).max(initial=0)) for pair in self.pairs)
         self.roundings = (per_row + int(np.count_nonzero(template.B)) + SPARE_TERMS) * EPSILON

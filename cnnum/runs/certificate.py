@@ -270,18 +270,18 @@ class Certificate:
         anywhere = np.where(frame.moving, np.inf, 0.0)
         # masked cells keep their start all the time
         at = np.where(frame.moving, state, start)
-        found = _rest(frame, at, anywhere)
-        if found is None and encloses(frame):
+        known_rest = _rest(frame, at, anywhere)
+        if known_rest is None and encloses(frame):
             rate, rounded = frame.rates(start)
             if bool((np.abs(rate) <= rounded).all()):
                 return None  # it starts on an equilibrium from which nothing contracts
             for way in self._ways(frame, start, close=False):
-                found = _followed_to_rest(frame, way)
-                if found is not None:
+                known_rest = _followed_to_rest(frame, way)
+                if known_rest is not None:
                     break
-        if found is None:
+        if known_rest is None:
             return None
-        rest, off = found
+        rest, off = known_rest
         # closer than by way of the bounds: both have their roundings
         near = region(frame, state, np.abs(state - rest) + off, close=False)
         error = np.inf if near is None else float(near.off.max(initial=0.0))
@@ -358,12 +358,12 @@ class Certificate:
                 frame, _ = self._frame(number)
                 x = np.asarray(x, dtype=np.float64)
                 tolerance = self._atol + self._rtol * np.abs(x)
-                found = verdict(frame, x, 0.0, tolerance)
+                judgement = verdict(frame, x, 0.0, tolerance)
                 rest = newton(frame, x)
-                at = found.state if rest is None else rest
+                at = judgement.state if rest is None else rest
                 near = bool((np.abs(at - x) <= np.maximum(tolerance, NEAR * np.abs(x))).all())
-                near &= rest is not None or found.stability == "stable"
-                words.append(found.stability if near else "unknown")
+                near &= rest is not None or judgement.stability == "stable"
+                words.append(judgement.stability if near else "unknown")
         return np.array(words, dtype="<U8").reshape(self._lead)
 
     @cached_property
@@ -371,8 +371,8 @@ class Certificate:
         """What is proven of every cell."""
         with self._turn:
             known = self._known
-        lower = np.stack([one.lower for one in known]).reshape(self._state.shape)
-        upper = np.stack([one.upper for one in known]).reshape(self._state.shape)
+        lower = np.stack([box.lower for box in known]).reshape(self._state.shape)
+        upper = np.stack([box.upper for box in known]).reshape(self._state.shape)
         return Decision(lower, upper, np.array([k.at_rest for k in known]).reshape(self._lead))
 
 
@@ -393,11 +393,11 @@ def _rest(frame: Frame, x: Floats, off: Floats) -> tuple[Floats, Floats] | None:
     rate, _ = frame.rates(x)
     if around is None and float(np.abs(rate).max(initial=0.0)) > SLOW:
         return None
-    found = newton(frame, x)
-    at = x if found is None else found
+    root = newton(frame, x)
+    at = x if root is None else root
     if frame.cells.template.output.limited:
         at = np.clip(at, -1.0, 1.0)
     around = region(frame, at, off + np.abs(at - x))
-    if around is None and found is not None:
+    if around is None and root is not None:
         at, around = x, region(frame, x, off)
     return None if around is None else (at, around.off)

@@ -246,7 +246,10 @@ class ChipModel:
         chip, template = self.chip, operation.template
         # a start that all cells share is a level of the chip's own
         own = replace(chip.programmed(template, shared=False), initial=template.initial)
-        held = {role: scaled(chip, each) if role in SCALED else each for role, each in maps.items()}
+        held = {
+            role: scaled(chip, values) if role in SCALED else values
+            for role, values in maps.items()
+        }
         feedback = None
         if chip.mismatch:
             off = chip.offsets(own, held.get("input"), shape)
@@ -273,7 +276,7 @@ def chip_backend(chip: Chip, backend: Backend) -> Backend:
     expect("chip", chip, Chip, MethodError)
     record = backend.record
     if record.analogue is None or is_integer(backend.precision):
-        able = first_that(lambda one: one.analogue)
+        able = first_that(lambda candidate: candidate.analogue)
         raise NotSupportedError(
             f"Only Engine('{able.name}') runs programs on a chip, because the feedback may "
             f"differ from cell to cell; got the engine '{record.name}' in {backend.precision}."

@@ -225,15 +225,15 @@ def _refusal(ask: Ask) -> str:
 def in_one_pass(ask: Ask, down: Callable[[Ask], Result]) -> Result:
     """Take a run by the output that is known from the input; others go below."""
     why = _refusal(ask) or _trouble(ask)
-    found = None if why else _found(ask)
-    if found is None:
+    decided = None if why else _found(ask)
+    if decided is None:
         if ask.options[1] != DECISION:
             return down(ask)
         why = why or "the output of a cell lies between −1 and 1, or too close to tell"
         raise MethodError(
             f"The method '{DECISION}' cannot run template '{ask.template.name}': {why}."
         )
-    output, arrays, reason = found
+    output, arrays, reason = decided
     options = (ask.options[0], "auto", *ask.options[2:])
     shape = np.shape(output)
 
@@ -255,10 +255,10 @@ def in_one_pass(ask: Ask, down: Callable[[Ask], Result]) -> Result:
 def _trouble(ask: Ask) -> str:
     """Return why the maps of a run are not looked at in one pass, or nothing."""
     given, _, state, _, _ = ask.arrays
-    maps = [one for one in (given, state) if one is not None]
+    maps = [values for values in (given, state) if values is not None]
     if not maps or (given is not None) < ask.template.inputs:
         return "it needs an input"
-    kinds = [(getattr(one, "dtype", None), np.shape(one)) for one in maps]
+    kinds = [(getattr(values, "dtype", None), np.shape(values)) for values in maps]
     dtype, shape = kinds[0]
     if str(dtype) not in ("float32", "float64") or len(set(kinds)) > 1:
         return "its maps must be arrays of float32 or float64, of one type and shape"
@@ -291,18 +291,18 @@ def _found(ask: Ask) -> tuple[Floats, tuple[Any, ...], str] | None:
             else (result[0].reshape(shape), _as_read(ask, result[1]), BY_RANK)
         )
     begins = _begins(ask)
-    about, apart = signs_of(template, duration, begins), begins == "apart"
-    assert about is not None
+    signs, apart = signs_of(template, duration, begins), begins == "apart"
+    assert signs is not None
     start: NDArray[Any] = np.zeros((0, 0, 0), u.dtype)
     if apart:
         start = np.array(state).reshape(u.shape)  # its caller may change it later
-    size = float(np.abs(about.weights).sum()) * max(1.0, abs(rim[1]))
-    size += abs(about.constant) + about.level
-    margin = SPARE * (len(about.weights) + 4) * float(np.finfo(u.dtype).eps) * size
-    levels = (about.constant, about.level + margin, -about.level - margin)
+    size = float(np.abs(signs.weights).sum()) * max(1.0, abs(rim[1]))
+    size += abs(signs.constant) + signs.level
+    margin = SPARE * (len(signs.weights) + 4) * float(np.finfo(u.dtype).eps) * size
+    levels = (signs.constant, signs.level + margin, -signs.level - margin)
     if not size < float(np.finfo(u.dtype).max) / 4.0:
         return None
-    result = one_pass.signs(u, start, about.places, about.weights.astype(u.dtype), levels, rim)
+    result = one_pass.signs(u, start, signs.places, signs.weights.astype(u.dtype), levels, rim)
     if result is None:
         return None
     return result[0].reshape(shape), _as_read(ask, result[1], start if apart else None), EXACTLY

@@ -94,9 +94,9 @@ class Enclosure:
             step, meets = series.to_corner(h)
             step = min(step, most)
             defect = series.defect(step)
-            found = self._grown(series, step, defect)
+            grown = self._grown(series, step, defect)
             large = float((defect / cells.tau).max()) * step > 1e-9 * (1.0 + _size(self.x))
-            if found is not None and not (large and not meets and step > 4.0 * SHORTEST):
+            if grown is not None and not (large and not meets and step > 4.0 * SHORTEST):
                 break
             h = 0.5 * step
             if h < 1e-12 * max(self.time, 1e-3):
@@ -105,7 +105,7 @@ class Enclosure:
             return False
         end = series.at(step)
         rounded = 2.0 * ORDER * EPSILON * (np.abs(self.x) + np.abs(end))
-        off = found + np.where(frame.moving & ~self._stuck, rounded, 0.0)
+        off = grown + np.where(frame.moving & ~self._stuck, rounded, 0.0)
         if limited:
             inside = np.clip(end, -1.0, 1.0)
             off, end = off + np.abs(end - inside), inside
@@ -255,14 +255,14 @@ class _Series:
         maps = {"x": x, "y": y, "u": self.frame.inputs}
         slope_y = self.inside if self.name == "standard" else (
             1.0 - y**2 if self.name == "tanh" else np.ones(len(x)))  # fmt: skip
-        moves = {"x": ahead, "y": slope_y * ahead, "u": np.zeros_like(self.frame.inputs)}
+        changes = {"x": ahead, "y": slope_y * ahead, "u": np.zeros_like(self.frame.inputs)}
         for pairs in self.frame.cells.pairs:
             table = pairs.coupling.function
             assert isinstance(table, Table)
             places, values = np.array(table.points).T
             slopes = np.concatenate([[0.0], np.diff(values) / np.diff(places), [0.0]])
             argument = pairs.argument(maps)
-            soon = argument + 1e-9 * pairs.argument(moves, moves=True)
+            soon = argument + 1e-9 * pairs.argument(changes, moving=True)
             piece = np.searchsorted(places, soon, side="left")
             corner = np.minimum(np.maximum(piece - 1, 0), len(places) - 1).astype(np.intp)
             ends = np.concatenate([[-np.inf], places, [np.inf]])
@@ -277,7 +277,7 @@ class _Series:
     def _pair_sum(self, number: int, k: int) -> Floats:
         pairs = self.frame.cells.pairs[number]
         slope, corner, _, _ = self.pieces[number]
-        argument = pairs.argument(self._term(k), moves=k > 0)
+        argument = pairs.argument(self._term(k), moving=k > 0)
         places, values, _ = self._tables[number]
         first = values[corner] - slope * places[corner] if k == 0 else 0.0
         value = first + slope * argument
@@ -314,7 +314,7 @@ class _Series:
 
     def at(self, t: float, cells: Places | None = None) -> Floats:
         """Return the state of all cells, or some, at a time within the step."""
-        terms = self.x if cells is None else [one[cells] for one in self.x]
+        terms = self.x if cells is None else [values[cells] for values in self.x]
         total = terms[ORDER]
         for term in terms[-2::-1]:
             total = total * t + term

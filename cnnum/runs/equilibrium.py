@@ -250,9 +250,9 @@ def _gap(matrix: Any) -> float | None:
 
     Without exchanges of rows the signs of U are those of the eigenvalues (Sylvester).
     """
-    one = sparse.identity(matrix.shape[0], format="csc")
+    identity = sparse.identity(matrix.shape[0], format="csc")
     for gap in GAPS:
-        if signs(matrix - gap * one) == 0:
+        if signs(matrix - gap * identity) == 0:
             return gap
     return None
 
@@ -337,10 +337,10 @@ def verdict(frame: Frame, x: Floats, reach: float, tolerance: Floats) -> Verdict
                 return Verdict("stable", x if near else rest, error)
     scale = NEAR * np.maximum(1.0, np.abs(x))
     at = rest if rest is not None and bool((np.abs(rest - x) <= scale).all()) else x
-    grows = unstable(frame, at)
-    if grows is None:
+    growing = unstable(frame, at)
+    if growing is None:
         return Verdict("unknown", x, np.inf, decided=False)
-    return Verdict("unstable" if grows else "unknown", x, np.inf)
+    return Verdict("unstable" if growing else "unknown", x, np.inf)
 
 
 def newton(frame: Frame, x: Floats) -> Floats | None:

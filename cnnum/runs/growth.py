@@ -208,7 +208,7 @@ def halved(
 
 
 def by_differences(
-    found: Sequence[Result],
+    results: Sequence[Result],
     tolerances: tuple[float, float],
     precision: str,
     *,
@@ -218,7 +218,7 @@ def by_differences(
 
     Its errors are known from the differences of all three.
     """
-    coarse, middle, fine = found
+    coarse, middle, fine = results
     axes = tuple(range(np.ndim(fine.time), fine.state.ndim))
     before = np.abs(middle.state - coarse.state).max(axis=axes, initial=0.0)
     off = np.abs(fine.state - middle.state).max(axis=axes, initial=0.0)
@@ -461,10 +461,10 @@ def compared(
     else:
         apart = finer.state.reshape(times, len(frames), *_inner(result)) - state[:, frames]
         off = np.abs(apart).reshape(times, len(frames), -1).max(axis=2)
-        found = SAFETY * off + np.asarray(finer.error).reshape(times, -1)
+        errors = SAFETY * off + np.asarray(finer.error).reshape(times, -1)
         # both may miss a corner, as any run by steps does
         taken = np.asarray(finer.steps).reshape(times, -1) > 0
-        error[:, frames] = np.maximum(found, np.where(taken, FLOOR * spec.atol, 0.0))
+        error[:, frames] = np.maximum(errors, np.where(taken, FLOOR * spec.atol, 0.0))
     return replace(result, error=error.reshape(lead))
 
 

@@ -132,7 +132,7 @@ def plan_of(
     engine: Backend,
     *,
     backend: Backend | None = None,
-    asked: Mapping[str, Any] = NOTHING,
+    overrides: Mapping[str, Any] = NOTHING,
 ) -> Plan:
     """Return the plan of a graph.
 
@@ -149,7 +149,7 @@ def plan_of(
         That the plan is called after.
     backend : Backend, optional
         That builds and runs it, where that is another: a chip, or whole numbers with ranges.
-    asked : mapping of str to any
+    overrides : mapping of str to any
         Fields of every transient's `RunSpec` that hold in place of its own.
     """
     whole = is_integer(engine.precision)
@@ -159,7 +159,7 @@ def plan_of(
     backend = backend or engine
 
     def chosen_for(transient: Transient) -> Solver:
-        own = replace(transient, spec=replace(transient.spec, **asked))
+        own = replace(transient, spec=replace(transient.spec, **overrides))
         return (whole_solver if whole else choose)(own, graph.shape)
 
     chosen = {
@@ -175,12 +175,12 @@ def plan_of(
     record = backend.record
     implicit = any(isinstance(solver.scheme, ImplicitSteps) for solver in solvers.values())
     if implicit and not record.implicit:
-        engine = backend = open_record(first_that(lambda one: one.implicit), None, None)
+        engine = backend = open_record(first_that(lambda candidate: candidate.implicit), None, None)
         record = engine.record
     built = fuse(wanted, solvers) if record.fuses and not whole else wanted
     record.refuse_beyond(built, solvers)
-    about = (name, engine.record.name, engine.device, engine.precision)
-    return Plan(*about, wanted, built, solvers, backend.build(built, solvers), backend)
+    labels = (name, engine.record.name, engine.device, engine.precision)
+    return Plan(*labels, wanted, built, solvers, backend.build(built, solvers), backend)
 
 
 def graph_of(template: Template, shape: Shape, names: Sequence[str], spec: RunSpec) -> Graph:

@@ -34,7 +34,7 @@ PICTURE_TYPES = "df"
 
 
 def form_of(
-    template: Template, arrays: Sequence[object], asked: tuple[Hashable, ...]
+    template: Template, arrays: Sequence[object], options: tuple[Hashable, ...]
 ) -> Form | None:
     """Return the form of a run on one array with one layer.
 
@@ -43,7 +43,7 @@ def form_of(
     template : Template
     arrays : sequence of array-like or None
         The run's maps, in the order of their roles.
-    asked : tuple
+    options : tuple
         Duration, method, tolerances and so on.
 
     Returns
@@ -52,7 +52,7 @@ def form_of(
         None where an argument takes a closer look: a list, a batch, several layers, or an option
         that cannot be compared.
     """
-    for option in asked[:2]:  # not compared before their types are known
+    for option in options[:2]:  # not compared before their types are known
         if not (option is None or isinstance(option, str | Real)):
             raise MethodError(
                 "A duration must be a number or 'settle', and a method must be a name, got "
@@ -69,7 +69,7 @@ def form_of(
             shapes.append(array.shape)
         else:
             return None
-    form = (id(template), asked, *shapes)
+    form = (id(template), options, *shapes)
     try:
         hash(form)
     except TypeError:
@@ -100,8 +100,10 @@ class PreparedRun:
         *("monotone", "template"),
     )
 
-    def __init__(self, template: Template, plan: Plan, one: OneFrame, roles: Sequence[str]) -> None:
-        self.template, self._plan, self._one = template, plan, one
+    def __init__(
+        self, template: Template, plan: Plan, frame_runner: OneFrame, roles: Sequence[str]
+    ) -> None:
+        self.template, self._plan, self._one = template, plan, frame_runner
         self.monotone = monotone(template) is not None
         (self._solver,) = plan.solvers.values()
         self._roles = tuple(roles) if may_grow(template, self._solver) else ()
@@ -225,5 +227,5 @@ def prepared_run(
         return None
     if may_grow(template, solver) and hides_errors(template, solver):
         return None  # it is compared with another run
-    one = plan.executable.one(plan.executable.new_memory(1))
-    return None if one is None else PreparedRun(template, plan, one, tuple(given))
+    frame_runner = plan.executable.one(plan.executable.new_memory(1))
+    return None if frame_runner is None else PreparedRun(template, plan, frame_runner, tuple(given))

@@ -306,7 +306,7 @@ class OpenEngine:
         shape: Shape,
         names: tuple[str, ...],
         spec: RunSpec,
-        *about: object,
+        *rest: object,
     ) -> Plan:
         """Return the plan of a run, which is made once, whichever thread asks first.
 
@@ -317,10 +317,10 @@ class OpenEngine:
         names : tuple of str
             Names of its maps: a role, and a number.
         spec : RunSpec
-        *about : hashable
+        *rest : hashable
             What else the plan depends on.
         """
-        key = (template.digest, shape, names, spec, *about)
+        key = (template.digest, shape, names, spec, *rest)
         plan = self.plans.get(key)
         if plan is None:
             with self.turn:

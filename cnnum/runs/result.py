@@ -135,16 +135,23 @@ class Proof:
         if isinstance(given, Mapping):
             return given
         held = zip(ROLES, given, strict=True)
-        return {role: one[np.newaxis] for role, one in held if one is not None}
+        return {role: values[np.newaxis] for role, values in held if values is not None}
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Go to another process unmade, and not with functions that cannot go there."""
-        about = (self.template, self._given, self.duration, self.tolerances, self.state, self.error)
+        numbers_of_run = (
+            self.template,
+            self._given,
+            self.duration,
+            self.tolerances,
+            self.state,
+            self.error,
+        )
         try:
             pickle.dumps(self.template)
         except (pickle.PicklingError, AttributeError, TypeError, CnnumError):
             return type(None), ()
-        return Proof, about
+        return Proof, numbers_of_run
 
     def made(self) -> "Certificate":
         """Return the proof."""

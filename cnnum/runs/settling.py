@@ -107,13 +107,13 @@ def at_rest(
             if ready is not None:
                 seen[frame] = Verdict("stable", x, ready)
                 continue
-            one = Frame(cells, frames.given_of(frame))
+            single = Frame(cells, frames.given_of(frame))
             # masked cells stay at their start, whatever the precision makes of it
-            x = np.where(one.moving, x, one.start())
-            seen[frame] = verdict(one, x, reach, tolerance)
+            x = np.where(single.moving, x, single.start())
+            seen[frame] = verdict(single, x, reach, tolerance)
             late = longer(frames.time[frame] / slowest) > spec.settle_limit
             late |= bool(frames.steps[frame] > MOST_STEPS)
-            rate, rounded = one.rates(x)
+            rate, rounded = single.rates(x)
             still[frame] = bool((np.abs(rate) <= coarser * rounded).all())
             late |= still[frame]
             if seen[frame].stability != "stable" and seen[frame].decided and not late:

@@ -80,8 +80,8 @@ def at_times(ask: Ask, down: Callable[[Ask], Result]) -> Result:
         spec = ask.until(times[-1]).spec
         looks = _looks(Request(ask.engine, ask.template, given, shape, spec), times[:-1], end)
     if looks is None:
-        each = [*(down(ask.until(time)) for time in times[:-1]), end]
-        return stacked(template, each, times)
+        ends = [*(down(ask.until(time)) for time in times[:-1]), end]
+        return stacked(template, ends, times)
     return ended(template, looks, end, times)
 
 
@@ -115,16 +115,16 @@ def _halved_looks(request: Request, times: tuple[float, ...], end: Result) -> Re
     step = float(np.max(end.time)) / max(int(np.max(end.steps)), 1)
     delay = delay_of(template)
     parts = 4 * max(1, math.ceil(delay / step / 4.0 - 1e-9)) if step else 4
-    found: list[Result] = []
+    results: list[Result] = []
     for coarser in (4, 2, 1):
         own = request.by(replace(spec, dt=coarser * delay / parts, method=end.method))
         # before the first step ends, runs would be the same one but for these
-        one = looked_at(own.plan, own.given, own.lead, times, precision, cuts=4 // coarser)
-        if one is None:
+        looked = looked_at(own.plan, own.given, own.lead, times, precision, cuts=4 // coarser)
+        if looked is None:
             return None
-        found.append(one)
+        results.append(looked)
     turns = bool(turning_points(template, times[-1]))
-    looks = by_differences(found, (spec.rtol, spec.atol), precision, turns=turns)
+    looks = by_differences(results, (spec.rtol, spec.atol), precision, turns=turns)
     return unknown(looks) if lets_go(template, times[-1]) else looks
 
 
@@ -165,12 +165,12 @@ def looked_at(
         backend = open_record(first_that(lambda record: record.looks), None, precision)
     executable = cast(Looking, backend.build(plan.schedule, plan.solvers))
     frames, _ = plan.read(as_frame(dict(given), lead, np.dtype(number_type(precision))))
-    found = executable.look(frames, times, _ends_at(plan, solver, times), cuts)
+    findings = executable.look(frames, times, _ends_at(plan, solver, times), cuts)
     (transient,) = {n.operation for n in plan.schedule.transients}
     assert isinstance(transient, Transient)
     template = transient.template
-    state = np.asarray(found["seen"], dtype=np.float64)
-    marks, shape = found["marks"], (len(times), *lead)
+    state = np.asarray(findings["seen"], dtype=np.float64)
+    marks, shape = findings["marks"], (len(times), *lead)
     if not np.isfinite(state).all():
         raise ArrayError(
             f"The state of template '{template.name}' is not finite at one of the times: it grows "

@@ -102,9 +102,9 @@ def skips(request: Request) -> bool:
     spec, engine = request.spec, request.engine
     if spec.method == WAVEFRONT:
         return True
-    asked = spec.method != "auto" or spec.dt is not None or spec.force or spec.estimate
+    explicit = spec.method != "auto" or spec.dt is not None or spec.force or spec.estimate
     # an engine that solves finely is what others are held against
-    if asked or engine.whole or not engine.record.takes_steps:
+    if explicit or engine.whole or not engine.record.takes_steps:
         return False
     return monotone(request.template) is not None
 
@@ -133,27 +133,27 @@ def without_way(request: Request, down: Callable[[Request], Result]) -> Result:
     below = None
     if reasons:
         below = down(request.by(request.spec, request.frames(np.flatnonzero(way))))
-    found = [end for end in ends if isinstance(end, _End)]
+    reached = [end for end in ends if isinstance(end, _End)]
 
     def together(of_ends: Sequence[Any], of_below: str) -> NDArray[Any]:
         """Return a part of all frames; their own axes come last."""
-        known = np.stack([np.asarray(one) for one in of_ends])
+        known = np.stack([np.asarray(values) for values in of_ends])
         if below is None:
             return known.reshape((*lead, *known.shape[1:]))
         parts = np.empty((len(ends), *known.shape[1:]), known.dtype)
         parts[~way], parts[way] = known, getattr(below, of_below)
         return parts.reshape((*lead, *known.shape[1:]))
 
-    state = together([end.state for end in found], "state")
+    state = together([end.state for end in reached], "state")
     result = Result(
         output=np.clip(state, -1.0, 1.0),
         state=state,
-        time=together([end.time for end in found], "time"),
-        steps=together([0] * len(found), "steps"),
-        settled=together([end.keeps for end in found], "settled"),
-        error=together([end.error for end in found], "error"),
+        time=together([end.time for end in reached], "time"),
+        steps=together([0] * len(reached), "steps"),
+        settled=together([end.keeps for end in reached], "settled"),
+        error=together([end.error for end in reached], "error"),
         method=WAVEFRONT if below is None else below.method,
-        reason=REASON if below is None else f"{below.reason}; of {len(found)} frames, {REASON}",
+        reason=REASON if below is None else f"{below.reason}; of {len(reached)} frames, {REASON}",
     )
     if below is None:
         object.__setattr__(result, "proof", Proven(result.state, result.error, result.settled))
@@ -251,8 +251,8 @@ def _rest(
     def gone(
         begun: NDArray[np.floating], sign: float, margin: float, *, alone: bool = False
     ) -> tuple[int, float, Floats]:
-        about = (known.feedback, known.centre, known.rim, sign, margin)
-        return front(begun, held, drive.copy(), *about, alone=alone)
+        numbers = (known.feedback, known.centre, known.rim, sign, margin)
+        return front(begun, held, drive.copy(), *numbers, alone=alone)
 
     def end_within(margin: float) -> tuple[int, float, Floats]:
         """Return the end of cells that go one way, else the one that bounds of both ways share."""
@@ -312,8 +312,8 @@ def _sums_exactly(template: Template, known: Monotone, maps: Given) -> bool:
         numbers.append(np.float64(template.input_boundary.constant))
     scaled = (np.asarray(number, dtype=np.float64) * FINEST for number in numbers)
     return all(
-        bool((np.abs(one) < FINEST * LARGEST).all() and (one == np.rint(one)).all())
-        for one in scaled
+        bool((np.abs(number) < FINEST * LARGEST).all() and (number == np.rint(number)).all())
+        for number in scaled
     )
 
 

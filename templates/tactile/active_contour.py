@@ -151,7 +151,7 @@ def active_contour(
             ("row", "column"), frame.centroid(where(inside, 1.0, 0.0)), strict=True
         )
     )
-    moves = (_next_to(inside) & touched.touched & ~inside) | (inside & ~touched.touched)
+    changed_side = (_next_to(inside) & touched.touched & ~inside) | (inside & ~touched.touched)
     return {
         "contour": inside & _next_to(~inside),
         "contour_inside": inside,
@@ -159,7 +159,7 @@ def active_contour(
         "contour_row": row,
         "contour_column": column,
         "contour_holds": holds,
-        "contour_rests": holds & ~moves.any(),
+        "contour_rests": holds & ~changed_side.any(),
     }
 
 

@@ -140,7 +140,7 @@ def _links(load: Field, inside: Field, least: Field, sharp: float) -> list[_Link
     """Return the links to the right, up, left and down."""
     step = get_template("edge_step")
     turned = [replace(step, name=f"edge_step {k}", B=np.rot90(step.B[0, 0], k)) for k in range(4)]
-    falls = [apply(each, input=load) for each in turned]
+    falls = [apply(template, input=load) for template in turned]
     slopes = [abs(falls[way] - falls[way + 2]) for way in (0, 1)]
     links: list[_Link] = []
     for way, (rows, cols) in enumerate(WAYS):

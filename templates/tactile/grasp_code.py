@@ -75,13 +75,13 @@ def grasp_code(
 def _decoded(signs: list[list[Field]], known: Field, agree: float) -> Mapping[str, Field]:
     """Return the motion whose pattern the signs follow best, and where it goes."""
     # the second finger faces the first: its x is the other's −x
-    one, two = signs[:4], [[-x, y] for x, y in signs[4:]]
-    x1, y1 = (mean([pair[k] for pair in one]) for k in (0, 1))
+    first, two = signs[:4], [[-x, y] for x, y in signs[4:]]
+    x1, y1 = (mean([pair[k] for pair in first]) for k in (0, 1))
     x2, y2 = (mean([pair[k] for pair in two]) for k in (0, 1))
     together, apart = (x1 + x2, y1 + y2), (x1 - x2, y1 - y2)
-    turns = [_turn(one), _turn(two, mirrored=True)]
-    grows = [_grow(one), _grow(two, mirrored=True)]
-    turn, grow = (turns[0] + turns[1]) / 2.0, (grows[0] + grows[1]) / 2.0
+    turns = [_turn(first), _turn(two, mirrored=True)]
+    growth_codes = [_grow(first), _grow(two, mirrored=True)]
+    turn, grow = (turns[0] + turns[1]) / 2.0, (growth_codes[0] + growth_codes[1]) / 2.0
     scores = [_straight(together), abs(turn), _straight(apart), abs(grow)]
     flags = _best(scores, known, agree)
     slip, twist, tilt, squeeze = flags

@@ -91,10 +91,10 @@ def motion_direction(
     power = frame.memory("power", scalar=True).mean(square(signal).sum(), share)
     there = ~clock.resting & (sqrt(power) > level * clock.noise(square(signal).sum(), ("normal",)))
     sums = [
-        frame.memory(name, scalar=True).mean(each.sum(), share)
-        for name, each in zip(("motion x", "motion y"), maps, strict=True)
+        frame.memory(name, scalar=True).mean(values.sum(), share)
+        for name, values in zip(("motion x", "motion y"), maps, strict=True)
     ]
-    x, y = (where(there, each / maximum(power, TINY), 0.0) for each in sums)
+    x, y = (where(there, total / maximum(power, TINY), 0.0) for total in sums)
     strength = length([x, y])
     return {
         "motion_map_x": maps[0],
@@ -108,5 +108,7 @@ def motion_direction(
 
 def _correlated(frame: FrameFields, now: Field, late: Field, down: int, right: int) -> Field:
     """Return how much each taxel is ahead of its next one; 0 where there is none."""
-    other, other_late = (shift(each, -down, -right, boundary="zero-flux") for each in (now, late))
+    other, other_late = (
+        shift(values, -down, -right, boundary="zero-flux") for values in (now, late)
+    )
     return late * other - now * other_late

@@ -125,7 +125,7 @@ def receptors(
     slow = with_corners("slow_receptor", (sa_to,))
     rapid = with_corners("rapid_receptor", (ra1_from, ra1_to))
     vibrating = with_corners("vibration_receptor", (pc_from, pc_from, pc_to))
-    x, y = (clock.behind(slow, over_field(each, sa2_field)) for each in shear)
+    x, y = (clock.behind(slow, over_field(component, sa2_field)) for component in shear)
     channels = {
         "sa1": clock.behind(slow, over_field(push_map, sa1_field)),
         "ra1": clock.behind(rapid, over_field(push_map, ra1_field)),

@@ -114,8 +114,8 @@ def slip(
     # decision: a hand's load changes under all of its fingers, an object may slip under one alone
     explained = mean(
         [
-            each["trend"] + swing * each["load_rate"] + pull * each["ratio_rate"]
-            for each in signs_of_pads
+            pad_signs["trend"] + swing * pad_signs["load_rate"] + pull * pad_signs["ratio_rate"]
+            for pad_signs in signs_of_pads
         ]
     )
     (ratio,) = most([[signs["ratio"]] for signs in signs_of_pads])
@@ -206,7 +206,7 @@ def _of_pad(recent: RecentLoads, pad: Pad, rests: list[Field], stick: Field) -> 
     x, y = pad.pull
     along = pad.inner((old - now) * (x * right + y * down))
     shear = x * recent.shear[0] + y * recent.shear[1]
-    was = [pad.total(each) / pad.before for each in recent.old_shear]
+    was = [pad.total(earlier) / pad.before for earlier in recent.old_shear]
     ways = [pad.ratio * part - before for part, before in zip(pad.pull, was, strict=True)]
     return {
         "pull_x": x,

@@ -108,7 +108,7 @@ class LoadNetwork:
     def template(self) -> Template:
         """Return the CNN; its input is strain over noise, its state the input of `back`."""
         forward = self._forward()
-        A = -np.array([[_shared(one, other) for other in forward] for one in forward])
+        A = -np.array([[_shared(row, other) for other in forward] for row in forward])
         B = np.eye(3)[:, :, None, None]
         return Template("surface load", A, B, boundary=0.0, duration="settle", output="linear")
 
@@ -234,7 +234,7 @@ def surface_load(
     left = _left(network, strain, load)
     residual = sqrt(total(map(square, left)).mean() * (1.0 / 3.0))
     x, y, normal = (
-        each * float(size) for each, size in zip(load, network.likely_loads, strict=True)
+        weight * float(size) for weight, size in zip(load, network.likely_loads, strict=True)
     )
     return {"load_x": x, "load_y": y, "load_normal": normal, "residual": residual}
 

@@ -64,13 +64,13 @@ def tactile(
     pushed = NORMAL in frame.channels or not sheared  # of neither, the error names the load
     cover = {"push": push, "depth": depth, "reads": reads}
     bumps = {"bump_pitch": bump_pitch, "bump_depth": bump_depth, "unit": bump_unit}
-    moves = {"push": push, "rest": rest, "shear_gain": shear_gain, "pads": pads}
+    settings = {"push": push, "rest": rest, "shear_gain": shear_gain, "pads": pads}
     result: dict[str, Field] = {}
     if pushed:
         result |= contact.bind(**cover, unit=unit, normal_gain=1.0 / shear_gain, pads=pads)(frame)
     if sheared:
-        result |= slip.bind(**moves, false_reports=slip_false_reports)(frame)
-        result |= twist.bind(**moves, false_reports=twist_false_reports)(frame)
+        result |= slip.bind(**settings, false_reports=slip_false_reports)(frame)
+        result |= twist.bind(**settings, false_reports=twist_false_reports)(frame)
     if pushed:
         result |= edges.bind(**cover)(frame)
         result |= localize.bind(push=push, **bumps)(frame)

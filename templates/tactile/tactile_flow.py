@@ -125,20 +125,22 @@ def tactile_flow(
         name: frame.memory(name).mean(product, share)
         for name, product in _products(clock, push, to).items()
     }
-    sums = {name: each.sum() for name, each in held.items()}
+    sums = {name: product.sum() for name, product in held.items()}
     # noise has slopes, too: their energy at rest
     pattern = sums["xx"] + sums["yy"]
     floor = LEVEL * square(clock.noise(pattern, ("normal",)))
     known = ~clock.resting & (pattern > floor)
     # shares of the whole pattern: energies span more than single precision or 16 bits hold
     energy = where(known, pattern, 1.0)
-    whole = _without_growth({name: each / energy for name, each in sums.items()})
+    whole = _without_growth({name: total / energy for name, total in sums.items()})
     x, y = (where(known, part, 0.0) for part in _solved(whole, 1.0))
     explained = -1.0 * (x * whole["xt"] + y * whole["yt"]) / maximum(whole["tt"], TINY)
     spreads = get_template("tactile_diffusion")
     around = {name: held[name] / energy for name in PRODUCTS}
     if window > 0.0:
-        around = {n: apply(spreads, input=each, duration=window) for n, each in around.items()}
+        around = {
+            n: apply(spreads, input=product, duration=window) for n, product in around.items()
+        }
     # a place counts as having the pattern of noise at least
     least = floor / energy / (frame.shape[0] * frame.shape[1] * LEAN)
     there = maximum(around["xx"] + around["yy"], maximum(least, TINY))
@@ -208,21 +210,21 @@ def _spread(
 ) -> tuple[Field, Field]:
     """Return the area by the spread of the pressure, and its slope over the load."""
     frame = loads.frame
-    found = pressed_of(loads, SHARE, depth, reads, 1.0)
-    row, column = frame.centroid(found.weight)
+    pressed = pressed_of(loads, SHARE, depth, reads, 1.0)
+    row, column = frame.centroid(pressed.weight)
     far = square(frame.row - row) + square(frame.column - column)
-    area = pi * HERTZ * (found.weight * far).sum() / maximum(found.weight.sum(), TINY)
-    area, load = (where(loads.contact, each, 0.0) for each in (area, unit * found.normal))
+    area = pi * HERTZ * (pressed.weight * far).sum() / maximum(pressed.weight.sum(), TINY)
+    area, load = (where(loads.contact, value, 0.0) for value in (area, unit * pressed.normal))
     # in proportion, as A ~ F^(2/3): the mean of a slope itself is that of a while ago, when it was
     # larger. The later, larger loads count more
     late = [frame.memory(name, scalar=True) for name in ("late area", "late load")]
-    change, gap = (each - memory.value for each, memory in zip((area, load), late, strict=True))
-    twice = [each + memory.value for each, memory in zip((area, load), late, strict=True)]
+    change, gap = (value - memory.value for value, memory in zip((area, load), late, strict=True))
+    twice = [value + memory.value for value, memory in zip((area, load), late, strict=True)]
     change = twice[1] * change / maximum(twice[0], TINY)
-    for memory, each in zip(late, (area, load), strict=True):
-        memory.mean(each, where(loads.contact, share, 1.0))
+    for memory, value in zip(late, (area, load), strict=True):
+        memory.mean(value, where(loads.contact, share, 1.0))
     both = frame.memory("area by load", scalar=True).mean(change * gap, share)
     own = frame.memory("load by load", scalar=True).mean(gap * gap, share)
-    grows = own > square(RESTS * load)
+    growing = own > square(RESTS * load)
     growth = both / maximum(own, TINY) * area / maximum(load, TINY)
-    return area, where(loads.contact & grows, growth, 0.0)
+    return area, where(loads.contact & growing, growth, 0.0)

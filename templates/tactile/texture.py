@@ -198,8 +198,11 @@ def _moves(
     both = rubbed & (before > 0.0)  # a taxel that has just been touched is no movement
     power = where(both, square(change), 0.0).sum()
     most = (2.0 * MOVES**2) * noise * where(both, 1.0, 0.0).sum()
-    lasts, moves = frame.memory("samples that it moves", scalar=True), (power > most) & (then > 0.0)
-    count = where(moves, lasts.value + 1.0, 0.0)
+    lasts, sliding = (
+        frame.memory("samples that it moves", scalar=True),
+        (power > most) & (then > 0.0),
+    )
+    count = where(sliding, lasts.value + 1.0, 0.0)
     lasts.store(count if tick is None else where(tick, count, lasts.value))
     return lasts.value > float(window) - 0.5 if tick is not None else count > float(window)
 

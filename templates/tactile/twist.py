@@ -83,10 +83,10 @@ def read_outs(frame: FrameFields, *, recent: RecentLoads, still: float) -> dict[
     )
     # read-outs
     curls, parts = (
-        [_over_load(recent, pad, each) for pad in recent.pads] for each in (curl, divergence)
+        [_over_load(recent, pad, rate) for pad in recent.pads] for rate in (curl, divergence)
     )
     changes = recent.load_rate > still
-    turns = [_since(recent, "curl", each, changes) for each in curls]
+    turns = [_since(recent, "curl", rate, changes) for rate in curls]
     parts = [abs(_since(recent, "divergence", part, changes)) for part in parts]
     rows = [
         (abs(turn), turn, part, pad.ratio, *_centre(recent, pad))

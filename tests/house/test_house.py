@@ -1,5 +1,6 @@
 """The house itself: imports point one way, and `import cnnum` is light."""
 
+import ast
 import importlib.util
 import shutil
 import subprocess
@@ -28,6 +29,14 @@ HEAVY = {
     "PIL": {"cnnum/pictures.py", "cnnum/report"},
     "numba": {"cnnum/design", "cnnum/engines/numba", "cnnum/lab/bench/peers"},
 }
+
+NO_NOUNS = {"one", "each", "found", "about", "asked"}
+PRIVATE = {"moves", "loosens", "jolt", "grows", "sticks", "lies", "shows"}
+CLEAR = (
+    "templates", "cnnum/programs", "cnnum/kernels", "cnnum/graph", "cnnum/engines/opencl",
+    "cnnum/embedded/lowering", "cnnum/runs",
+)  # fmt: skip
+"""Where values are called by what they hold."""
 
 
 def load(path):
@@ -127,6 +136,26 @@ def test_heavy_libraries_stay_in_their_rooms():
         if (rooms := HEAVY.get(module.split(".")[0]))
         and not any(relative.as_posix().startswith(room) for room in rooms)
     ]
+    assert not wrong
+
+
+def own_names(path):
+    """The names and lines of parameters and of all that is assigned."""
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.arg):
+            yield node.arg, node.lineno
+        elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
+            yield node.id, node.lineno
+
+
+def test_values_are_called_by_what_they_hold():
+    wrong = {
+        f"{relative}:{line}: {name}"
+        for path, relative in sources()
+        if relative.as_posix().startswith(CLEAR)
+        for name, line in own_names(path)
+        if name in NO_NOUNS | PRIVATE
+    }
     assert not wrong
 
 

@@ -68,38 +68,38 @@ class Builder:
         kind: Kind,
         length: int,
         format: Format | None,
-        about: str = "",
+        description: str = "",
         *,
         logic: bool = False,
     ) -> Array:
         """Return a new array."""
-        made = Array(name, kind, length, None if logic else format, about, logic=logic)
+        made = Array(name, kind, length, None if logic else format, description, logic=logic)
         self.arrays[name] = made
         return made
 
-    def table(self, name: str, values: ArrayLike, about: str = "") -> tuple[Array, int]:
+    def table(self, name: str, values: ArrayLike, description: str = "") -> tuple[Array, int]:
         """Return a table of constants, and the fraction of its numbers."""
         flat = np.asarray(values, dtype=np.float64).ravel()
         if not isinstance(self.arithmetic, Fixed):
-            made = Array(name, "table", flat.size, None, about, flat)
+            made = Array(name, "table", flat.size, None, description, flat)
             self.arrays[name] = made
             return made, 0
-        found, fraction = self.arithmetic.weights(flat.tolist())
-        whole = np.asarray(found, dtype=np.int64)
+        weights, fraction = self.arithmetic.weights(flat.tolist())
+        whole = np.asarray(weights, dtype=np.int64)
         exact = bool(np.all(np.ldexp(whole.astype(np.float64), -fraction) == flat))
-        return self._table(name, whole, fraction, about, exact=exact), fraction
+        return self._table(name, whole, fraction, description, exact=exact), fraction
 
-    def places(self, name: str, values: ArrayLike, about: str = "") -> Array:
+    def places(self, name: str, values: ArrayLike, description: str = "") -> Array:
         """Return a table of whole numbers: places in an array."""
         flat = np.asarray(values, dtype=np.int64).ravel()
-        return self._table(name, flat, 0, about, places=True, exact=True)
+        return self._table(name, flat, 0, description, places=True, exact=True)
 
     def _table(
         self,
         name: str,
         values: Any,
         fraction: int,
-        about: str,
+        description: str,
         *,
         places: bool = False,
         exact: bool = False,
@@ -107,7 +107,9 @@ class Builder:
         most = int(np.abs(values).max(initial=0))
         bits = next(bits for bits in (8, 16, 32) if most < 1 << (bits - 1))
         form = Format(bits, fraction)
-        made = Array(name, "table", values.size, form, about, values, places=places, exact=exact)
+        made = Array(
+            name, "table", values.size, form, description, values, places=places, exact=exact
+        )
         self.arrays[name] = made
         return made
 
@@ -136,19 +138,23 @@ class Builder:
         self.fractions[name] = quantity.fraction
         return Quantity(made, quantity.fraction)
 
-    def stored(self, one: Quantity, array: Array) -> ir.Expression:
+    def stored(self, quantity: Quantity, array: Array) -> ir.Expression:
         """Return the expression that an array holds for a quantity."""
         if array.logic:
-            return one.value if one.exact is None else ir.Integer(int(one.exact != 0))
+            return (
+                quantity.value if quantity.exact is None else ir.Integer(int(quantity.exact != 0))
+            )
         if not isinstance(self.arithmetic, Fixed):
             # logic values are whole numbers, in reals too
-            return one.value if one.value.bounds is None else call("to_real", one.value)
+            return (
+                quantity.value if quantity.value.bounds is None else call("to_real", quantity.value)
+            )
         assert array.format is not None
-        return self.arithmetic.stored(one, array.format)
+        return self.arithmetic.stored(quantity, array.format)
 
-    def store(self, array: Array, one: Quantity, at: ir.Expression = CELL) -> None:
+    def store(self, array: Array, quantity: Quantity, at: ir.Expression = CELL) -> None:
         """Store a quantity in an array."""
-        self.body.append(self.store_to(array, self.stored(one, array), at))
+        self.body.append(self.store_to(array, self.stored(quantity, array), at))
 
     def store_to(self, array: Array, value: ir.Expression, at: ir.Expression = CELL) -> ir.Assign:
         """Return the statement that stores a number of an array."""
@@ -248,7 +254,7 @@ class Padded:
         if self.boundary.constant is not None or not self.halo:
             return
         to_name, from_name = self._rim_tables()
-        at, seen = (item(one.name, CELL, one.bounds) for one in (to_name, from_name))
+        at, seen = (item(table.name, CELL, table.bounds) for table in (to_name, from_name))
         copy = self.to.store_to(self.array, item(self.array.name, seen, self.array.bounds), at)
         self.to.body.append(ir.sweep(CELL, to_name.length, [copy]))
 
@@ -329,8 +335,8 @@ def whole_solver(transient: Transient, shape: Shape) -> Solver:
     settled = exact.settle and isinstance(exact.scheme, Propagator | Spectral | Circulant)
     if uncoupled or settled or not steps:
         return exact
-    asked = "euler" if method == "auto" else method
-    return choose(replace(transient, spec=replace(transient.spec, method=asked)), shape)
+    explicit = "euler" if method == "auto" else method
+    return choose(replace(transient, spec=replace(transient.spec, method=explicit)), shape)
 
 
 def _exact(transient: Transient, shape: Shape) -> Solver:

@@ -67,8 +67,8 @@ def lower_loop(work: "Lowering", node: Node) -> None:
     assert isinstance(loop, Loop)
     start, *rest = node.arguments
     carried = [
-        _carried(work, f"c{node.index}_{k}", one, result)
-        for k, (one, result) in enumerate(zip(rest, loop.results, strict=False))
+        _carried(work, f"c{node.index}_{k}", first, result)
+        for k, (first, result) in enumerate(zip(rest, loop.results, strict=False))
     ]
     running = ir.Name(f"running{node.index}", LOGIC)
     rounds = ir.Name(f"rounds{node.index}", (0, loop.limit))
@@ -83,8 +83,8 @@ def lower_loop(work: "Lowering", node: Node) -> None:
 
 
 def _flag(work: "Lowering", node: Node) -> ir.Expression:
-    one = work.numbers[node.index]
-    return one.value if one.exact is None else ir.Integer(int(one.exact != 0))
+    quantity = work.numbers[node.index]
+    return quantity.value if quantity.exact is None else ir.Integer(int(quantity.exact != 0))
 
 
 def _carried(work: "Lowering", name: str, start: Node, result: Node) -> Carried:
@@ -144,20 +144,26 @@ def _number(array: Array) -> Quantity:
 def _hand_on(inner: "Lowering", loop: Loop, carried: list[Carried], changed: ir.Name) -> None:
     """Write the values of the next round; all are read before any is written."""
     to = inner.to
-    maps = [(one, n) for one, n in zip(carried, loop.results, strict=True) if not one.scalar]
-    numbers = [(one, n) for one, n in zip(carried, loop.results, strict=True) if one.scalar]
+    maps = [
+        (carried_map, n)
+        for carried_map, n in zip(carried, loop.results, strict=True)
+        if not carried_map.scalar
+    ]
+    numbers = [
+        (number, n) for number, n in zip(carried, loop.results, strict=True) if number.scalar
+    ]
     known, last = dict(inner.numbers), list[ir.Statement]()
-    for one, result in numbers:
-        old = ir.Name(one.array.name, one.array.bounds)
-        new = Quantity(to.stored(inner.numbers[result.index], one.array), 0)
+    for number, result in numbers:
+        old = ir.Name(number.array.name, number.array.bounds)
+        new = Quantity(to.stored(inner.numbers[result.index], number.array), 0)
         value = to.let(f"new_{old.text}", new).value
         moved = opposite(call("equal", value, old))
         last += [ir.Assign(changed, call("or", changed, moved)), ir.Assign(old, value)]
     with to.within() as body:
-        values = [(one.array, inner.operand(result)) for one, result in maps]
+        values = [(target.array, inner.operand(result)) for target, result in maps]
         news = [
-            (array, to.let(f"new_{array.name}", Quantity(to.stored(one, array), 0)).value)
-            for array, one in values
+            (array, to.let(f"new_{array.name}", Quantity(to.stored(quantity, array), 0)).value)
+            for array, quantity in values
         ]
         for array, value in news:
             moved = opposite(call("equal", value, to.item(array).value))
@@ -173,11 +179,11 @@ def _picked(
     to = work.to
     for user, pick in picks_of(node, work.schedule.nodes):
         if pick.what == "carried":
-            one = carried[pick.layer]
-            if one.scalar:
-                work.numbers[user.index] = _number(one.array)
+            value = carried[pick.layer]
+            if value.scalar:
+                work.numbers[user.index] = _number(value.array)
             else:
-                work.maps[user.index] = one.array
+                work.maps[user.index] = value.array
         elif pick.what == "finished":
             work.numbers[user.index] = Quantity(opposite(running))
         else:
@@ -459,7 +465,7 @@ class Lowering:
             return
         assert isinstance(operation, Transient)
         given = {
-            role: [self._given(one) for one in some]
+            role: [self._given(argument) for argument in some]
             for role, some in operation.by_role(node.arguments).items()
         }
         solver = self.solvers[node.index]
@@ -480,26 +486,26 @@ class Lowering:
             self._invert(node)
         known, folds = dict(self.numbers), list[tuple[Node, Quantity]]()
         with self.to.within() as body:
-            for one in (argument for node in level.cells for argument in node.arguments):
+            for source in (argument for node in level.cells for argument in node.arguments):
                 # before the loop's own values take their places
-                if isinstance(one.operation, Read) and not one.scalar:
-                    self.operand(one)
+                if isinstance(source.operation, Read) and not source.scalar:
+                    self.operand(source)
             for node in level.cells:
                 if isinstance(node.operation, Reduce):
                     folds.append((node, self._folded(node)))
                 else:
                     self._cell(node)
         self.numbers = known
-        for node, found in folds:
-            assert isinstance(found.value, ir.Name)
-            self.to.body.append(ir.declare(found.value, self._start(node, found)))
+        for node, total in folds:
+            assert isinstance(total.value, ir.Name)
+            self.to.body.append(ir.declare(total.value, self._start(node, total)))
         self.to.loop(body)
-        for node, found in folds:
+        for node, total in folds:
             name, form = f"n{node.index}", self.to.formats.register(f"n{node.index}")
             if form is not None and not node.logic:
                 assert isinstance(self.to.arithmetic, Fixed)
-                found = self.to.arithmetic.fit(found, form)
-            self.numbers[node.index] = self.to.let(name, found)
+                total = self.to.arithmetic.fit(total, form)
+            self.numbers[node.index] = self.to.let(name, total)
 
     def _invert(self, node: Node) -> None:
         divisor = _divisor(node)
@@ -507,7 +513,7 @@ class Lowering:
             return
         name = f"r{divisor.index}"
         form = self.to.formats.register(name)
-        one = applied(
+        inverse = applied(
             self.to.arithmetic,
             "divide",
             [constant(1.0), self.numbers[divisor.index]],
@@ -515,8 +521,8 @@ class Lowering:
         )
         if form is not None:
             assert isinstance(self.to.arithmetic, Fixed)
-            one = self.to.arithmetic.fit(one, form)
-        self._inverses[divisor.index] = self.to.let(name, one)
+            inverse = self.to.arithmetic.fit(inverse, form)
+        self._inverses[divisor.index] = self.to.let(name, inverse)
 
     def _cell(self, node: Node) -> None:
         operation = node.operation
@@ -550,26 +556,26 @@ class Lowering:
         operation = node.operation
         assert isinstance(operation, Reduce)
         argument, how = node.arguments[0], FOLDS[operation.function.name]
-        one = self.operand(argument)
+        quantity = self.operand(argument)
         if how != "+":
             # the largest number is one of those that another loop finds in the map
-            one = self._held.get(argument.index, one)
-        if one.exact is not None and isinstance(self.to.arithmetic, Fixed):
-            one = self.to.arithmetic.settled(one)
-        value = one.value
+            quantity = self._held.get(argument.index, quantity)
+        if quantity.exact is not None and isinstance(self.to.arithmetic, Fixed):
+            quantity = self.to.arithmetic.settled(quantity)
+        value = quantity.value
         if not self.to.integer and not node.logic and value.bounds is not None:
-            value = applied(Reals(), "add", [one, constant(0.0)], 0).value
+            value = applied(Reals(), "add", [quantity, constant(0.0)], 0).value
         bounds = value.bounds
         if bounds is not None and how == "+":
             bounds = min(0, bounds[0] * self.to.cells), max(0, bounds[1] * self.to.cells)
         folded = ir.Name(f"f{node.index}", bounds)
         self.to.body.append(ir.Accumulate(folded, how, value))
-        return Quantity(folded, one.fraction)
+        return Quantity(folded, quantity.fraction)
 
-    def _start(self, node: Node, found: Quantity) -> ir.Integer | ir.Number:
+    def _start(self, node: Node, total: Quantity) -> ir.Integer | ir.Number:
         operation = node.operation
         assert isinstance(operation, Reduce)
-        how, bounds = FOLDS[operation.function.name], found.value.bounds
+        how, bounds = FOLDS[operation.function.name], total.value.bounds
         if how == "+":
             return ir.Integer(0) if bounds is not None else ir.Number(0.0)
         if bounds is None:

@@ -164,10 +164,10 @@ class TransientWork:
 
     def fixed(self, value: float) -> Quantity:
         """Return a constant term as the arithmetic has it."""
-        one = constant(value)
+        number = constant(value)
         if not self.to.integer:
-            return one
-        return self.to.arithmetic.fit(one, self.to.formats.kept(f"z{self.index}"))  # type: ignore[arg-type]
+            return number
+        return self.to.arithmetic.fit(number, self.to.formats.kept(f"z{self.index}"))  # type: ignore[arg-type]
 
     def start(self, layer: int) -> Quantity | None:
         """Return the initial state of a cell; None where it is 0."""
@@ -207,11 +207,12 @@ class TransientWork:
 
     def prepare(self) -> None:
         """Write the rims of all inputs."""
-        static = [one for one in self.template.nonlinear if one.static]
-        read = {one.source for one in static} | {one.centre_source for one in static if one.centre}
-        for source, one in enumerate(self.given["input"]):
+        static = [coupling for coupling in self.template.nonlinear if coupling.static]
+        read = {coupling.source for coupling in static}
+        read |= {coupling.centre_source for coupling in static if coupling.centre}
+        for source, input_map in enumerate(self.given["input"]):
             if source in read or np.any(self.template.B[:, source]):
-                self.padded(one, self.template.input_boundary.constant)
+                self.padded(input_map, self.template.input_boundary.constant)
 
     def target(self, layer: int, what: str) -> Array:
         """Return a new array for a layer's state or output."""

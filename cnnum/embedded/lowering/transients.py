@@ -104,9 +104,9 @@ def propagated(work: TransientWork, scheme: Propagator) -> dict[int, Array]:
     return result
 
 
-def _answering(work: TransientWork, found: dict[int, Array]) -> Ends:
+def _answering(work: TransientWork, answers: dict[int, Array]) -> Ends:
     """Return the function that writes the answers of a layer from its state, and keeps them."""
-    return lambda layer, state: found.update(work.answers(layer, state))
+    return lambda layer, state: answers.update(work.answers(layer, state))
 
 
 def _dense(
@@ -189,8 +189,8 @@ def _modal(
     along_rows, _ = to.table(f"modes_{rows}_{_kind(work)}", scheme.rows, "modes of rows")
     along_cols, _ = to.table(f"modes_{cols}_{_kind(work)}", scheme.cols, "modes of columns")
     seen = [
-        (kind, layer, _forward(work, f"{kind}{tag}", layer, one, along_rows, along_cols))
-        for kind, layer, one in sources
+        (kind, layer, _forward(work, f"{kind}{tag}", layer, source_map, along_rows, along_cols))
+        for kind, layer, source_map in sources
     ]
     for layer in work.layers:
         mixed = _wide(work, f"u{work.index}_{layer}{tag}", "modes of the answer")
@@ -220,7 +220,7 @@ def rests(work: TransientWork, solver: Solver) -> Quantity:
     Roundings of stored starts and drives are no rates.
     """
     to, scheme, rates = work.to, solver.scheme, _rates(work)
-    moves = ir.Name(f"moves{work.index}", LOGIC)
+    moving_flag = ir.Name(f"moves{work.index}", LOGIC)
 
     def ends(layer: int, rate: Quantity) -> None:
         arithmetic, x = to.arithmetic, to.item(work.target(layer, "state"))
@@ -230,9 +230,9 @@ def rests(work: TransientWork, solver: Solver) -> Quantity:
         moving = arithmetic.compare("greater", arithmetic.absolute(rate), bound).value
         if work.given["mask"]:
             moving = call("and", moving, opposite(work.cell(work.given["mask"][0]).value))
-        to.body.append(ir.Accumulate(moves, "maximum", moving))
+        to.body.append(ir.Accumulate(moving_flag, "maximum", moving))
 
-    to.body.append(ir.declare(moves, 0))
+    to.body.append(ir.declare(moving_flag, 0))
     begun = [("state", n, rate.array) for n, rate in enumerate(rates)]
     if isinstance(scheme, Decay):
         decayed = scheme.kept.tolist()
@@ -244,11 +244,14 @@ def rests(work: TransientWork, solver: Solver) -> Quantity:
     elif isinstance(scheme, Spectral):
         _modal(work, scheme.still(), begun, ends, "e")
     else:
-        for layer, one in enumerate(rates):
+        for layer, layer_rate in enumerate(rates):
             with to.within() as body:
-                ends(layer, to.arithmetic.weighted([(decayed[layer], to.item(one.array))], FINE))
+                ends(
+                    layer,
+                    to.arithmetic.weighted([(decayed[layer], to.item(layer_rate.array))], FINE),
+                )
             to.loop(body)
-    return to.let(f"settled_{work.index}", Quantity(opposite(moves)))
+    return to.let(f"settled_{work.index}", Quantity(opposite(moving_flag)))
 
 
 class _Rate(NamedTuple):
@@ -262,7 +265,7 @@ def _rates(work: TransientWork) -> list[_Rate]:
     """Write (w + A ∗ x₀ − x₀) / τ of every layer, times the slowest τ."""
     to, template, tag = work.to, work.template, f"e{work.index}"
     halo, slowest = reach(template.A), float(template.tau.max())
-    sources = {(kind, layer): one for kind, layer, one in _sources(work)}
+    sources = {(kind, layer): array for kind, layer, array in _sources(work)}
     starts = [sources.get(("state", n)) for n in range(template.layers)]
     rim, result = bool(halo and template.boundary.constant), list[_Rate]()
     seen = {
@@ -302,10 +305,10 @@ def _quantum(array: Array | None) -> float:
     return array.format.step
 
 
-def _table(work: TransientWork, name: str, values: Floats, about: str) -> Array:
+def _table(work: TransientWork, name: str, values: Floats, description: str) -> Array:
     """Return a table of a transient, which may be there."""
     result = work.to.arrays.get(f"k{work.index}_{name}")
-    return result or work.to.table(f"k{work.index}_{name}", values, about)[0]
+    return result or work.to.table(f"k{work.index}_{name}", values, description)[0]
 
 
 def _kind(work: TransientWork) -> str:
@@ -324,18 +327,18 @@ def _forward(
 
 
 def _mixed(
-    work: TransientWork, name: str, about: str, count: int, a: Quantity, b: Quantity
+    work: TransientWork, name: str, description: str, count: int, a: Quantity, b: Quantity
 ) -> Array:
     """Write a map of sums of products over `j`; return it."""
-    to, target = work.to, _wide(work, name, about)
+    to, target = work.to, _wide(work, name, description)
     with to.within() as body:
         to.store(target, _total(work, "mix", [(J, count)], a, b))
     to.loop(body, cols=True)
     return target
 
 
-def _wide(work: TransientWork, name: str, about: str) -> Array:
-    return work.to.array(name, "work", work.to.cells, work.to.formats.kept(name), about)
+def _wide(work: TransientWork, name: str, description: str) -> Array:
+    return work.to.array(name, "work", work.to.cells, work.to.formats.kept(name), description)
 
 
 STILL = 1e-6
@@ -390,10 +393,10 @@ class Watch:
             time = constant(scheme.step * scheme.count)
         known = {"steps": count, "time": time, "settled": Quantity(opposite(self.moved))}
         for name in work.figures:
-            one = known[name]
-            if one.exact is None:
-                one = to.let(f"{name}_{work.index}", one)
-            work.figures[name] = one
+            figure = known[name]
+            if figure.exact is None:
+                figure = to.let(f"{name}_{work.index}", figure)
+            work.figures[name] = figure
 
     def _until_still(
         self, work: TransientWork, scheme: FixedSteps, steps: Sequence[ir.Statement]
@@ -544,8 +547,8 @@ def _places(array: Array) -> int:
 def _merged(
     terms: list[tuple[float, Quantity]], own: float, cell: Quantity
 ) -> list[tuple[float, Quantity]]:
-    centre = sum(weight for weight, one in terms if one == cell) + own
-    return [*((w, one) for w, one in terms if one != cell), (centre, cell)]
+    centre = sum(weight for weight, quantity in terms if quantity == cell) + own
+    return [*((w, quantity) for w, quantity in terms if quantity != cell), (centre, cell)]
 
 
 def _ends(work: TransientWork, states: list[Array]) -> dict[int, Array]:

@@ -309,7 +309,7 @@ class Exchange:
             self._let_see(buffer)
         seen.pull(self.kernels.queue)
         read = {name: frames[:, at.start].astype(np.float64) for name, at in numbers.items()}
-        finite = all(bool(np.isfinite(each).all()) for each in read.values())
+        finite = all(bool(np.isfinite(values).all()) for values in read.values())
         return results | read, finite and not seen.host.any()
 
     def _unseen(self, batch: int) -> SharedArray:

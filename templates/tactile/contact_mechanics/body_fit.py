@@ -93,7 +93,7 @@ def body_fit(
     spread = maximum((weight * away[4]).sum() / load, 1e-6)
 
     def seen(radius: Field, shape: Callable[[Field], Field]) -> Field:
-        body = mean([shape(1.0 - each / square(radius)) for each in away])
+        body = mean([shape(1.0 - distance / square(radius)) for distance in away])
         back = body if reads == "force" else body - _left(body, depth, reads)
         return where(back > SHARE * back.max(), back, 0.0)
 
@@ -145,7 +145,7 @@ def _best(weight: Field, radius: Field, seen: Callable[[Field], Field]) -> _Fit:
         return square(weight - peak * body).sum() / whole, peak
 
     left = [fit(scale * radius)[0] for scale in SCALES]
-    best = radius * most([(-each, _lowest(left, n)) for n, each in enumerate(left)])[1]
+    best = radius * most([(-residual, _lowest(left, n)) for n, residual in enumerate(left)])[1]
     least, peak = fit(best)
     return _Fit(sqrt(least), best, peak)
 

@@ -89,13 +89,13 @@ def mindlin_slip(
     whole = frame.within_range(loads.contact)  # a clipped load has too much pull
     steady = fitted.count(whole & _hertz(loads, pressed)) > STEADY * frame.rate
     holds = steady & ~_contradicted(frame, used, gross, steady)
-    sticks = where(holds, maximum(1.0 - used, 0.0) ** (1 / 3), 1.0)
+    stick_radius = where(holds, maximum(1.0 - used, 0.0) ** (1 / 3), 1.0)
     may, begun = holds & ~gross, frame.memory("incipient", scalar=True, logic=True)
     return {
         "mindlin_holds": holds,
-        "incipient_slip": begun.latch(may & (sticks < LOOSE), may & (sticks < STAYS)),
-        "stick_share": sticks,
-        "slip_strength": 1.0 - sticks,
+        "incipient_slip": begun.latch(may & (stick_radius < LOOSE), may & (stick_radius < STAYS)),
+        "stick_share": stick_radius,
+        "slip_strength": 1.0 - stick_radius,
         **{name: slides[name] for name in ("gross_slip", "slip_x", "slip_y")},
     }
 

@@ -345,5 +345,5 @@ class RecentLoads:
         load, before = total(self.z) + least, total(self.old_z) + least
         even, pulls = least * least / cells, [total(shear) for shear in self.shear]
         force = length(pulls)
-        pull = tuple(each / force for each in pulls)
+        pull = tuple(component / force for component in pulls)
         return Pad(total, inner, load, before, power, even, force / load, pull)

@@ -323,7 +323,7 @@ def _pulls(loads: Loads, shape: Field, whole: Field, depth: float) -> tuple[Fiel
     result: list[Field] = []
     for shear, (own, pushed) in zip(loads.shear, ways, strict=bool(loads.shear)):
         total = where(loads.healthy, shear, 0.0).sum()
-        share, tilt = ((shape * loads.frame.constant(each)).sum() for each in (own, pushed))
+        share, tilt = ((shape * loads.frame.constant(weights)).sum() for weights in (own, pushed))
         result.append((total - whole * tilt) / maximum(share, NOTHING))
     return tuple(result)
 

@@ -62,7 +62,7 @@ def level_at_rest(
     """
     low, high, mean = (frame.memory(f"{part}{name}") for part in ("least of ", "most of ", ""))
     begins = frame.first
-    least, most = (where(begins, channel, each.value) for each in (low, high))
+    least, most = (where(begins, channel, memory.value) for memory in (low, high))
     middle = maximum(minimum(channel, most), least)
     low.store(where(resting, minimum(channel, least), least))
     high.store(where(resting, maximum(channel, most), most))

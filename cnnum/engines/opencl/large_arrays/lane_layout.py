@@ -208,7 +208,7 @@ def keep_rows(text: TransientBuilder, number: int) -> None:
     types, kind = text.tables.types, "rows in lanes"
     key = f"{kind} {source}"
     types.setdefault(key, "")
-    suffix = f"_lanes{[each for each in types if each.startswith(kind)].index(key)}"
+    suffix = f"_lanes{[name for name in types if name.startswith(kind)].index(key)}"
     types[key] = owned(source, OWN, suffix[1:])
     row = filled(
         "lane_row",

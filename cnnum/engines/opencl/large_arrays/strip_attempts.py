@@ -121,7 +121,7 @@ def figures(
     text, empty = rows.text, rows.empty
     tau = ir.Number(float(text.template.tau.max()))
     atol, rtol = ir.Number(text.solver.atol), ir.Number(text.solver.rtol)
-    found = (
+    judgement = (
         error
         / (
             atol
@@ -135,7 +135,7 @@ def figures(
         constant(name, ir.call("magnitude", state))
         for name, state in zip((STRIP_ATTEMPT_A, STRIP_ATTEMPT_B), states, strict=True)
     ]
-    for name, figure in zip(FIGURES, found, strict=True):
+    for name, figure in zip(FIGURES, judgement, strict=True):
         value = figure if empty is None else ir.Choice(empty, ONES - ONES, figure)
         lines.append(ir.Accumulate(ir.Name(name), "greatest", value))
     return lines
@@ -192,10 +192,10 @@ def _pair_cases(rows: Rows, scheme: AdaptiveSteps) -> list[ir.Case]:
     for stage in range(1, last + 1):
         c = rows.text.literal(float(sum(scheme.tableau.a[stage])))
         gains = gain_lines(rows.text, f"{rows.register(BEGINS)} + {c} * {length}")
-        end, found = (_strip_pair_judge, FOUND) if stage == last else (_strip_pair_next, None)
-        each = coupled(rows, "strip_xs")
-        each += [end(rows, scheme, stage, at) for at in rows.block]
-        cases.append(rows.case(stage, each, [*head, *gains], found))
+        end, places = (_strip_pair_judge, FOUND) if stage == last else (_strip_pair_next, None)
+        body = coupled(rows, "strip_xs")
+        body += [end(rows, scheme, stage, at) for at in rows.block]
+        cases.append(rows.case(stage, body, [*head, *gains], places))
     return cases
 
 

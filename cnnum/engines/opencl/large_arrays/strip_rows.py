@@ -183,8 +183,8 @@ class Rows:
         kept = {f"*finding(x, {n}, piece)": name for name, n in (findings or {}).items()}
         before = [f"vec {name} = {place};" for place, name in kept.items()]
         after = [f"{place} = {name};" for place, name in kept.items()]
-        each = (*map(_statement, before), *body, *map(_statement, after))
-        vectors = ir.Loop(P, START + self.span, each, start=START, step=self.layout.width)
+        stage_body = (*map(_statement, before), *body, *map(_statement, after))
+        vectors = ir.Loop(P, START + self.span, stage_body, start=START, step=self.layout.width)
         return ir.Case(number, (*map(_statement, head), vectors))
 
     def numbers(self) -> dict[str, int | str]:
@@ -451,7 +451,7 @@ def _loaded(rows: Rows, array: ir.Expression) -> Value:
 
 def _mixed(rows: Rows) -> Value:
     def value(source: int, row: int, col: int) -> ir.Expression:
-        before, after = (_loaded(rows, each)(source, row, col) for each in (PAST, NEXT))
+        before, after = (_loaded(rows, name)(source, row, col) for name in (PAST, NEXT))
         return before + PART * (after - before)
 
     return value
@@ -459,19 +459,19 @@ def _mixed(rows: Rows) -> Value:
 
 def _scatter(rows: Rows, through: Through) -> list[ir.Statement]:
     """Return the statements that add every output, as it is loaded, to its sums."""
-    found = {
+    weights = {
         (layer, tap.source, tap.row, tap.col): tap.weight
         for layer in range(rows.text.layers)
         for tap in through.taps(layer)
     }
     radius, lines = rows.text.radius, list[ir.Statement]()
-    sources = sorted({source for _, source, _, _ in found})
+    sources = sorted({source for _, source, _, _ in weights})
     around = range(-radius, radius + 1)
     for row, source, col in product(range(-radius, rows.high + radius), sources, around):
         adds = [
-            ir.add(at.sum, _weight(rows, through, at.layer, found[key]) * V)
+            ir.add(at.sum, _weight(rows, through, at.layer, weights[key]) * V)
             for at in rows.block
-            if (key := (at.layer, source, row - at.row, col)) in found
+            if (key := (at.layer, source, row - at.row, col)) in weights
         ]
         if adds:
             lines.append(ir.block(constant(V, through.value(source, row, col)), *adds))

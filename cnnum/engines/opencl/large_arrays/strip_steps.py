@@ -106,7 +106,7 @@ class Watch:
 
     def body(self, scheme: FixedSteps, strips: Strips) -> list[ir.Statement]:
         """Return the statements that launch the kernel until nothing changes."""
-        about = f"at most {scheme.count} steps of {scheme.step:g}, until nothing changes any more"
+        note = f"at most {scheme.count} steps of {scheme.step:g}, until nothing changes any more"
         solver, (begin, levels, end) = self.rows.text.solver, apart(strips)
         left = ir.Integer(scheme.count) - ir.Cast("int", STEPS)
         rounds = (
@@ -126,7 +126,7 @@ class Watch:
         time = ir.call("fmin", STEPS * ir.Number(scheme.step), ir.Number(solver.duration))
         begun = (RUNNING, ir.ONE), *((name, ir.ZERO) for name in (STEPS, SETTLED, STILL))
         return [
-            ir.Note(f"// {scheme.name}, by strips: {about}"),
+            ir.Note(f"// {scheme.name}, by strips: {note}"),
             ir.Declare("real", begun),
             ir.Assign(CONTROL[STEPS_BEFORE], ir.ZERO),
             begin,
@@ -140,10 +140,10 @@ class Watch:
 
         With a delay nothing has to change for longer than that.
         """
-        each, late = self.rows.finding, lag(self.rows.text.template, scheme.step)
+        count, late = self.rows.finding, lag(self.rows.text.template, scheme.step)
         again = (
             ir.Assign(ANY, ir.ZERO),
-            ir.Loop(K, each, (ir.Accumulate(ANY, "fmax", FINDINGS[AT * each + K]),)),
+            ir.Loop(K, count, (ir.Accumulate(ANY, "fmax", FINDINGS[AT * count + K]),)),
             ir.Assign(AT, ir.Integer(1), "+="),
             ir.Assign(STILL, ir.pick(ANY.equals(ir.ZERO), STILL + ir.ONE, ir.ZERO)),
             ir.Assign(ANY, ir.pick(ir.Number(late + 0.5) <= STILL, ir.ZERO, ir.ONE)),
@@ -222,14 +222,14 @@ def state_strips(text: TransientBuilder, scheme: FixedSteps) -> Figures:
 
 def _state_case(rows: Rows, scheme: FixedSteps) -> ir.Case:
     kept, limited = Kept(rows), rows.text.template.output.limited
-    each = [*kept.load, *coupled(rows, "", whole=True, kept=kept)]
+    body = [*kept.load, *coupled(rows, "", whole=True, kept=kept)]
     for at in rows.block:
         if rows.masked:
-            each.append(ir.Assign(at.sum, rows.free(at, at.sum, rows.cells(FROM, at))))
+            body.append(ir.Assign(at.sum, rows.free(at, at.sum, rows.cells(FROM, at))))
         if limited:
-            each.append(ir.Assign(at.sum, ir.call("shown", at.sum, ONES)))
-        each.append(rows.new(at, at.sum))
-    return rows.case(0, [*each, *kept.move], [*Moments(rows, scheme, 1).head(0), *kept.begin])
+            body.append(ir.Assign(at.sum, ir.call("shown", at.sum, ONES)))
+        body.append(rows.new(at, at.sum))
+    return rows.case(0, [*body, *kept.move], [*Moments(rows, scheme, 1).head(0), *kept.begin])
 
 
 def strip_steps(text: TransientBuilder, scheme: FixedSteps) -> Figures:
@@ -269,13 +269,13 @@ def _sum_cases(
         seen = watch if number == 0 else None
         whole = stage.whole and seen is None and not uneven(moments.scheme)
         state, between = _array_of(stage.state), moments.between(number)
-        each = coupled(rows, state, whole=whole, between=between)
+        body = coupled(rows, state, whole=whole, between=between)
         share = PART if uneven(moments.scheme) else None
         for at in rows.block:
             stage = layers[at.layer].stages[number]
-            each.append(_end(rows, stage, at, seen, whole, share, first=number == 0))
-        found = {CHANGE.text: f"number / {moments.stages}"} if seen else {}
-        cases.append(rows.case(number, each, moments.head(number), found))
+            body.append(_end(rows, stage, at, seen, whole, share, first=number == 0))
+        findings = {CHANGE.text: f"number / {moments.stages}"} if seen else {}
+        cases.append(rows.case(number, body, moments.head(number), findings))
     return cases
 
 
@@ -296,7 +296,7 @@ def _end(
     """
     limited, known = rows.text.template.output.limited, set[int]()
     if not whole:
-        known |= {place for one in stage.sums for place, _ in one.terms}
+        known |= {place for part in stage.sums for place, _ in part.terms}
         known |= {stage.state} if limited or seen else set[int]()
     lines = [vector(_kept(place), rows.array(_array_of(place), at)) for place in sorted(known)]
     if limited and first and not whole:
@@ -306,13 +306,13 @@ def _end(
         lines.append(ir.Assign(at.sum, rows.free(at, at.sum, still)))
     if seen:
         lines += seen.sees(at, _kept(stage.state))
-    for one in stage.sums:
-        kept, value = _kept(one.place), at.sum if whole else _sum(one, at, share)
-        lines.append(ir.Assign(kept, value) if one.place in known else vector(kept, value))
-        known.add(one.place)
-        if one is stage.sums[0]:
+    for part in stage.sums:
+        kept, value = _kept(part.place), at.sum if whole else _sum(part, at, share)
+        lines.append(ir.Assign(kept, value) if part.place in known else vector(kept, value))
+        known.add(part.place)
+        if part is stage.sums[0]:
             lines += rows.show(at, kept)
-        lines.append(rows.store(_array_of(one.place), at, kept))
+        lines.append(rows.store(_array_of(part.place), at, kept))
     return ir.block(*lines)
 
 
@@ -325,10 +325,10 @@ def _kept(place: int) -> ir.Name:
     return ir.Name(f"a{place}")
 
 
-def _sum(one: Sum, at: At, share: ir.Name | None) -> ir.Expression:
-    terms = [_weighted([_kept(place)], factor) for place, factor in one.terms]
+def _sum(part: Sum, at: At, share: ir.Name | None) -> ir.Expression:
+    terms = [_weighted([_kept(place)], factor) for place, factor in part.terms]
     own: list[ir.Expression] = [at.sum] if share is None else [share, at.sum]
-    return ir.total([*terms, _weighted(own, one.factor)])
+    return ir.total([*terms, _weighted(own, part.factor)])
 
 
 def _weighted(factors: list[ir.Expression], weight: float) -> ir.Expression:

@@ -350,19 +350,19 @@ class Lowering:
                 self.values.array_of(argument)
                 for argument in node.arguments[-operation.weight_maps :]
             ]
-            text.body += text.operands.own.declared([each for each in held if each], text.cells)
-        numbers = [(each, pick) for each, pick in self.picks[node.index] if each.scalar]
-        maps = [(each, pick) for each, pick in self.picks[node.index] if not each.scalar]
-        self.body += [ir.declare(self.values.name_scalar(each)) for each, _ in numbers]
+            text.body += text.operands.own.declared([array for array in held if array], text.cells)
+        numbers = [(user, pick) for user, pick in self.picks[node.index] if user.scalar]
+        maps = [(user, pick) for user, pick in self.picks[node.index] if not user.scalar]
+        self.body += [ir.declare(self.values.name_scalar(user)) for user, _ in numbers]
         top = self.arena.top
         strategy = self.strategies[node.index] = strategy_of(text)
         figures = run(text, strategy)
         if "settled" not in figures and any(pick.what == "settled" for _, pick in numbers):
             settled_now(text, strategy)
             figures["settled"] = ir.pick(RESTS, ir.ONE, ir.ZERO)
-        text.over_cells([self._pick_map(each, pick, text) for each, pick in maps])
+        text.over_cells([self._pick_map(user, pick, text) for user, pick in maps])
         text.body += [
-            ir.Assign(self.values.variable(each), figures[pick.what]) for each, pick in numbers
+            ir.Assign(self.values.variable(user), figures[pick.what]) for user, pick in numbers
         ]
         self.arena.top = top
         self.body.append(ir.Block(tuple(text.body)))

@@ -52,17 +52,17 @@ def rates_of(stage: int) -> ir.Name:
     return ir.Name(f"k{stage}")
 
 
-def shared_products(found: Iterable[Tap], least: int = 2) -> list[tuple[Tap, ...]]:
+def shared_products(weights: Iterable[Tap], least: int = 2) -> list[tuple[Tap, ...]]:
     """Return the taps in groups whose weights are equal but for their signs, column by column.
 
     Parameters
     ----------
-    found : iterable of Tap
+    weights : iterable of Tap
     least : int
         Taps of a group; fewer stay alone.
     """
     equal: dict[float, list[Tap]] = {}
-    for tap in found:
+    for tap in weights:
         equal.setdefault(abs(tap.weight), []).append(tap)
     groups: list[tuple[Tap, ...]] = []
     for group in equal.values():
@@ -71,13 +71,13 @@ def shared_products(found: Iterable[Tap], least: int = 2) -> list[tuple[Tap, ...
     return groups
 
 
-def shares_products(found: Iterable[Tap]) -> bool:
+def shares_products(weights: Iterable[Tap]) -> bool:
     """Return whether any two weights are equal but for their signs."""
-    return any(len(group) > 1 for group in shared_products(found))
+    return any(len(group) > 1 for group in shared_products(weights))
 
 
 def weighted_terms(
-    found: Iterable[Tap],
+    weights: Iterable[Tap],
     number: Callable[[float], ir.Expression],
     value: Callable[[Tap], ir.Expression],
     least: int = 2,
@@ -86,7 +86,7 @@ def weighted_terms(
 
     Parameters
     ----------
-    found : iterable of Tap
+    weights : iterable of Tap
     number : callable
         The literal of a weight.
     value : callable
@@ -94,7 +94,7 @@ def weighted_terms(
     least : int
         Taps of a group; fewer stay alone.
     """
-    return [_term(group, number, value) for group in shared_products(found, least)]
+    return [_term(group, number, value) for group in shared_products(weights, least)]
 
 
 def _column(tap: Tap) -> tuple[int, int, int]:
@@ -333,10 +333,10 @@ class TransientBuilder:
         return array[ir.PLACE + (tap.source * self.padded + tap.row * self.pitch + tap.col)]
 
     def weighted(
-        self, array: ir.Name, found: tuple[Tap, ...], total: ir.Name = SUM
+        self, array: ir.Name, weights: tuple[Tap, ...], total: ir.Name = SUM
     ) -> list[ir.Statement]:
         """Return statements that add the weighted neighbours of cell `p` to `total`."""
-        terms = weighted_terms(found, self.number, lambda tap: self.neighbour(array, tap))
+        terms = weighted_terms(weights, self.number, lambda tap: self.neighbour(array, tap))
         return [ir.add(total, term) for term in terms]
 
     def number(self, weight: float) -> ir.Expression:

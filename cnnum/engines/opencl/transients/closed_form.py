@@ -88,22 +88,22 @@ def _inside(slope: float, time: float) -> list[ir.Statement]:
         between = NOW + G * (grown - ir.ONE)
     else:
         ends: ir.Expression = (B - NOW) / G
-        moves: ir.Expression = LEFT
+        change: ir.Expression = LEFT
         if slope != 0.0:
             steepest = ir.Number(math.log(STEEPEST))
             ends = ir.call("log1p", m * (B - NOW) / G) / m
-            moves = ir.call("expm1", ir.call("fmin", m * LEFT, steepest)) / m
+            change = ir.call("expm1", ir.call("fmin", m * LEFT, steepest)) / m
         # the time that is left, from where it enters, and that it takes to leave again. A quotient
         # of decays is exact near the end
         left = ir.pick(entered, ir.call("log", EDGE / d), ir.Number(time))
         begun = [ir.fixed(LEFT, left), ir.fixed(ENDS, ends)]
         crosses = crosses & (ENDS < LEFT)
         over = B + AT_B * (ir.ONE - ir.call("exp", ENDS - LEFT))
-        moves = ir.pick(entered, moves, ir.Number(moved(slope, time)))
-        between = NOW + G * moves
+        change = ir.pick(entered, change, ir.Number(moved(slope, time)))
+        between = NOW + G * change
         if slope < 0.0:  # where these two cancel
             falls = ir.pick(entered, ir.call("exp", m * LEFT), ir.Number(growth(slope, time)))
-            between = NOW * falls + DRIVE * moves
+            between = NOW * falls + DRIVE * change
     return [
         *begun,
         ir.fixed(CROSSES, ir.pick(crosses, ir.ONE, ir.ZERO)),
@@ -198,11 +198,11 @@ def _propagate(text: TransientBuilder, scheme: Propagator) -> float:
     fours, alone = list[ir.Statement](), list[ir.Statement]()
     for array, matrix in parts:
         row = ir.Integer(text.tables.data(matrix)) + ir.CELL * n
-        one, two, three, four = (
+        first, two, three, four = (
             text.tables.number_at(row + (J + k)) * array[J + k] for k in range(4)
         )
         # the sums of four wait for no other product, and are rounded by a quarter of the additions
-        fours.append(ir.add(SUM, (one + two) + (three + four)))
+        fours.append(ir.add(SUM, (first + two) + (three + four)))
         alone.append(ir.add(SUM, text.tables.number_at(row + J) * array[J]))
     text.array(X, n)
     body: list[ir.Statement] = [
@@ -309,8 +309,8 @@ def _product(text: TransientBuilder, inner: int, target: ir.Element, term: ir.Bi
     rows, across = text.shape
     if text.tables.lanes > 1:  # sums in registers
         sums = ir.Loop(ir.COL, inner, (ir.add(SUM, term),))
-        each = (ir.declare(SUM, ir.ZERO), sums, ir.Assign(target, SUM))
-        body: tuple[ir.Statement, ...] = (ir.Loop(K, across, each),)
+        column = (ir.declare(SUM, ir.ZERO), sums, ir.Assign(target, SUM))
+        body: tuple[ir.Statement, ...] = (ir.Loop(K, across, column),)
     else:  # rows that compilers vectorise
         row = ir.Loop(K, across, (ir.add(target, V * term.right),))
         body = (

@@ -90,12 +90,18 @@ def nonlinear(text: TransientBuilder, layer: int, *, static: bool) -> list[ir.St
 
     They are those that are the same all the time, or all others.
     """
-    result = [one for one in text.template.nonlinear if one.static == static and one.to == layer]
+    result = [
+        coupling
+        for coupling in text.template.nonlinear
+        if coupling.static == static and coupling.to == layer
+    ]
 
     def quantity(name: Quantity, source: int, row: int, col: int) -> ir.Expression:
         return text.neighbour(ARRAYS[name], Tap(source, row, col, 1.0))
 
-    return [line for one in result for line in summed(one, quantity, SUM, number=text.number)]
+    return [
+        line for coupling in result for line in summed(coupling, quantity, SUM, number=text.number)
+    ]
 
 
 def summed(
@@ -160,12 +166,12 @@ def gains(
             ),
         ]
     for name, at, jumps in ((SINCE, since, False), (AMID, middle, True)):
-        found = [
+        values = [
             ir.fixed(gain_name(k), table(gain.table, name, number))
             for k, gain in enumerate(text.template.gains)
             if (gain.table.interpolation == "constant") == jumps
         ]
-        lines += [ir.fixed(name, at), *found] if found else []
+        lines += [ir.fixed(name, at), *values] if values else []
     return lines
 
 
@@ -260,6 +266,6 @@ def _history(text: TransientBuilder) -> None:
     _pad(text, text.operands.previous)
     body: list[ir.Statement] = [ir.declare(SUM)]
     for layer, later in enumerate(text.each(LATER)):
-        found = text.weighted(U, taps(text.template.delayed.B, layer))
-        body += [ir.Assign(SUM, ir.ZERO), *found, ir.Assign(later, SUM)]
+        terms = text.weighted(U, taps(text.template.delayed.B, layer))
+        body += [ir.Assign(SUM, ir.ZERO), *terms, ir.Assign(later, SUM)]
     text.over_grid(body)

@@ -219,7 +219,7 @@ class _Block:
     def _scatter(self, column: int) -> list[ir.Statement]:
         """Return the outputs of a column, each added to all sums of the block that it reaches."""
         text, reach, lines = self.text, self._reach, list[ir.Statement]()
-        found = {
+        weight_at = {
             (layer, tap.source, tap.row, tap.col): tap.weight
             for layer in range(text.layers)
             for tap in taps(text.template.A, layer)
@@ -227,9 +227,9 @@ class _Block:
         cells, around = range(self.columns)[::-1], range(-reach, self.rows + reach)
         for source, row in product(range(text.layers), around):
             adds = [
-                ir.add(_sum(layer, k, cell), self.weights.weight(layer, found[key]) * V)
+                ir.add(_sum(layer, k, cell), self.weights.weight(layer, weight_at[key]) * V)
                 for k, layer, cell in product(range(self.rows), range(text.layers), cells)
-                if (key := (layer, source, row - k, column - text.radius - cell)) in found
+                if (key := (layer, source, row - k, column - text.radius - cell)) in weight_at
             ]
             if adds:
                 output = _output_at(text, source, row + text.radius, column)
@@ -352,9 +352,9 @@ def row_steps(text: TransientBuilder, scheme: FixedSteps) -> Figures:
     """Append the steps, from and to the states `x`, and return the figures of the run."""
     vector = f"{text.tables.printer.numbers.scalar}{width(text.shape[1])}"
     text.tables.types["rows"] = fill("rows", row=vector)
-    weights, about = StepWeights(text, scheme), f"{scheme.count} steps of {scheme.step:g}"
+    weights, note = StepWeights(text, scheme), f"{scheme.count} steps of {scheme.step:g}"
     text.body += [
-        ir.Note(f"// {scheme.name}: {about}, the array in registers, a row a vector"),
+        ir.Note(f"// {scheme.name}: {note}, the array in registers, a row a vector"),
         *_begin(text, weights),
         ir.Counted(ir.ROUND, 0, scheme.count, None, tuple(_step(text, weights))),
         *_end(text),
@@ -376,11 +376,11 @@ def _row(array: str, *at: int) -> ir.Name:
 
 def _begin(text: TransientBuilder, weights: StepWeights) -> list[ir.Statement]:
     """Return the rows of states and of the scaled drive."""
-    each = _each(text)
-    lines = [ir.declare(_row("x", *at), _gathered(text, X, *at), of="row") for at in each]
+    places = _each(text)
+    lines = [ir.declare(_row("x", *at), _gathered(text, X, *at), of="row") for at in places]
     if constant_drive(text) is None:
-        scaled = [weights.number(at[0]) * _gathered(text, W, *at) for at in each]
-        pairs = zip(each, scaled, strict=True)
+        scaled = [weights.number(at[0]) * _gathered(text, W, *at) for at in places]
+        pairs = zip(places, scaled, strict=True)
         lines += [ir.fixed(_row("w", *at), drive, of="row") for at, drive in pairs]
     return [*lines]
 

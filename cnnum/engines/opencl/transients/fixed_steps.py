@@ -88,7 +88,7 @@ def chebyshev_sweeps(text: TransientBuilder, scheme: ChebyshevSteps) -> Attempt:
         ir.Assign(OLD[ir.CELL], X[ir.CELL]),
         ir.Assign(XS[ir.CELL], X[ir.CELL] + BEGIN * H * K0[ir.CELL]),
     ]
-    each = (
+    stage_body = (
         ir.add(TABLE_ROW, ir.Integer(4)),
         ir.Declare("real", ((BACK1, number(0)), (BACK2, number(1))), fixed=True),
         ir.Declare("real", ((WEIGHT, number(2)), (START, number(3))), fixed=True),
@@ -100,7 +100,7 @@ def chebyshev_sweeps(text: TransientBuilder, scheme: ChebyshevSteps) -> Attempt:
         ir.declare(TABLE_ROW, ir.Integer(table) + STAGES * MAX_STAGES * 4, of="int"),
         ir.fixed(BEGIN, number(2)),
         ir.sweep(ir.CELL, text.states, first),
-        ir.Counted(STAGE, 1, STAGES, None, each),
+        ir.Counted(STAGE, 1, STAGES, None, stage_body),
         ir.Block(tuple(last_rates)),
     ]
     return Attempt(stages, _judge(text), advance(text, K1))
@@ -138,8 +138,8 @@ def repeated(
     """
     steps = f"{scheme.count} steps of {scheme.step:g}"
     if scheme.settle:
-        about = f"{scheme.name}: at most {steps}, a lane stops where nothing changes any more"
-        text.body += [ir.Note(f"// {about}"), *_until_rest(text, scheme, length, body)]
+        note = f"{scheme.name}: at most {steps}, a lane stops where nothing changes any more"
+        text.body += [ir.Note(f"// {note}"), *_until_rest(text, scheme, length, body)]
     else:
         once = (ir.fixed(H, length), *body)
         text.body += [
@@ -264,11 +264,11 @@ def stages(
 ) -> list[ir.Statement]:
     """Return the stages of a step `h` from the first one on; `instant` is of a part of the step."""
     rows = scheme.tableau.a
-    each = (
+    step = (
         partial(_stage, text, scheme, number, instant(float(sum(rows[number]))))
         for number in range(first, scheme.tableau.stages)
     )
-    return [ir.Block(tuple(text.aside(stage))) for stage in each]
+    return [ir.Block(tuple(text.aside(stage))) for stage in step]
 
 
 def _stage(

@@ -27,8 +27,8 @@ LATER_RATES, STAGE = ir.names("later stage")
 def sweeps(text: TransientBuilder, scheme: AdaptiveSteps) -> Attempt:
     """Return a step's statements as sweeps over all cells, a stage after the other."""
     declare_stages(text, 1, scheme.tableau.stages)
-    each = stages(text, scheme, 1, lambda c: Instant(TIME + ir.Number(c) * H, AMID_STEP))
-    return _judged(text, scheme, each)
+    body = stages(text, scheme, 1, lambda c: Instant(TIME + ir.Number(c) * H, AMID_STEP))
+    return _judged(text, scheme, body)
 
 
 def rolls(text: TransientBuilder) -> bool:
@@ -80,7 +80,9 @@ def _round(text: TransientBuilder, scheme: AdaptiveSteps) -> None:
     rates(text, XS, keep, Instant(time, AMID_STEP))
 
 
-def _judged(text: TransientBuilder, scheme: AdaptiveSteps, each: Sequence[ir.Statement]) -> Attempt:
+def _judged(
+    text: TransientBuilder, scheme: AdaptiveSteps, body_of_step: Sequence[ir.Statement]
+) -> Attempt:
     """Return a step of these stages, with its judgement: the worst error, the change at its end."""
     last, body = rates_of(scheme.tableau.stages - 1), list[ir.Statement]()
     for layer, at in enumerate(text.places):
@@ -91,4 +93,4 @@ def _judged(text: TransientBuilder, scheme: AdaptiveSteps, each: Sequence[ir.Sta
             lines.append(ir.fixed(LEFT_OUT, left_out))
             error, left_out = ir.call("fmax", ir.size(error), LEFT_OUT), LEFT_OUT
         body.append(ir.block(*lines, *judged(text, at, error, left_out, last)))
-    return Attempt(each, [ir.sweep(ir.CELL, text.cells, body)], advance(text, last))
+    return Attempt(body_of_step, [ir.sweep(ir.CELL, text.cells, body)], advance(text, last))

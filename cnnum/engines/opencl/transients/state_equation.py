@@ -142,10 +142,10 @@ def _rate_lines(
 def _couplings(text: TransientBuilder, layer: int) -> list[ir.Statement]:
     template = text.template
     gained = {gain.source: k for k, gain in enumerate(template.gains) if gain.to == layer}
-    found = taps(template.A, layer)
-    lines = text.weighted(Y, tuple(tap for tap in found if tap.source not in gained))
+    weights = taps(template.A, layer)
+    lines = text.weighted(Y, tuple(tap for tap in weights if tap.source not in gained))
     for source, k in gained.items():
-        part = text.weighted(Y, tuple(tap for tap in found if tap.source == source), PART)
+        part = text.weighted(Y, tuple(tap for tap in weights if tap.source == source), PART)
         lines.append(ir.block(ir.declare(PART, ir.ZERO), *part, ir.add(SUM, gain_name(k) * PART)))
     lines += nonlinear(text, layer, static=False)
     if template.delayed is not None and delays_outputs(text.template):

@@ -111,11 +111,11 @@ def strategy_of(text: TransientBuilder) -> Strategy:
     """Return the first strategy that fits."""
     scheme, own = text.solver.scheme, text.operands.own is not None
     return next(
-        each
-        for each in STRATEGIES
-        if isinstance(scheme, each.schemes)
-        and (each.own_weights or not own)
-        and each.fits(text, scheme)
+        strategy
+        for strategy in STRATEGIES
+        if isinstance(scheme, strategy.schemes)
+        and (strategy.own_weights or not own)
+        and strategy.fits(text, scheme)
     )
 
 
