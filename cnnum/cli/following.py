@@ -16,7 +16,8 @@ from cnnum.cli.signals import stoppable
 if TYPE_CHECKING:
     from cnnum.graph.schedule import LeftOut
     from cnnum.scenes.events import Event
-    from cnnum.scenes.pipeline import FrameResult, Scene
+    from cnnum.scenes.frame_path import FrameResult
+    from cnnum.scenes.pipeline import Scene
     from cnnum.scenes.scene_record import Summary
 
 

@@ -16,7 +16,8 @@ from cnnum.frame import Frame
 from cnnum.live.hub import Hub
 from cnnum.safety.values import is_real
 from cnnum.scenes.conversion import unit_of
-from cnnum.scenes.pipeline import FrameResult, Passage, Scene
+from cnnum.scenes.frame_path import FrameResult
+from cnnum.scenes.pipeline import Passage, Scene
 
 FIRST, ENOUGH = 0.3, 8
 """s, and frames at least, whose median is shown as nothing, of an array without a program."""

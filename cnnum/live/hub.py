@@ -18,7 +18,7 @@ from cnnum.arrays import Floats, Shape
 from cnnum.drivers.driver import Counters
 from cnnum.frame import FORCE_AXES, Frame, Quality
 from cnnum.scenes.dropouts import GapWatch
-from cnnum.scenes.pipeline import FrameResult
+from cnnum.scenes.frame_path import FrameResult
 
 HEAD = struct.Struct("<IIdff")
 

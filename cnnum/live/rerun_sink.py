@@ -15,7 +15,8 @@ from cnnum.safety.files import written_by_name
 
 if TYPE_CHECKING:
     from cnnum.frame import Frame
-    from cnnum.scenes.pipeline import FrameResult, Scene
+    from cnnum.scenes.frame_path import FrameResult
+    from cnnum.scenes.pipeline import Scene
 
 PICTURES = 60.0
 """Pictures a second of the frames' time, at most; events are all logged."""

@@ -17,7 +17,7 @@ from urllib.parse import parse_qs, quote, urlsplit
 from cnnum.errors import PortError, SceneError, missing_extra
 from cnnum.live.feeds import Feed
 from cnnum.live.hub import Hub
-from cnnum.scenes.pipeline import FrameResult
+from cnnum.scenes.frame_path import FrameResult
 
 if TYPE_CHECKING:
     from websockets.asyncio.server import Server, ServerConnection

@@ -19,7 +19,8 @@ from cnnum.report.environment import Environment
 from cnnum.report.work_precision import WorkPrecision
 from cnnum.scenes.conversion import ByCalibration
 from cnnum.scenes.events import Event, titled
-from cnnum.scenes.pipeline import FrameResult, Scene
+from cnnum.scenes.frame_path import FrameResult
+from cnnum.scenes.pipeline import Scene
 from cnnum.scenes.scene_record import Summary
 from cnnum.sharing import json_value
 from cnnum.templating.checks import CheckResult

@@ -209,11 +209,6 @@ def graph_of(template: Template, shape: Shape, names: Sequence[str], spec: RunSp
     return graph
 
 
-def output_names(template: Template) -> list[str]:
-    """Return the names of the outputs of all layers."""
-    return [f"output {layer}" for layer in range(template.layers)]
-
-
 def _applied(frame: FrameFields, template: Template, spec: RunSpec) -> Applied:
     def role(name: str) -> list[Field] | None:
         return [frame.channel(c) for c in frame.channels if c.startswith(name)] or None

@@ -209,12 +209,12 @@ def _ends_at(plan: Plan, solver: Solver, times: Sequence[float]) -> list[Stretch
     operation = node.operation
     assert isinstance(operation, Transient)
     network = Network(operation.template, plan.schedule.shape)
-    found: list[Stretch] = []
+    stretches: list[Stretch] = []
     for first, *others in in_stretches(operation.template, times):
         scheme, _ = exact_end(operation, network, first)
         assert scheme is not None  # as there is one up to the end
-        found.append(Stretch(scheme, tuple(time - first for time in others)))
-    return found
+        stretches.append(Stretch(scheme, tuple(time - first for time in others)))
+    return stretches
 
 
 def ended(template: Template, looks: Result, end: Result, times: Sequence[float]) -> Result:

@@ -20,7 +20,7 @@ from cnnum.scenes.events import Event
 from cnnum.values import same
 
 if TYPE_CHECKING:
-    from cnnum.scenes.pipeline import FrameResult
+    from cnnum.scenes.frame_path import FrameResult
 
 
 LEAST, MOST = 1e-9, 1e6

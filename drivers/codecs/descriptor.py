@@ -74,7 +74,6 @@ CHECKS: Mapping[str, Check] = {
 
 
 CELLS = ("u8", "i8", "u16", "i16", "u32", "i32", "f32", "text")
-COUNTERS = ("none", "u8", "u16", "u32")
 MOST_BYTES = 1 << 20
 """Of a packet."""
 

@@ -87,7 +87,7 @@ def motion_direction(
     if contrast:
         signal = signal - apply(get_template("tactile_diffusion"), input=signal, duration=NEAR)
     late = clock.behind(with_corners("slow_receptor", (0.5 / pi / delay,)), signal)
-    maps = [_correlated(frame, signal, late, *way) for way in ((0, 1), (1, 0))]
+    maps = [_correlated(signal, late, *way) for way in ((0, 1), (1, 0))]
     power = frame.memory("power", scalar=True).mean(square(signal).sum(), share)
     there = ~clock.resting & (sqrt(power) > level * clock.noise(square(signal).sum(), ("normal",)))
     sums = [
@@ -106,7 +106,7 @@ def motion_direction(
     }
 
 
-def _correlated(frame: FrameFields, now: Field, late: Field, down: int, right: int) -> Field:
+def _correlated(now: Field, late: Field, down: int, right: int) -> Field:
     """Return how much each taxel is ahead of its next one; 0 where there is none."""
     other, other_late = (
         shift(values, -down, -right, boundary="zero-flux") for values in (now, late)

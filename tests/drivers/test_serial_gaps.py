@@ -17,7 +17,8 @@ from cnnum.cli.root import main
 from cnnum.drivers.serve import packets
 from cnnum.errors import OtherArrayError
 from cnnum.frame import FORCE_AXES, Frame
-from cnnum.scenes.pipeline import FrameResult, Scene, load_scene
+from cnnum.scenes.frame_path import FrameResult
+from cnnum.scenes.pipeline import Scene, load_scene
 
 RATE = 100.0
 SCENE = """

@@ -17,7 +17,8 @@ from cnnum.programs.library import get_program, program_names
 from cnnum.scenes.bad_frames import range_for, unit_range
 from cnnum.scenes.conversion import AsRead
 from cnnum.scenes.events import EVENT_RULES, EventDetector, EventRule
-from cnnum.scenes.pipeline import FramePath, FrameResult, Scene, load_scene
+from cnnum.scenes.frame_path import FramePath, FrameResult
+from cnnum.scenes.pipeline import Scene, load_scene
 
 SIZES = (1e5, 1e10, 1e15, 1e19, 1e22, 1e30, 1e38)
 BAD = (math.nan, math.inf, -math.inf, *SIZES, *(-size for size in SIZES))

@@ -33,7 +33,7 @@ from cnnum.lab.stability import page as stability_page
 from cnnum.report import gallery, html, plots, run_pages, sections, sweep_page
 from cnnum.report.run_pages import write_trace_page
 from cnnum.safety import files
-from cnnum.scenes.pipeline import FrameResult
+from cnnum.scenes.frame_path import FrameResult
 from cnnum.scenes.scene_record import SceneRecord
 from cnnum.tactile.cover.fem import generate
 from cnnum.tactile.taxel import Calibration

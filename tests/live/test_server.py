@@ -18,7 +18,8 @@ from cnnum.live.feeds import ArrayFeed, RecordingFeed
 from cnnum.live.hub import CONTACT, DROPPED, HEAD, encoded, planes
 from cnnum.live.server import Gate, Place, serving, static
 from cnnum.recordings.recording import Recording
-from cnnum.scenes.pipeline import FrameResult, load_scene
+from cnnum.scenes.frame_path import FrameResult
+from cnnum.scenes.pipeline import load_scene
 
 websockets = pytest.importorskip("websockets")
 

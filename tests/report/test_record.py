@@ -15,7 +15,8 @@ from cnnum.report import PlanCost, SceneRecord, SceneRecorder, compare
 from cnnum.scenes.bad_frames import unit_range
 from cnnum.scenes.conversion import ByCalibration
 from cnnum.scenes.events import EVENT_RULES
-from cnnum.scenes.pipeline import FrameResult, Scene
+from cnnum.scenes.frame_path import FrameResult
+from cnnum.scenes.pipeline import Scene
 from cnnum.scenes.push_watch import HeldWatch, OrderWatch, PushWatch
 from cnnum.scenes.scene_file import SceneSpec
 

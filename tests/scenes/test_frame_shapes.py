@@ -7,7 +7,7 @@ import cnnum
 from cnnum.errors import ArrayError
 from cnnum.scenes.conversion import ByCalibration
 from cnnum.scenes.events import EventDetector
-from cnnum.scenes.pipeline import FramePath
+from cnnum.scenes.frame_path import FramePath
 from cnnum.tactile.taxel import SIDES, Calibration
 
 ENGINES = ("numba", "opencl", "reference")

@@ -7,7 +7,7 @@ import pytest
 
 import cnnum
 from cnnum.frame import FORCE_AXES, Frame
-from cnnum.scenes.pipeline import FrameResult
+from cnnum.scenes.frame_path import FrameResult
 from cnnum.scenes.scene_record import SceneRecord
 from cnnum.sharing import LIGHT, scale
 

@@ -23,7 +23,8 @@ from cnnum.report import (
     measure_work_precision,
     write_demo_report,
 )
-from cnnum.scenes.pipeline import FrameResult, Scene
+from cnnum.scenes.frame_path import FrameResult
+from cnnum.scenes.pipeline import Scene
 from cnnum.templating.checks import run_check
 from cnnum.templating.library import get_template, template_names, template_path
 from cnnum.templating.template import Template

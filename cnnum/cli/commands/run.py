@@ -21,7 +21,8 @@ from cnnum.cli.output import COMPILING, Output, busy
 from cnnum.safety.values import visible
 
 if TYPE_CHECKING:
-    from cnnum.scenes.pipeline import FrameResult, Scene
+    from cnnum.scenes.frame_path import FrameResult
+    from cnnum.scenes.pipeline import Scene
 
 
 @click.command("run")

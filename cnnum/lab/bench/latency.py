@@ -21,7 +21,7 @@ from cnnum.programs.library import get_program, program_names
 from cnnum.scenes.bad_frames import unit_range
 from cnnum.scenes.conversion import AsRead
 from cnnum.scenes.events import EVENT_RULES, EventDetector, EventRule, rules_that_fit
-from cnnum.scenes.pipeline import FramePath
+from cnnum.scenes.frame_path import FramePath
 from cnnum.templating.checks.program_run import RATE
 
 _TEXT = """

@@ -690,7 +690,7 @@ def _physics(text: Words, part: Part) -> dict[str, Any]:
         if block.source >= (kernels["A"] if block.part.endswith("A") else kernels["B"]).shape[1]:
             line = block.rows[0][0].line
             raise text.wrong(line, f"a layer from 1 to {layers}", f"{block.source + 1}")
-        weights, found = _split(text, part, to, block, layers)
+        weights, found = _split(text, part, to, block)
         nonlinear += found
         if block.part != "D":
             where = (to, block.source)
@@ -725,7 +725,7 @@ def _centred(weights: Floats, side: int) -> Floats:
 
 
 def _split(
-    text: Words, part: Part, to: int, block: Block, layers: int
+    text: Words, part: Part, to: int, block: Block
 ) -> tuple[Floats, list[NonlinearCoupling]]:
     """Return a matrix's plain weights, and a coupling for each function that it names."""
     side = len(block.rows)
