@@ -380,32 +380,32 @@ class Fixed:
 
     weight: int
 
-    def brought(self, one: Quantity, fraction: int) -> ir.Expression:
+    def brought(self, quantity: Quantity, fraction: int) -> ir.Expression:
         """Return the whole numbers of a quantity at another fraction."""
-        if one.exact is not None:
-            return ir.Integer(nearest(one.exact * Fraction(2) ** fraction))
-        return shifted(one.value, fraction - one.fraction)
+        if quantity.exact is not None:
+            return ir.Integer(nearest(quantity.exact * Fraction(2) ** fraction))
+        return shifted(quantity.value, fraction - quantity.fraction)
 
     def common(self, some: Sequence[Quantity], finest: int) -> int:
         """Return the fraction at which quantities meet."""
-        known = [one for one in some if one.exact is None]
-        fractions = [one.fraction for one in known]
-        for one in some:
-            if one.exact is not None:
-                fractions.append(min(significant(one.exact, self.weight)[1], finest))
-        lowest = min([one.fraction for one in known], default=finest)
+        known = [quantity for quantity in some if quantity.exact is None]
+        fractions = [quantity.fraction for quantity in known]
+        for quantity in some:
+            if quantity.exact is not None:
+                fractions.append(min(significant(quantity.exact, self.weight)[1], finest))
+        lowest = min([quantity.fraction for quantity in known], default=finest)
         return min(finest, max(fractions), lowest + SPREAD)
 
-    def fit(self, one: Quantity, format: Format) -> Quantity:
+    def fit(self, quantity: Quantity, format: Format) -> Quantity:
         """Return a quantity in a format; values that do not fit saturate."""
-        one = self.settled(one)
-        fraction = min(one.fraction, format.fraction)
-        value = limited(self.brought(one, fraction), format.least, format.largest)
+        quantity = self.settled(quantity)
+        fraction = min(quantity.fraction, format.fraction)
+        value = limited(self.brought(quantity, fraction), format.least, format.largest)
         return Quantity(value, fraction)
 
-    def stored(self, one: Quantity, format: Format) -> ir.Expression:
+    def stored(self, quantity: Quantity, format: Format) -> ir.Expression:
         """Return the whole numbers that a format holds of a quantity."""
-        return limited(self.brought(one, format.fraction), format.least, format.largest)
+        return limited(self.brought(quantity, format.fraction), format.least, format.largest)
 
     def add(self, a: Quantity, b: Quantity, finest: int) -> Quantity:
         """Return a + b."""
@@ -552,28 +552,35 @@ class Fixed:
             return [0 for _ in numbers], 0
         fraction = self.weight - 1 - ceil(log2(largest))
         whole = [nearest(Fraction(number) * Fraction(2) ** fraction) for number in numbers]
-        if max(abs(one) for one in whole) >= 1 << (self.weight - 1):
+        if max(abs(number) for number in whole) >= 1 << (self.weight - 1):
             fraction -= 1
             whole = [nearest(Fraction(number) * Fraction(2) ** fraction) for number in numbers]
-        while fraction > 0 and all(one % 2 == 0 for one in whole):
-            whole, fraction = [one // 2 for one in whole], fraction - 1
+        while fraction > 0 and all(number % 2 == 0 for number in whole):
+            whole, fraction = [number // 2 for number in whole], fraction - 1
         return whole, fraction
 
     def weighted(self, terms: Sequence[tuple[float, Quantity]], finest: int) -> Quantity:
         """Return a sum of quantities with weights that share a fraction."""
         whole, fraction = self.weights([weight for weight, _ in terms])
         sums: dict[int, list[ir.Expression]] = {}
-        for weight, (_, one) in zip(whole, terms, strict=True):
+        for weight, (_, quantity) in zip(whole, terms, strict=True):
             if not weight:
                 continue
-            term = one.value if weight == 1 else call("multiply", one.value, ir.Integer(weight))
-            sums.setdefault(one.fraction, []).append(term)
+            term = (
+                quantity.value
+                if weight == 1
+                else call("multiply", quantity.value, ir.Integer(weight))
+            )
+            sums.setdefault(quantity.fraction, []).append(term)
         if not sums:
             return Quantity(ir.Integer(0), 0)
-        products = {at: total(each) for at, each in sorted(sums.items())}
-        rooms = (at + SUMMED - magnitude(one).bit_length() for at, one in products.items())
+        products = {at: total(parts) for at, parts in sorted(sums.items())}
+        rooms = (
+            at + SUMMED - magnitude(product_sum).bit_length()
+            for at, product_sum in products.items()
+        )
         met = min(max(sums), min(sums) + SPREAD, *rooms)
-        whole_sum = total([shifted(one, met - at) for at, one in products.items()])
+        whole_sum = total([shifted(product_sum, met - at) for at, product_sum in products.items()])
         fraction += met
         return Quantity(shifted(whole_sum, min(0, finest - fraction)), min(fraction, finest))
 
@@ -582,17 +589,17 @@ class Fixed:
 class Reals:
     """Reals; fractions and formats are of no meaning."""
 
-    def brought(self, one: Quantity, fraction: int) -> ir.Expression:
+    def brought(self, quantity: Quantity, fraction: int) -> ir.Expression:
         """Return the number itself."""
-        return one.value
+        return quantity.value
 
-    def fit(self, one: Quantity, format: Format | None) -> Quantity:
+    def fit(self, quantity: Quantity, format: Format | None) -> Quantity:
         """Return the number itself."""
-        return one
+        return quantity
 
-    def stored(self, one: Quantity, format: Format | None) -> ir.Expression:
+    def stored(self, quantity: Quantity, format: Format | None) -> ir.Expression:
         """Return the number itself."""
-        return one.value
+        return quantity.value
 
     def add(self, a: Quantity, b: Quantity, finest: int) -> Quantity:
         """Return a + b."""
@@ -651,7 +658,11 @@ class Reals:
 
     def weighted(self, terms: Sequence[tuple[float, Quantity]], finest: int) -> Quantity:
         """Return a sum of quantities with weights."""
-        known = [call("multiply", _real(one), ir.Number(weight)) for weight, one in terms if weight]
+        known = [
+            call("multiply", _real(quantity), ir.Number(weight))
+            for weight, quantity in terms
+            if weight
+        ]
         return Quantity(total(known) if known else ir.Number(0.0))
 
 
@@ -661,7 +672,7 @@ def _real(quantity: Quantity) -> ir.Expression:
 
 
 def _made(which: str, *given: Quantity) -> Quantity:
-    return Quantity(call(which, *(_real(one) for one in given)))
+    return Quantity(call(which, *(_real(quantity) for quantity in given)))
 
 
 Arithmetic = Fixed | Reals
@@ -678,7 +689,7 @@ def applied(arithmetic: Arithmetic, name: str, given: Sequence[Quantity], finest
     if name == "not":
         return Quantity(opposite(_logic(given[0])))
     if name in ("and", "or", "xor"):
-        return Quantity(call(name, *(_logic(one) for one in given)))
+        return Quantity(call(name, *(_logic(quantity) for quantity in given)))
     if name == "select":
         holds, yes, no = given
         return arithmetic.select(Quantity(_logic(holds)), yes, no, finest)

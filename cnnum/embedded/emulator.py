@@ -20,8 +20,8 @@ def cleared(program: IntegerProgram, batch: int) -> dict[str, Numbers]:
     """Return the state before the first frame, (batch, length) each."""
     dtype = _dtype(program)
     return {
-        one.name: np.zeros((batch, max(1, one.length)), np.int64 if one.logic else dtype)
-        for one in program.of_kind("state")
+        array.name: np.zeros((batch, max(1, array.length)), np.int64 if array.logic else dtype)
+        for array in program.of_kind("state")
     }
 
 
@@ -74,7 +74,7 @@ class Emulator:
         dict of str to (batch, length) int or float
             By the arrays of the outputs.
         """
-        batch = max([batch, *(len(one) for one in (*inputs.values(), *state.values()))])
+        batch = max([batch, *(len(numbers) for numbers in (*inputs.values(), *state.values()))])
         values: dict[str, Numbers] = {"first": np.full((batch, 1), int(first))}
         dtype = _dtype(self.program)
         for array in self.program.arrays.values():
@@ -93,7 +93,7 @@ class Emulator:
             self._block(self.program.body)
         for name in state:
             state[name] = values[name]
-        return {one.name: values[one.name] for one in self.program.of_kind("output")}
+        return {output.name: values[output.name] for output in self.program.of_kind("output")}
 
     def _rounded(self, value: Numbers) -> Numbers:
         if self.single and value.dtype == np.float64:
@@ -114,38 +114,38 @@ class Emulator:
         del name
         return self._rounded(values)
 
-    def literal(self, one: ir.Integer | ir.Number) -> Numbers:
+    def literal(self, record: ir.Integer | ir.Number) -> Numbers:
         """Return a number that is written out."""
-        return self._rounded(np.asarray(one.value))
+        return self._rounded(np.asarray(record.value))
 
-    def name(self, one: ir.Name) -> Numbers:
+    def name(self, record: ir.Name) -> Numbers:
         """Return a variable."""
-        return self.values[one.text]
+        return self.values[record.text]
 
-    def element(self, one: ir.Element) -> Numbers:
+    def element(self, record: ir.Element) -> Numbers:
         """Return numbers of an array."""
-        at = np.atleast_1d(self.value(one.at))
-        return np.take(self.values[one.array.text], at, axis=-1)
+        at = np.atleast_1d(self.value(record.at))
+        return np.take(self.values[record.array.text], at, axis=-1)
 
-    def call(self, one: ir.Call) -> Numbers:
+    def call(self, record: ir.Call) -> Numbers:
         """Return the result of a function."""
-        return self._applied(PRIMITIVES[one.function].numpy, *one.arguments)
+        return self._applied(PRIMITIVES[record.function].numpy, *record.arguments)
 
-    def binary(self, one: ir.Binary) -> Numbers:
+    def binary(self, record: ir.Binary) -> Numbers:
         """Return the result of a sign."""
-        return self._applied(BY_SIGN[one.sign].numpy, one.left, one.right)
+        return self._applied(BY_SIGN[record.sign].numpy, record.left, record.right)
 
-    def negative(self, one: ir.Negative) -> Numbers:
+    def negative(self, record: ir.Negative) -> Numbers:
         """Return a number with the other sign."""
-        return self._applied(np.negative, one.value)
+        return self._applied(np.negative, record.value)
 
-    def choice(self, one: ir.Choice) -> Numbers:
+    def choice(self, record: ir.Choice) -> Numbers:
         """Return one of two."""
-        return self._applied(PRIMITIVES["pick"].numpy, one.condition, one.yes, one.no)
+        return self._applied(PRIMITIVES["pick"].numpy, record.condition, record.yes, record.no)
 
-    def cast(self, one: ir.Cast) -> Numbers:
+    def cast(self, record: ir.Cast) -> Numbers:
         """Return whole numbers as real ones."""
-        return self._applied(PRIMITIVES["to_real"].numpy, one.value)
+        return self._applied(PRIMITIVES["to_real"].numpy, record.value)
 
     def _applied(self, function: Callable[..., Any], *operands: ir.Expression) -> Numbers:
         return self._rounded(np.asarray(function(*map(self.value, operands))))
@@ -247,11 +247,11 @@ class Emulator:
 def added_in(loop: ir.Loop) -> set[str]:
     """Return the sums of a loop, and of loops within it."""
     result = set[str]()
-    for one in loop.body:
-        if isinstance(one, ir.Loop):
-            result |= added_in(one)
-        elif isinstance(one, ir.Assign) and isinstance(one.target, ir.Name):
-            result.add(one.target.text)
+    for statement in loop.body:
+        if isinstance(statement, ir.Loop):
+            result |= added_in(statement)
+        elif isinstance(statement, ir.Assign) and isinstance(statement.target, ir.Name):
+            result.add(statement.target.text)
     return result
 
 

@@ -48,7 +48,9 @@ class Made:
         frames : (batch, rows, cols, channels) float
         """
         given = inputs_of(self.schedule, frames)
-        return {name: quantised(self.program.arrays[name], one) for name, one in given.items()}
+        return {
+            name: quantised(self.program.arrays[name], values) for name, values in given.items()
+        }
 
     def run(self, frames: Floats) -> dict[str, Floats]:
         """Return the outputs of streams that begin with the first frame.
@@ -66,7 +68,9 @@ class Made:
             inputs = self.inputs(frame)
             answer = self.emulator().run(inputs, state, first=number == 0, batch=len(frame))
             result.append(self.outputs(answer))
-        return {name: np.stack([one[name] for one in result]) for name in self.program.outputs}
+        return {
+            name: np.stack([outputs[name] for outputs in result]) for name in self.program.outputs
+        }
 
     def emulator(self) -> Emulator:
         """Return the emulator that runs one frame."""

@@ -69,7 +69,7 @@ def ranges(program: IntegerProgram) -> list[Range]:
 
 def _all(body: Sequence[ir.Statement]) -> Iterator[tuple[str, ir.Bounds | None, ir.Expression]]:
     """Yield the targets of statements, with their bounds and their values; sums once."""
-    sums = {name for one in body if isinstance(one, ir.Loop) for name in added_in(one)}
+    sums = {name for part in body if isinstance(part, ir.Loop) for name in added_in(part)}
     for statement in body:
         if isinstance(statement, ir.Declare) and statement.type == "real":
             for name, value in statement.variables:
@@ -96,7 +96,7 @@ def widest(value: ir.Expression) -> int:
     if isinstance(value, ir.Element):
         return inner
     own = [value.bounds, value.within] if isinstance(value, ir.Call) else [value.bounds]
-    return max([inner, *(_bits(one) for one in own if one is not None)])
+    return max([inner, *(_bits(part) for part in own if part is not None)])
 
 
 def saturating(value: ir.Expression) -> bool:
@@ -107,14 +107,14 @@ def saturating(value: ir.Expression) -> bool:
 
 def range_lines(program: IntegerProgram) -> list[str]:
     """Return the intervals as lines of text."""
-    found = ranges(program)
-    if not found:
+    spans = ranges(program)
+    if not spans:
         return ["The program is of real numbers."]
-    wide, limited = max(one.bits for one in found), sum(one.saturates for one in found)
-    inputs = [one for one in program.of_kind("input") if one.format is not None]
+    wide, limited = max(span.bits for span in spans), sum(span.saturates for span in spans)
+    inputs = [channel for channel in program.of_kind("input") if channel.format is not None]
     lines = [
         f"For all inputs, no value needs more than {wide} bits of 64: none overflows.",
-        f"{len(found) - limited} of {len(found)} values cannot leave their formats; {limited} "
+        f"{len(spans) - limited} of {len(spans)} values cannot leave their formats; {limited} "
         "saturate.",
         "",
         f"{'value':24} {'least':>14} {'largest':>14}  format    bits  at the ends",
@@ -126,12 +126,12 @@ def range_lines(program: IntegerProgram) -> list[str]:
         lines.append(
             f"{array.name:24} {ends}  {array.format!s:8} {array.format.bits:>5}  saturates"
         )
-    for one in found:
-        scale = 2.0**-one.fraction
-        ends = f"{one.bounds[0] * scale:>14.6g} {one.bounds[1] * scale:>14.6g}"
-        form = f"2^{-one.fraction}"
-        what = "saturates" if one.saturates else "cannot be left"
-        lines.append(f"{one.name:24} {ends}  {form:8} {one.bits:>5}  {what}")
+    for span in spans:
+        scale = 2.0**-span.fraction
+        ends = f"{span.bounds[0] * scale:>14.6g} {span.bounds[1] * scale:>14.6g}"
+        form = f"2^{-span.fraction}"
+        what = "saturates" if span.saturates else "cannot be left"
+        lines.append(f"{span.name:24} {ends}  {form:8} {span.bits:>5}  {what}")
     return lines
 
 
@@ -196,8 +196,8 @@ def _shares(node: Node, mine: Mask, values: Values) -> Iterator[tuple[Node, Mask
         yield given[0], _both(mine, _nonzero(given[1], values))
         yield given[1], _both(mine, _nonzero(given[0], values))
     else:
-        for one in given:
-            yield one, mine
+        for part in given:
+            yield part, mine
 
 
 def _divides(node: Node) -> bool:

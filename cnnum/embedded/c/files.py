@@ -281,15 +281,15 @@ def _header(
 ) -> str:
     guard, (rows, cols) = f"{name.upper()}_H", program.shape
     fractions = [
-        f"#define {name.upper()}_{one.name.upper()}_FRACTION {one.format.fraction}"
-        for one in (*inputs, *outputs)
-        if one.format is not None
+        f"#define {name.upper()}_{array.name.upper()}_FRACTION {array.format.fraction}"
+        for array in (*inputs, *outputs)
+        if array.format is not None
     ]
     legal = [
-        f"#define {name.upper()}_{one.name.upper()}_{end} {literal(one, number)}"
-        for one in inputs
-        if one.bounds is not None
-        for end, number in zip(("LEAST", "LARGEST"), one.bounds, strict=True)
+        f"#define {name.upper()}_{array.name.upper()}_{end} {literal(array, number)}"
+        for array in inputs
+        if array.bounds is not None
+        for end, number in zip(("LEAST", "LARGEST"), array.bounds, strict=True)
     ]
     lines = [
         f"/* Program '{program.name}' on {rows} x {cols} cells.",
@@ -349,12 +349,12 @@ def _facts(program: IntegerProgram, inputs: Sequence[Array], facts: Facts | None
     if facts.rate is not None:
         lines.append(f"Its constants of time are for {facts.rate:.9g} frames a second.")
     unit = f", {facts.unit}" if facts.unit else ""
-    for one in inputs:
-        if one.bounds is None or one.format is None:
-            lines.append(f"{one.name}{unit}: any finite number.")
+    for array in inputs:
+        if array.bounds is None or array.format is None:
+            lines.append(f"{array.name}{unit}: any finite number.")
             continue
-        least, largest = (np.ldexp(float(end), -one.format.fraction) for end in one.bounds)
-        lines.append(f"{one.name}{unit}: {least:.6g} to {largest:.6g}; beyond that it saturates.")
+        least, largest = (np.ldexp(float(end), -array.format.fraction) for end in array.bounds)
+        lines.append(f"{array.name}{unit}: {least:.6g} to {largest:.6g}; beyond that it saturates.")
     if not program.real:
         lines.append(f"{range_lines(program)[1]} (ranges.txt)")
     lines.append(f"{facts.precision}, method {facts.method}, by cnnum {__version__}.")
@@ -403,7 +403,7 @@ def _manifest(
 def _vector(name: str, program: IntegerProgram, vector: Vector) -> str:
     """Return a main program that runs frames and compares the answers."""
     inputs, outputs = program.of_kind("input"), program.of_kind("output")
-    count, begins = len(vector.frames), [str(int(one)) for one in vector.begins]
+    count, begins = len(vector.frames), [str(int(begin)) for begin in vector.begins]
     lines = [
         f"/* {count} frames of {sum(vector.begins)} streams and the answers of the emulator: 0 is",
         f"   returned if all are {'near' if program.real else 'the same to the bit'}.",
@@ -455,7 +455,7 @@ def _compared(array: Array, vector: Vector) -> str:
 
 def _kept(name: str) -> list[str]:
     """Return the static variables of a main program."""
-    return [f"static {name}_{one} {one};" for one in ("memory", "input", "output")]
+    return [f"static {name}_{part} {part};" for part in ("memory", "input", "output")]
 
 
 _MAIN = ["int main(void)", "{"]
@@ -474,7 +474,9 @@ def _rows(name: str, array: Array, rows: Sequence[Numbers]) -> list[str]:
     length = max(1, array.length)
     lines = [f"static const {element_type(array)} {name}[{len(rows)}][{length}] = {{"]
     for row in rows:
-        texts = [literal(array, one) for one in np.broadcast_to(row, (1, length)).ravel().tolist()]
+        texts = [
+            literal(array, number) for number in np.broadcast_to(row, (1, length)).ravel().tolist()
+        ]
         lines.append(f"    {{{', '.join(texts)}}},")
     return [*lines, "};", ""]
 

@@ -200,7 +200,7 @@ def table_lines(array: Array, kind: str) -> list[str]:
     """Return the definition of a table."""
     assert array.values is not None
     flat = np.asarray(array.values).ravel()
-    numbers = [literal(array, one) for one in flat.tolist()]
+    numbers = [literal(array, number) for number in flat.tolist()]
     rows = [numbers[at : at + 12] for at in range(0, len(numbers), 12)]
     lines = [f"    {', '.join(row)}," for row in rows]
     head = f"{kind} {element_type(array)} {array.name}[{array.length}] = {{"

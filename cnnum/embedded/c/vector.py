@@ -96,18 +96,19 @@ def vector_of(program: IntegerProgram, streams: Frames) -> Vector:
     ArrayError
         If an output is not finite in any of the streams.
     """
-    batch = max([1, *(len(one) for frame in streams for one in frame.values())])
+    batch = max([1, *(len(numbers) for frame in streams for numbers in frame.values())])
     known = _answers(program, [(streams, batch)])
     lanes = _chosen(_moving(known), batch, _finite(program, known, batch))
     parts = [
-        [{n: one[at : at + 1] for n, one in frame.items()} for frame in streams] for at in lanes
+        [{n: numbers[at : at + 1] for n, numbers in frame.items()} for frame in streams]
+        for at in lanes
     ]
     parts.append(parts[0][: max(1, len(streams) // AGAIN)])
     frames = [frame for part in parts for frame in part]
     begins = [number == 0 for part in parts for number in range(len(part))]
     answers = _answers(program, [(part, 1) for part in parts])
-    moves = _moving(answers)
-    still = tuple(name for name, array in program.outputs.items() if not moves[array].any())
+    changing = _moving(answers)
+    still = tuple(name for name, array in program.outputs.items() if not changing[array].any())
     kept = _answers(program, [(frames, 1)])
     constants = list(_constants(program))
     tried = constants[:: -(-len(constants) // FLIPPED) or 1]
@@ -124,8 +125,8 @@ def _answers(
     for frames, batch in parts:
         state = cleared(program, batch)
         for number, frame in enumerate(frames):
-            one = Emulator(program, single=program.real)
-            result.append(one.run(frame, state, first=number == 0, batch=batch))
+            emulator = Emulator(program, single=program.real)
+            result.append(emulator.run(frame, state, first=number == 0, batch=batch))
     return result
 
 
@@ -156,16 +157,16 @@ def _finite(
 
 def _chosen(moving: Mapping[str, Numbers], batch: int, finite: NDArray[np.bool_]) -> list[int]:
     """Return the streams that change the most outputs which those before do not."""
-    moves = np.stack([np.broadcast_to(one, batch) for one in moving.values()])
-    left, result = np.ones(len(moves), dtype=bool), list[int]()
+    changing = np.stack([np.broadcast_to(flags, batch) for flags in moving.values()])
+    left, result = np.ones(len(changing), dtype=bool), list[int]()
     while len(result) < STREAMS:
-        gain = (moves[left] > 0).sum(axis=0) + moves.mean(axis=0) / (1.0 + moves.max())
+        gain = (changing[left] > 0).sum(axis=0) + changing.mean(axis=0) / (1.0 + changing.max())
         gain[result] = gain[~finite] = -1.0
         best = int(np.argmax(gain))
-        if gain[best] < 0.0 or (result and not (moves[left, best] > 0).any()):
+        if gain[best] < 0.0 or (result and not (changing[left, best] > 0).any()):
             break
         result.append(best)
-        left &= moves[:, best] == 0
+        left &= changing[:, best] == 0
     return result
 
 
@@ -179,8 +180,8 @@ def _same(
     for array in program.of_kind("output"):
         real = array.format is None and not array.logic
         most = tolerance([answer[array.name] for answer in wanted]) if real else 0.0
-        for one, other in zip(wanted, given, strict=True):
-            off = np.abs(other[array.name] - one[array.name])
+        for first, other in zip(wanted, given, strict=True):
+            off = np.abs(other[array.name] - first[array.name])
             same = same & (off <= most).all(axis=-1)
     return same
 
@@ -220,14 +221,16 @@ def _constants(program: IntegerProgram) -> Iterator[_Constant]:
 
 
 def _values(body: Sequence[ir.Statement]) -> Iterator[tuple[str, ir.Expression]]:
-    for one in body:
-        if isinstance(one, ir.Declare) and one.type == "real":
-            yield from ((name.text, value) for name, value in one.variables if value is not None)
-        elif isinstance(one, ir.Assign | ir.Accumulate):
-            target = one.target
-            yield (target.array if isinstance(target, ir.Element) else target).text, one.value
-        elif isinstance(one, ir.Sweep | ir.Loop | ir.Counted):
-            yield from _values(one.body)
+    for statement in body:
+        if isinstance(statement, ir.Declare) and statement.type == "real":
+            yield from (
+                (name.text, value) for name, value in statement.variables if value is not None
+            )
+        elif isinstance(statement, ir.Assign | ir.Accumulate):
+            target = statement.target
+            yield (target.array if isinstance(target, ir.Element) else target).text, statement.value
+        elif isinstance(statement, ir.Sweep | ir.Loop | ir.Counted):
+            yield from _values(statement.body)
 
 
 def _literals(value: ir.Expression) -> Iterator[ir.Integer | ir.Number]:
@@ -237,12 +240,12 @@ def _literals(value: ir.Expression) -> Iterator[ir.Integer | ir.Number]:
     inner = operands(value)
     if isinstance(value, ir.Binary) and value.sign == ">>":
         inner = inner[:1]
-    for one in inner:
-        if isinstance(one, ir.Integer | ir.Number):
-            if one.value:
-                yield one
+    for statement in inner:
+        if isinstance(statement, ir.Integer | ir.Number):
+            if statement.value:
+                yield statement
         else:
-            yield from _literals(one)
+            yield from _literals(statement)
 
 
 @dataclass(slots=True, eq=False)
@@ -275,13 +278,13 @@ def _unseen(
     if not batch:
         return {}
     flips, tables = dict[int, Numbers](), dict[str, Numbers]()
-    for lane, one in enumerate(tried):
-        if one.literal is not None:
-            flips.setdefault(id(one.literal), np.ones((batch, 1), dtype=np.int64))[lane] = -1
+    for lane, fault in enumerate(tried):
+        if fault.literal is not None:
+            flips.setdefault(id(fault.literal), np.ones((batch, 1), dtype=np.int64))[lane] = -1
         else:
-            length = program.arrays[one.place].length
-            ones = tables.setdefault(one.place, np.ones((batch, length), dtype=np.int64))
-            ones[lane, one.at] = -1
+            length = program.arrays[fault.place].length
+            ones = tables.setdefault(fault.place, np.ones((batch, length), dtype=np.int64))
+            ones[lane, fault.at] = -1
     given = list[Mapping[str, Numbers]]()
     for frames in parts:
         state = cleared(program, batch)
@@ -290,6 +293,6 @@ def _unseen(
             given.append(emulator.run(frame, state, first=number == 0, batch=batch))
     same = np.broadcast_to(_same(program, wanted, given), batch)
     result = dict[str, int]()
-    for one in (tried[at] for at in np.flatnonzero(same).tolist()):
-        result[one.place] = result.get(one.place, 0) + 1
+    for fault in (tried[at] for at in np.flatnonzero(same).tolist()):
+        result[fault.place] = result.get(fault.place, 0) + 1
     return result
