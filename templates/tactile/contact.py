@@ -73,7 +73,7 @@ def contact(
     load = pressed_of(loads, share, depth, reads, normal_gain)
     row, column = place_on(frame, load.weight, pads)
     touches = load.touched.any()
-    shows = touches & loads.clear
+    clear_touch = touches & loads.clear
     normal, *pulls = (where(touches, unit * part, 0.0) for part in (load.normal, *load.pulls))
     frictions = {}
     if pulls:
@@ -85,8 +85,8 @@ def contact(
         "contact": loads.contact,
         "contact_map": load.touched,
         "contact_area": load.touched.count(),
-        "contact_row": frame.memory("last row", scalar=True).hold(row, shows),
-        "contact_column": frame.memory("last column", scalar=True).hold(column, shows),
+        "contact_row": frame.memory("last row", scalar=True).hold(row, clear_touch),
+        "contact_column": frame.memory("last column", scalar=True).hold(column, clear_touch),
         **dict(zip(("load_x", "load_y"), pulls, strict=bool(pulls))),
         "load_normal": normal,
         **frictions,

@@ -157,9 +157,9 @@ class _Channels(Clock):
     ) -> dict[str, Field]:
         """Return whether a channel is active, how strongly, and where."""
         strength = where(self.resting, 0.0, peak / noise)
-        shows = strength > level
+        above_level = strength > level
         row, column = (
-            self.frame.memory(f"last {axis} of {name}", scalar=True).hold(place, shows)
+            self.frame.memory(f"last {axis} of {name}", scalar=True).hold(place, above_level)
             for axis, place in zip(
                 ("row", "column"), self.frame.centroid(square(output)), strict=True
             )

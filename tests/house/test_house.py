@@ -32,10 +32,7 @@ HEAVY = {
 
 NO_NOUNS = {"one", "each", "found", "about", "asked"}
 PRIVATE = {"moves", "loosens", "jolt", "grows", "sticks", "lies", "shows"}
-CLEAR = (
-    "templates", "cnnum/programs", "cnnum/kernels", "cnnum/graph", "cnnum/engines/opencl",
-    "cnnum/embedded/lowering", "cnnum/runs",
-)  # fmt: skip
+CLEAR = ("cnnum/kernels", "cnnum/graph", "cnnum/engines/opencl", "cnnum/embedded/lowering")
 """Where values are called by what they hold."""
 
 
