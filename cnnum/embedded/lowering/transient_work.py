@@ -69,10 +69,10 @@ class TransientWork:
                 f"Template '{template.name}' has delayed or timed couplings, which are not "
                 "exported: leave out the outputs that need it."
             )
-        for one in template.nonlinear:
-            if not isinstance(one.function, Table):
+        for coupling in template.nonlinear:
+            if not isinstance(coupling.function, Table):
                 raise NotSupportedError(
-                    f"The function '{one.function.name}' of two cells of template "
+                    f"The function '{coupling.function.name}' of two cells of template "
                     f"'{template.name}' is not exported: take a table of points."
                 )
         if template.output.name not in ("standard", "linear", "full-range", "sign"):
@@ -96,8 +96,8 @@ class TransientWork:
             for tap in taps(template.B, layer):
                 padded = self.padded(self.given["input"][tap.source], boundary.constant)
                 terms.append((share * tap.weight, padded.at(tap.row, tap.col)))
-            for number, one in self.couplings(layer, static=True):
-                terms.append((share, self.coupled(number, one, self._input)))
+            for number, coupling in self.couplings(layer, static=True):
+                terms.append((share, self.coupled(number, coupling, self._input)))
         if template.z[layer]:
             terms.append((1.0, self.fixed(share * float(template.z[layer]))))
         if self.given["bias"]:
@@ -107,24 +107,28 @@ class TransientWork:
     def couplings(self, layer: int, *, static: bool) -> list[tuple[int, NonlinearCoupling]]:
         """Return the nonlinear couplings into a layer, with their numbers."""
         known = enumerate(self.template.nonlinear)
-        return [(n, one) for n, one in known if one.to == layer and one.static == static]
+        return [
+            (n, coupling)
+            for n, coupling in known
+            if coupling.to == layer and coupling.static == static
+        ]
 
-    def coupled(self, number: int, one: NonlinearCoupling, read: Read) -> Quantity:
+    def coupled(self, number: int, coupling: NonlinearCoupling, read: Read) -> Quantity:
         """Return the sum of weight · f(argument) of a nonlinear coupling; writes variables."""
-        to, radius, terms = self.to, one.weights.shape[0] // 2, list[tuple[float, Quantity]]()
-        for at, (row, col) in enumerate(np.argwhere(one.weights).tolist()):
-            argument = read(one.neighbour, one.source, row - radius, col - radius)
-            if one.centre is not None:
-                own = read(one.centre, one.centre_source, 0, 0)
-                first, second = (argument, own) if one.reversed_sign else (own, argument)
+        to, radius, terms = self.to, coupling.weights.shape[0] // 2, list[tuple[float, Quantity]]()
+        for at, (row, col) in enumerate(np.argwhere(coupling.weights).tolist()):
+            argument = read(coupling.neighbour, coupling.source, row - radius, col - radius)
+            if coupling.centre is not None:
+                own = read(coupling.centre, coupling.centre_source, 0, 0)
+                first, second = (argument, own) if coupling.reversed_sign else (own, argument)
                 argument = to.arithmetic.subtract(first, second, FINE)
             name = f"{self.index}_{number}_{at}"
             argument = self._register(f"v{name}", argument)
-            value = self._function(one.table, argument)
-            if one.times_argument:
+            value = self._function(coupling.table, argument)
+            if coupling.times_argument:
                 value = self._register(f"g{name}", value)
                 value = to.arithmetic.multiply(value, argument, FINE)
-            terms.append((float(one.weights[row, col]), self._register(f"f{name}", value)))
+            terms.append((float(coupling.weights[row, col]), self._register(f"f{name}", value)))
         total = to.arithmetic.weighted(terms, FINE)
         return self._register(f"f{self.index}_{number}", total)
 
@@ -137,11 +141,11 @@ class TransientWork:
         """Return a table's function: steps as choices, straight lines as a sum of ramps."""
         arithmetic, points = self.to.arithmetic, table.points
         if table.interpolation == "constant":
-            found = constant(points[-1][1])
+            value_there = constant(points[-1][1])
             for place, value in reversed(points[:-1]):
                 above = arithmetic.compare("greater", v, constant(place))
-                found = arithmetic.select(above, found, constant(value), FINE)
-            return found
+                value_there = arithmetic.select(above, value_there, constant(value), FINE)
+            return value_there
         base, terms = points[0][1], list[tuple[float, Quantity]]()
         for (low, before), (high, after) in pairwise(points):
             slope = (after - before) / (high - low)
@@ -189,8 +193,10 @@ class TransientWork:
 
     def far(self, *, static: bool) -> int:
         """Return how far nonlinear couplings reach: those of the drive, or those of each step."""
-        known = [one.weights for one in self.template.nonlinear if one.static == static]
-        return max((reach(one[np.newaxis, np.newaxis]) for one in known), default=0)
+        known = [
+            coupling.weights for coupling in self.template.nonlinear if coupling.static == static
+        ]
+        return max((reach(weights[np.newaxis, np.newaxis]) for weights in known), default=0)
 
     def padded(
         self, given: Array | Quantity, edge: float | None, halo: int | None = None
