@@ -175,8 +175,8 @@ def as_shape(value: object) -> Shape:
         rows = cols = 0
     if rows < 1 or cols < 1:
         raise ArrayError(
-            "The shape of a cell array is two whole numbers from 1 up, rows and columns, as in "
-            f"(8, 8), got {value!r:.60}."
+            "The shape of a cell array must be two whole numbers from 1 up, rows and columns, "
+            f"such as (8, 8), got {value!r:.60}."
         )
     return rows, cols
 

@@ -338,7 +338,7 @@ class Reordered(Closing):
         if reading.scale != 1.0 and getattr(driver, "live", False):
             raise SceneError(
                 f"'time_unit' is the unit of a recording's times, got '{reading.time_unit}' for a "
-                "live array: the unit of its clock stands in its descriptor."
+                "live array: its descriptor gives the unit of its clock."
             )
         self._driver, self._reading = driver, reading
         self.channels = reading.names(driver.channels)

@@ -344,7 +344,7 @@ class Archive:
         if self.came is not None and self.came.shape != (frames,):
             raise CodecError(f"'{CAME}' must be {(frames,)}, got {self.came.shape}.")
         if not frames:
-            raise CodecError("there is no frame in it.")
+            raise CodecError("it holds no frame.")
 
     def frame(self, number: int, calibration: str = "") -> Frame:
         """Return one of the frames, with the id of its calibration."""

@@ -134,7 +134,7 @@ class ChunkStore:
                     for name, one in part.items()
                     for kinds in ("U" if name == sentence else "fiub",)
                 ):
-                    raise ValueError("expected a number or a text a run")
+                    raise ValueError("expected a number or a text per run")
             except (OSError, MemoryError, *DAMAGE):
                 raise TemplateFileError(
                     f"'{place}' is damaged: remove it, and the same command recreates it."

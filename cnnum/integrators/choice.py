@@ -185,8 +185,8 @@ def check_spec(spec: RunSpec) -> None:
         or (isinstance(duration, str) and duration == "settle")
     ):
         raise MethodError(
-            "A duration must be a finite number from 0 up, in the unit of tau, or 'settle', got "
-            f"duration={duration!r}."
+            "A duration must be a finite number of at least 0, in the unit of tau, or 'settle', "
+            f"got duration={duration!r}."
         )
     if not (_none_or_more(spec.rtol) and _none_or_more(spec.atol) and spec.atol > 0):
         raise MethodError(
@@ -268,8 +268,8 @@ class _Choice:
 
     def _refuse(self, steps: str) -> NoReturn:
         raise MethodError(
-            f"The error of {steps} is not followed: run template '{self.template.name}' without "
-            "estimate=True."
+            f"The error of {steps} cannot be estimated: run template '{self.template.name}' "
+            "without estimate=True."
         )
 
     def _refuse_many(self, count: int) -> None:

@@ -115,7 +115,7 @@ class Program:
         if not (isinstance(resolved, Program) and resolved.function is self.function):
             raise OtherProcessError(
                 f"Program '{self.name}' cannot be pickled, for '{place[1]}' of the module "
-                f"'{place[0]}' is not it: define it at the top of a module."
+                f"'{place[0]}' is another object: define it at the top of a module."
             )
         return _again, (*place, self.name, self.parameters)
 

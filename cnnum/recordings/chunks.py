@@ -436,10 +436,10 @@ class Decoder:
 def _rows(data: bytes, count: int, layout: Layout) -> NDArray[np.void]:
     form = layout.message
     if len(data) != count * form.itemsize:
-        raise CodecError("a message of it has not the length of a frame.")
+        raise CodecError("one of its messages does not have the length of a frame.")
     rows: Any = np.frombuffer(data, form)
     if not _fit(rows, layout):
-        raise CodecError("a message of it is no frame of its array.")
+        raise CodecError("one of its messages is not a frame of its array.")
     return cast("NDArray[np.void]", rows)
 
 

@@ -248,11 +248,11 @@ def records_in(data: bytes) -> Iterator[tuple[int, int, int]]:
     place = 0
     while place < len(data):
         if place + PREFIX.size > len(data):
-            raise CodecError("a chunk of it is torn.")
+            raise CodecError("one of its chunks is cut off.")
         opcode, length = PREFIX.unpack_from(data, place)
         end = place + PREFIX.size + length
         if end > len(data):
-            raise CodecError("a chunk of it is torn.")
+            raise CodecError("one of its chunks is cut off.")
         yield opcode, place, end
         place = end
 
@@ -296,6 +296,6 @@ class Fields:
     def _bytes(self, size: int) -> bytes:
         part = self._data[self._place : self._place + size]
         if len(part) < size:
-            raise CodecError("a record of it is torn.")
+            raise CodecError("one of its records is cut off.")
         self._place += size
         return part

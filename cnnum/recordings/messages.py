@@ -322,7 +322,7 @@ def _of_bag(path: Path, topic: str) -> Generator[Message, None, None]:
                         return reader.deserialize(raw, kind)
                     except Exception as error:
                         raise CodecError(
-                            f"'{path}': a message is no '{kind}': {_said(error)}."
+                            f"'{path}': a message is not a '{kind}': {_said(error)}."
                         ) from None
 
                 content = _Later(connection.msgtype, decode, data)
@@ -382,7 +382,7 @@ def _checked(path: Path, line: int, content: _Later) -> _Later:
             return content()
         except (ValueError, RecursionError) as error:
             said = _said(error)
-            raise CodecError(f"'{path}', line {line}: expected JSON, got none: {said}.") from None
+            raise CodecError(f"'{path}', line {line}: expected JSON: {said}.") from None
 
     return _Later("JSON", decode, None)
 

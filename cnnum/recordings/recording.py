@@ -224,14 +224,14 @@ class Recording(ByContent):
         if not wanted or missing:
             example = missing[0] if missing else "z[0, 0]"
             raise ArrayError(
-                "A data frame of a recording has a column for each taxel and channel, and none is "
-                f"'{example}'."
+                "A data frame of a recording must have a column for each taxel and channel, but "
+                f"'{example}' is missing."
             )
         others = {n for n in columns if n not in cells and not n.startswith(TRUTH)} - KNOWN
         if others:
             raise ArrayError(
-                f"The column {shown(min(others))} is none of a recording: give truths names such "
-                f"as '{TRUTH}slip', and drop other columns."
+                f"The column {shown(min(others))} is not part of a recording: give truths names "
+                f"such as '{TRUTH}slip', and drop other columns."
             )
         values = np.stack([np.asarray(columns[name], dtype=np.float64) for name in wanted], axis=1)
         marks = None
@@ -454,7 +454,7 @@ def _whole(name: str, values: ArrayLike, frames: int) -> NDArray[np.int64]:
     if array.dtype.kind != "i":
         array = _per_frame(name, values, frames).astype(np.int64)
     if array.shape != (frames,):
-        raise ArrayError(f"{name!r} must be one number a frame, ({frames},), got {array.shape}.")
+        raise ArrayError(f"{name!r} must be one number per frame, ({frames},), got {array.shape}.")
     return read_only(array.astype(np.int64))
 
 
@@ -478,14 +478,14 @@ def _times(times: ArrayLike | None, frames: int, rate: float) -> Floats:
         return np.arange(frames) / rate
     values = _per_frame("times", times, frames)
     if not (np.isfinite(values).all() and (np.diff(values) >= 0.0).all()):
-        raise ArrayError("'times' must be finite, each no earlier than the one before (s).")
+        raise ArrayError("'times' must be finite and must not decrease (s).")
     return values
 
 
 def _per_frame(name: str, values: ArrayLike, frames: int) -> Floats:
     result = numbers(name, values)
     if result.shape != (frames,):
-        raise ArrayError(f"{name!r} must be one number a frame, ({frames},), got {result.shape}.")
+        raise ArrayError(f"{name!r} must be one number per frame, ({frames},), got {result.shape}.")
     return result
 
 

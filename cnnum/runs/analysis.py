@@ -206,8 +206,8 @@ def _as_sampled(template: Template) -> Template:
         return template
     if not np.isfinite(sampled).all():
         raise TemplateError(
-            f"The output function '{output.name}' of template '{template.name}' is no finite "
-            "number everywhere: nothing can be said of its rates."
+            f"The output function '{output.name}' of template '{template.name}' is not "
+            "finite everywhere, so its rates are not known."
         )
     slope = (min(output.slope[0], sampled[0]), max(output.slope[1], sampled[1]))
     return replace(template, output=replace(output, slope=slope))

@@ -389,13 +389,13 @@ def append(path: Path, data: bytes) -> None:
     Raises
     ------
     OSError
-        If it is no regular file, or has no room.
+        If it is not a regular file, or has no room.
     """
     handle = os.open(path, os.O_WRONLY | os.O_APPEND | _FLAGS | getattr(os, "O_NONBLOCK", 0))
     with os.fdopen(handle, "ab", buffering=0) as file:
         status = os.fstat(file.fileno())
         if not stat.S_ISREG(status.st_mode):
-            raise OSError(errno.EINVAL, "it is no regular file")
+            raise OSError(errno.EINVAL, "it is not a regular file")
         try:
             left = memoryview(data)
             while left:

@@ -390,7 +390,7 @@ def _limits(scene: str, value: object) -> Limits | None:
     except (SceneError, ArrayError):
         raise SceneError(
             f"Scene '{scene}': 'frames.limits' must be the least and the largest raw value of a "
-            f"sound taxel, as in [1, 65534], or such a pair a channel, got {value!r}."
+            f"sound taxel, as in [1, 65534], or one such pair per channel, got {value!r}."
         ) from None
     return result
 

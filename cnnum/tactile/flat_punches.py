@@ -107,7 +107,9 @@ def punch_pressure(outline: Outline, cells: int, finer: int = FINER) -> Floats:
     # cells whose middle lies on the outline are outside on all sides, in spite of roundings
     within = np.nonzero((outline.distance(*np.meshgrid(axis, axis)) < -1e-9).ravel())[0]
     if not within.size:
-        raise PhysicsError("Expected an outline on the array, got none of its cells within it.")
+        raise PhysicsError(
+            "Expected an outline that contains cells of the array, got one without any."
+        )
     waves = _sinking(side, finer)
 
     def sinks(pressure: Floats) -> Floats:

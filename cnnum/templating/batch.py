@@ -90,7 +90,7 @@ def checked_parts(template: Template, given: Given) -> dict[str, Floats]:
     own = parts_of(template)
     for part in asked.keys() - own.keys():
         raise TemplateError(
-            f"A batch of '{template.name}' has no part '{part}': its template must have it, too."
+            f"A batch of '{template.name}' has no part '{part}': its template must have one."
         )
     result = {key: _checked(template, key, own[key], asked.get(key)) for key in own}
     for part in result.keys() & {"tau", "delay"}:

@@ -150,7 +150,7 @@ def _blocks(body: bytes) -> dict[int, Block]:
         kind, offset = entry.unpack_from(body, at)
         at += entry.size
         if not at <= offset <= len(body):
-            raise CodecError("A block of a PTS frame begins outside of it.")
+            raise CodecError("A block of a PTS frame begins outside the frame.")
         table.append((kind, offset))
         first = min(first, offset)
     return {kind: Block(body[offset:], kind_of_offset) for kind, offset in table}
@@ -161,7 +161,7 @@ def _items(block: "Block") -> list["Block"]:
     (count,) = struct.unpack_from("<H", block.data)
     offsets = struct.unpack_from(f"<{count}{block.offset}", block.data, 2)
     if any(offset > len(block.data) for offset in offsets):
-        raise CodecError("A part of a PTS block begins outside of it.")
+        raise CodecError("A part of a PTS block begins outside the block.")
     return [Block(block.data[offset:], block.offset) for offset in offsets]
 
 

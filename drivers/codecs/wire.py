@@ -226,7 +226,9 @@ def shape_or(asked: Asked, usual: Shape) -> Shape:
     """
     shape = asked.shape or usual
     if min(shape) < 1 or shape[0] * shape[1] > 1 << 16:
-        raise SceneError(f"'shape' must be rows and columns from 1 up, got {list(shape)}.")
+        raise SceneError(
+            f"'shape' must be a positive number of rows and columns, got {list(shape)}."
+        )
     return shape
 
 

@@ -119,7 +119,7 @@ def scan_of(message: dict[str, object], shape: Shape | None = None) -> Scan:
     pads = [_pad(sensor, calibrated=calibrated) for sensor in sensors]
     counter = message["message"]
     if not isinstance(counter, int) or counter < 0:
-        raise CodecError("The counter of a message is a number from 0 up.")
+        raise CodecError("The counter of a message must be a number of at least 0.")
     values = tiled(pads, shape)
     at_end = np.asarray(((values >= TOP) | (values <= 0)).any(axis=-1))
     saturated = not calibrated and bool(at_end.any())

@@ -118,7 +118,7 @@ def test_messages_that_are_no_frames_are_refused(tmp_path, scans):
             metadata = channel_of(layout).metadata
             writer.add_message(writer.register_channel("/x", "cdr", schema, metadata), 0, data, 0)
             writer.finish()
-        with pytest.raises(CodecError, match="a message of it"):
+        with pytest.raises(CodecError, match="one of its messages"):
             look(path)
 
 

@@ -432,7 +432,7 @@ class Lowering:
             return
         operation = node.operation
         if not isinstance(operation, Apply):
-            raise NotSupportedError(f"{operation} is not exported yet as one number.")
+            raise NotSupportedError(f"{operation} cannot be exported as one number.")
         given = [self.operand(argument) for argument in node.arguments]
         self.numbers[node.index] = self._named(node, operation, given)
 

@@ -139,7 +139,9 @@ def _amount(
     match = re.fullmatch(r"(\d+(?:\.\d+)?)\s*([kmg]?)(?:i?b?)", text)
     if match is None or match[2] not in suffixes or not float(match[1]) > 0.0:
         example = "168MHz" if unit else "32k"
-        raise click.UsageError(f"--{key} is a number above 0, as {example}, got '{given!s:.40}'.")
+        raise click.UsageError(
+            f"--{key} must be a number above 0, such as {example}, got '{given!s:.40}'."
+        )
     return float(match[1]) * suffixes[match[2]]
 
 

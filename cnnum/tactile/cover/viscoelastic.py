@@ -115,7 +115,7 @@ def at_rest(shape: tuple[int, ...]) -> Creep:
     except TypeError:
         sides = (-1,)
     if min(sides, default=0) < 0:
-        raise ArrayError(f"'shape': expected whole numbers from 0 up, got {shape!r:.60}.")
+        raise ArrayError(f"'shape': expected whole numbers of at least 0, got {shape!r:.60}.")
     refuse_on_host("The memory of a cover", (math.prod(sides), 1), 16)
     return Creep(np.zeros(sides), np.zeros(sides))
 

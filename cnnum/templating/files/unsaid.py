@@ -72,7 +72,7 @@ def with_comments(entry: Entry, text: str, file: str) -> Entry:
         except ValueError as error:
             line = text.count("\n", 0, match.start()) + 1
             raise TemplateError(
-                f"'{file}', line {line}: the comment holds no value of '{match[1]}': {error}."
+                f"'{file}', line {line}: the comment has no value of '{match[1]}': {error}."
             ) from None
     written = "".join(f"{key} = {_value(value)}\n" for key, value in table.items())
     guesses = tuple(guess for guess in entry.guesses if guess.key not in said)

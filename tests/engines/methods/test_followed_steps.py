@@ -164,11 +164,11 @@ def test_what_is_not_followed_is_refused_in_a_sentence(engines):
     late = Template("late", [[0]], [[1]], delayed=coupling, duration=2)
     limited = Template("limited", [[0.5]], [[1]], output="full-range", duration=2)
     for template, how, why in (
-        (late, {}, "steps with a delay is not followed"),
+        (late, {}, "steps with a delay cannot be estimated"),
         (
             limited,
             {"method": "etd-rk2", "dt": 0.1},
-            "'etd-rk2' with a limited state is not followed",
+            "'etd-rk2' with a limited state cannot be estimated",
         ),
         (limited, {"dt": 1e-5}, "at most 100000 steps is followed, and these are 200000"),
     ):

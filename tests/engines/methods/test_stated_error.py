@@ -94,7 +94,7 @@ def test_nothing_is_stated_of_what_no_estimate_follows(engines, label, case):
     asked = {"discrete": [{}], "late": [{"dt": 0.1}, {"dt": 0.05, "method": "euler"}]}
     for how in asked.get(case, [{}, {"dt": 0.1}]):
         assert np.isinf(engine.run(template, input=u, **how).error)
-    with pytest.raises(MethodError, match=r"^The error of .* is not followed: run template"):
+    with pytest.raises(MethodError, match=r"^The error of .* cannot be estimated: run template"):
         engine.run(template, input=u, estimate=True)
 
 
