@@ -60,7 +60,7 @@ def test_times_give_the_rate():
 
 def test_tables_that_are_none_are_refused():
     table = drawn(1).to_dataframe()
-    with pytest.raises(ArrayError, match="'normal.*is missing"):
+    with pytest.raises(ArrayError, match=r"'normal.*is missing"):
         cnnum.Recording.from_dataframe(
             table.drop(columns=[n for n in table if n.startswith("normal[0")][:1])
         )
