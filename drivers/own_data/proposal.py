@@ -4,7 +4,7 @@ import json
 import math
 import re
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field
 from io import TextIOWrapper
@@ -104,6 +104,9 @@ SCALE = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 
 SLOWEST, QUICKEST = 2.0, 5000.0
 """Hz of an array, for the unit of times that do not say it."""
+
+CLEARLY = 4
+"""Times the other axes from which one is clearly the longest."""
 
 CROSS = 5
 """Magnetometers of an AnySkin."""
@@ -247,32 +250,86 @@ def _said_channels(proposal: Proposal, count: int) -> None:
         proposal.undecided.append(f"channels: {count} numbers a taxel, whose names are not known")
 
 
-def _of_axes(proposal: Proposal, shape: Sequence[int]) -> None:
-    """Set shape, channels and order by the axes of a frame."""
+def _of_axes(proposal: Proposal, shape: Sequence[int]) -> list[str]:
+    """Set shape and channels by the axes of a frame, and return what each long axis is."""
     axes = [size for size in shape if size > 1] or [1]
     few = (2, 3, 4, 6)
-    if len(axes) == 3 and axes[2] in few and not (axes[0] == 3 and axes[2] in few[2:]):
-        proposal.table["shape"], count = tuple(axes[:2]), axes[2]
-    elif len(axes) == 3 and axes[0] in few:
-        proposal.table["shape"], count = tuple(axes[1:]), axes[0]
-        proposal.table["order"] = "channels-first"
-    elif len(axes) == 2 and axes[1] == 3 and axes[0] != 3:
-        count = 3
-        proposal.table["shape"] = _shape(proposal, axes[0])
-    elif len(axes) == 2 and axes[0] == 3 and axes[1] != 3:
-        count = 3
-        proposal.table["shape"] = _shape(proposal, axes[1])
-        proposal.table["order"] = "frames channels taxels"
+    if len(axes) == 3 and (axes[0] in few or axes[2] in few):
+        last = axes[2] == 3 or (axes[2] in few and axes[0] != 3)
+        count = axes[2] if last else axes[0]
+        proposal.table["shape"] = tuple(axes[:2] if last else axes[1:])
+        names = ["rows", "cols", "channels"] if last else ["channels", "rows", "cols"]
+        if axes[0] in few and axes[2] in few and axes[2] != 3:
+            proposal.undecided.append(
+                f"order: {axes[0]} channels of {axes[1]}×{axes[2]} taxels fit, and {axes[2]} "
+                f"channels of {axes[0]}×{axes[1]}, too"
+            )
+    elif len(axes) == 2 and 3 in axes and axes != [3, 3]:
+        count, last = 3, axes[1] == 3
+        proposal.table["shape"] = _shape(proposal, axes[0] if last else axes[1])
+        names = ["taxels", "channels"] if last else ["channels", "taxels"]
     elif len(axes) == 2:
         proposal.table["shape"], count = tuple(axes), 1
+        names = ["rows", "cols channels"]
     elif len(axes) == 1:
         count = _channels(proposal, axes[0])
         proposal.table["shape"] = _shape(proposal, axes[0] // count)
+        names = ["rows cols channels"]
     else:
         raise CodecError(
             f"A frame of the shape {tuple(shape)} does not consist of rows, columns and channels."
         )
     _said_channels(proposal, count)
+    return names
+
+
+def _order(proposal: Proposal, names: list[str], before: int) -> None:
+    """Set the order of axes, `before` of which stand before the frames."""
+    order = " ".join([*names[:before], "frames", *names[before:]])
+    if order == "frames channels rows cols":
+        order = "channels-first"
+    if before or names[0] == "channels":
+        proposal.table["order"] = order
+
+
+def _frames_axis(
+    proposal: Proposal, shape: Sequence[int], timed: Collection[int], values: Callable[[], Floats]
+) -> int:
+    """Return which axis of an array counts its frames.
+
+    It is one as long as the times. Without times it is the first, unless another is `CLEARLY`
+    longer than each of the rest; of two axes the numbers of a frame must fit a known shape, and
+    where both do, time is the axis along which the values change less.
+    """
+    if len(clocked := [n for n, size in enumerate(shape) if size in timed]) == 1:
+        return clocked[0]
+    if clocked:  # two fit: the first, or the last of Fortran's order
+        last = 0 not in clocked or (len(shape) > 2 and max(shape) == shape[-1] > 8 * shape[0])
+        return clocked[-1] if last else 0
+    longest = max(range(len(shape)), key=lambda n: shape[n])
+    rest = max(size for n, size in enumerate(shape) if n != longest)
+    if longest == 0 or shape[longest] < CLEARLY * rest:
+        return 0
+    result = longest
+    if len(shape) == 2 and _usual(shape[1]):
+        if not _usual(shape[0]):
+            result = 0
+        else:
+            held = values()
+            first, last = (np.nanmean(np.abs(np.diff(held, axis=axis))) for axis in (0, 1))
+            result = 0 if first < last else longest
+    other = 0 if result else longest
+    proposal.undecided.append(
+        f"order: of {tuple(shape)} the axis of {shape[result]} is taken as the frames, not that of "
+        f"{shape[other]}"
+    )
+    return result
+
+
+def _usual(numbers: int) -> bool:
+    """Return whether so many numbers are a frame of a square array or of a known one."""
+    counts = {numbers, numbers // 3} if numbers % 3 == 0 else {numbers}
+    return any(math.isqrt(n) ** 2 == n or n in KNOWN_SHAPES for n in counts)
 
 
 def _time_unit(name: str, values: Floats) -> str:
@@ -344,19 +401,10 @@ def _of_arrays(path: Path, shapes: Mapping[str, tuple[tuple[int, ...], str]]) ->
             f"values: '{name}' is taken of {', '.join(map(repr, (name, *others[:6])))}"
         )
     shape = frames[name]
-    count = next((size for size in (shape[0], shape[-1]) if size in lengths), shape[0])
-    if count == shape[0] or len(shape) < 3 or max(shape) != shape[-1]:
-        count, inner = shape[0], shape[1:]
-    else:
-        count, inner = shape[-1], shape[:-1]
-    if max(shape) == shape[-1] and len(shape) > 2 and shape[-1] > 8 * shape[0]:
-        count, inner = shape[-1], shape[:-1]  # the frames are last
-    _of_axes(proposal, inner)
-    if count != shape[0]:
-        first = bool(proposal.table.pop("order", ""))
-        if len(cast("tuple[str, ...]", proposal.table["channels"])) > 1:
-            order = "channels rows cols frames" if first else "rows cols channels frames"
-            proposal.table["order"] = order
+    at = _frames_axis(proposal, shape, lengths, lambda: _one_array(path, name).reshape(shape))
+    count = shape[at]
+    names = _of_axes(proposal, (*shape[:at], *shape[at + 1 :]))
+    _order(proposal, names, sum(size > 1 for size in shape[:at]))
     if path.suffix.lower() != ".npy":
         proposal.table = {"values": name, **proposal.table}
     proposal.seen.append(f"{count} frames in '{name}' {shape}" if name else f"{count} frames")
@@ -376,6 +424,12 @@ def _of_arrays(path: Path, shapes: Mapping[str, tuple[tuple[int, ...], str]]) ->
 def _one_array(path: Path, name: str) -> Floats:
     if path.suffix.lower() in (*HDF5, PARQUET):
         return np.asarray(read_hdf5(path, [name])[1][name], np.float64).reshape(-1)
+    if not name:
+        from cnnum.drivers.own_data.layout import DataLayout
+        from cnnum.drivers.own_data.sources import VALUES, npy_array
+
+        held = npy_array(path, DataLayout((1, 1), rate=1.0))
+        return np.asarray(held[VALUES], np.float64).reshape(-1)
     from cnnum.drivers.npz_file import read_arrays
 
     return np.asarray(read_arrays(path, {name})[name], np.float64).reshape(-1)

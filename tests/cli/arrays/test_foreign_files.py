@@ -388,3 +388,28 @@ def test_words_and_times_that_come_often_are_no_fault(call, tmp_path):
     assert done.exit_code == 0
     assert 'time = "t"' in done.stdout
     assert "shape = [2, 2]" in done.stdout
+
+
+AXES = {
+    "taxels of a square last": ((4, 4, 1), lambda v: v[..., 0].transpose(1, 2, 0), 500),
+    "numbers before frames": ((4, 4, 3), lambda v: v.reshape(500, 48).T, 500),
+    "as many frames as a square": ((4, 4, 3), lambda v: v[:400].reshape(400, 48).T, 400),
+    "a frame of more numbers than frames": ((12, 32, 1), lambda v: v[:20].reshape(20, 384), 20),
+    "few taxels before frames": ((2, 5, 1), lambda v: v.reshape(500, 10).T, 500),
+    "channels before frames": ((3, 4, 3), lambda v: v.transpose(3, 0, 1, 2), 500),
+    "channels first and frames last": ((3, 4, 3), lambda v: v.transpose(3, 1, 2, 0), 500),
+}
+
+
+@pytest.mark.parametrize("name", AXES)
+def test_the_axis_of_the_frames_is_found(name, call, tmp_path):
+    shape, turn, frames = AXES[name]
+    random = np.random.default_rng(3)
+    made = 50.0 * random.normal(size=shape) + np.cumsum(random.normal(size=(500, *shape)), axis=0)
+    path = tmp_path / "a.npy"
+    np.save(path, turn(made))
+    done = call("layout", path, "--set", "rate=100", "--write")
+    assert done.exit_code == 0, done.stderr
+    assert "# order: " in done.stdout
+    held = cnnum.load_recording(path)
+    np.testing.assert_array_equal(held.values, made[:frames])
