@@ -80,11 +80,20 @@ WORDS: Mapping[str, tuple[str, ...]] = {
 """Words for the three axes of a taxel in the names of columns."""
 
 TIME = re.compile(
-    r"(?:^|[^a-z])(?:ts|times?|stamps?|timestamps?|clock|seconds|secs?)(?:$|[^a-z])"
+    r"(?:^|[^a-z])(?:ts|times?|stamps?|timestamps?|clock|seconds|secs?|elapsed|epoch"
+    r"|ticks?|milli(?:s|seconds?)|micro(?:s|seconds?)|zeit|zeitstempel|temps|tiempo)(?:$|[^a-z])"
     r"|^t(?:$|[ _\[(.])",
     re.IGNORECASE,
 )
 """Names of times. A "t" with a number is a taxel."""
+
+UNIT_WORDS = {
+    "ns": "ns|nanos|nanoseconds?",
+    "us": "us|µs|usecs?|micros|microseconds?",
+    "ms": "ms|msecs?|millis|milliseconds?",
+    "s": "s|secs?|seconds?",
+}
+"""Words for units in the names of times."""
 
 COUNTER = re.compile(r"^(?:|index|frame|frame.?(?:no|nr|id|index|number)|seq|sequence|n|#)$", re.I)
 BRACKETS = re.compile(r"\s*[\[(][^\])]*[\])]\s*")
@@ -155,7 +164,7 @@ def toml_text(value: object) -> str:
     return repr(value)
 
 
-def propose(path: Path, topic: str = "") -> Proposal:
+def propose(path: Path, topic: str = "", clock: str = "") -> Proposal:
     """Return the layout that a file seems to have.
 
     Parameters
@@ -163,6 +172,8 @@ def propose(path: Path, topic: str = "") -> Proposal:
     path : Path
     topic : str
         Topic of an MCAP file or a bag; that with the most numbers unless given.
+    clock : str
+        Column or array of the times; by its name unless given.
 
     Raises
     ------
@@ -178,9 +189,9 @@ def propose(path: Path, topic: str = "") -> Proposal:
         refuse_several(path)
         raise RecordingError(f"'{path}' is a trial, which needs no layout.")
     if suffix in (".npy", ".npz"):
-        return _of_arrays(path, array_shapes(path))
+        return _of_arrays(path, array_shapes(path), clock)
     if suffix in (*HDF5, PARQUET):
-        return _of_arrays(path, list_hdf5(path)[0])
+        return _of_arrays(path, list_hdf5(path)[0], clock)
     text = _lines(path)
     if text is None or suffix in (".bin", ".raw"):
         proposal = _sent(path, protocol_names())
@@ -192,7 +203,7 @@ def propose(path: Path, topic: str = "") -> Proposal:
         return proposal
     if suffix == ".log" and (proposal := _sent(path, protocol_names())) is not None:
         return proposal
-    return _of_text(path, text)
+    return _of_text(path, text, clock)
 
 
 # frames and their shape
@@ -316,8 +327,8 @@ def _frames_axis(
             result = 0
         else:
             held = values()
-            first, last = (np.nanmean(np.abs(np.diff(held, axis=axis))) for axis in (0, 1))
-            result = 0 if first < last else longest
+            steps = [float(np.nanmean(np.abs(np.diff(held, axis=axis)))) for axis in (0, 1)]
+            result = 0 if steps[0] < steps[1] else longest
     other = 0 if result else longest
     proposal.undecided.append(
         f"order: of {tuple(shape)} the axis of {shape[result]} is taken as the frames, not that of "
@@ -332,26 +343,68 @@ def _usual(numbers: int) -> bool:
     return any(math.isqrt(n) ** 2 == n or n in KNOWN_SHAPES for n in counts)
 
 
-def _time_unit(name: str, values: Floats) -> str:
+def _time_unit(name: str, values: Floats, *, asked: bool = False) -> str:
     """Return the unit of times by their name or their steps; "" where they are no times."""
     steps = np.diff(values)
     ahead = steps[steps > 0.0]
     if not len(ahead) or (steps < 0.0).mean() > 0.05:
         return ""
-    for unit in ("ns", "us", "ms", "s"):
-        if re.search(rf"(?:^|[^a-zA-Z]){unit.replace('us', '(?:us|µs)')}(?:$|[^a-zA-Z])", name):
+    for unit, words in UNIT_WORDS.items():
+        if re.search(rf"(?:^|[^a-zA-Zµ])(?:{words})(?:$|[^a-zA-Z])", name, re.IGNORECASE):
             return unit
     for unit, least in (("ns", 1e17), ("us", 1e14), ("ms", 1e11), ("s", 1e8)):
         if abs(float(values[0])) >= least:  # since 1970
             return unit
     rate = rate_of(values)
-    if rate == 1.0 and (steps == 1.0).all():
+    if rate == 1.0 and (steps == 1.0).all() and not asked:
         return ""  # a counter
     return next((u for u in TIME_UNITS if SLOWEST <= rate / SCALE[u] <= QUICKEST), "s")
 
 
-def _no_rate(proposal: Proposal) -> None:
-    proposal.undecided.append("rate: the file has no times: give it, as in '--set rate=60'")
+def _take_clock(
+    proposal: Proposal,
+    asked: str,
+    named: Iterable[str],
+    others: Iterable[str],
+    read: Callable[[str], Floats],
+) -> str:
+    """Set the time and its unit by the first column that fits, and return its name.
+
+    Without one it is said why those that are named as times do not, or which of the others rises.
+    """
+    why = ""
+    for name in (asked,) if asked else named:
+        values = read(name)
+        if not np.isfinite(values).all():
+            continue
+        if unit := _time_unit(name, values, asked=bool(asked)):
+            proposal.table |= {"time": name, "time_unit": unit}
+            return name
+        steps = np.diff(values)
+        if len(steps) and (steps == 1.0).all():
+            why = why or (
+                f"'{name}' counts up by one: if these are ms, give '--set time={name} --set "
+                "time_unit=ms', and if they are the numbers of the frames,"
+            )
+        elif len(steps):
+            same = bool((steps == 0.0).all())
+            fault = "is the same in every row" if same else "goes back again and again"
+            why = why or f"the times in '{name}' are none, as it {fault}:"
+    for name in () if why or asked else others:
+        values = read(name)
+        if len(values) > 2 and np.isfinite(values).all() and (np.diff(values) > 0.0).all():
+            unit = _time_unit(name, values, asked=True)
+            why = (
+                f"'{name}' rises from row to row: if it is the time, give '--set time={name} "
+                f"--set time_unit={unit}', and if not,"
+            )
+            break
+    _no_rate(proposal, why or "the file has no times:")
+    return ""
+
+
+def _no_rate(proposal: Proposal, why: str = "the file has no times:") -> None:
+    proposal.undecided.append(f"rate: {why} give it, as in '--set rate=60'")
 
 
 def _unit(proposal: Proposal, names: Iterable[str], whole: bool) -> None:
@@ -368,7 +421,9 @@ def _unit(proposal: Proposal, names: Iterable[str], whole: bool) -> None:
 # arrays: NumPy, HDF5, Parquet
 
 
-def _of_arrays(path: Path, shapes: Mapping[str, tuple[tuple[int, ...], str]]) -> Proposal:
+def _of_arrays(
+    path: Path, shapes: Mapping[str, tuple[tuple[int, ...], str]], asked: str
+) -> Proposal:
     proposal = Proposal()
     numeric = {
         name: shape
@@ -381,7 +436,7 @@ def _of_arrays(path: Path, shapes: Mapping[str, tuple[tuple[int, ...], str]]) ->
     if not frames:
         flat = [name for name in clocks if not TIME.search(name.rpartition("/")[2])]
         if path.suffix.lower() == PARQUET and len(flat) > 1:
-            return _of_columns(path, list(shapes), numeric)
+            return _of_columns(path, list(shapes), numeric, asked)
         raise CodecError(
             f"'{path}' has no array of frames; its arrays are "
             f"{', '.join(f'{n} {s}' for n, (s, _) in list(shapes.items())[:12]) or 'none'}."
@@ -410,13 +465,10 @@ def _of_arrays(path: Path, shapes: Mapping[str, tuple[tuple[int, ...], str]]) ->
     proposal.seen.append(f"{count} frames in '{name}' {shape}" if name else f"{count} frames")
     times = [n for n, s in clocks.items() if math.prod(s) == count]
     times.sort(key=lambda n: (not TIME.search(n.rpartition("/")[2]), len(n)))
-    if times and TIME.search(times[0].rpartition("/")[2]):
-        values = _one_array(path, times[0])
-        unit = _time_unit(times[0], values)
-        if unit:
-            proposal.table |= {"time": times[0], "time_unit": unit}
-    if "time" not in proposal.table:
-        _no_rate(proposal)
+    known = [n for n in times if TIME.search(n.rpartition("/")[2])]
+    others = [n for n in times if not COUNTER.search(n.rpartition("/")[2])]
+    if not asked or asked in clocks:
+        _take_clock(proposal, asked, known[:1], others[:8], lambda n: _one_array(path, n))
     _unit(proposal, (name,), "int" in shapes[name][1] or "u" in shapes[name][1][:2])
     return proposal
 
@@ -435,17 +487,18 @@ def _one_array(path: Path, name: str) -> Floats:
     return np.asarray(read_arrays(path, {name})[name], np.float64).reshape(-1)
 
 
-def _of_columns(path: Path, names: list[str], numeric: Mapping[str, tuple[int, ...]]) -> Proposal:
+def _of_columns(
+    path: Path, names: list[str], numeric: Mapping[str, tuple[int, ...]], asked: str
+) -> Proposal:
     """Return the layout of a Parquet file with a column a number, as of a table in text."""
     proposal = Proposal()
     columns = [name for name in names if name in numeric]
-    clock = next((name for name in columns if TIME.search(name)), "")
-    if clock:
-        unit = _time_unit(clock, _one_array(path, clock))
-        proposal.table |= {"time": clock, "time_unit": unit} if unit else {}
-    if "time" not in proposal.table:
-        _no_rate(proposal)
+    known = [name for name in columns if TIME.search(name)]
+    others = [name for name in columns[:1] if not COUNTER.search(name)]
+    asked = asked if asked in columns else ""
+    clock = _take_clock(proposal, asked, known, others, lambda name: _one_array(path, name))
     rest = [name for name in columns if name != clock and not COUNTER.search(name)]
+    rest = [name for name in rest if name not in known]
     family = _family(rest)
     _name_columns(proposal, family, rest, listed=True)
     _unit(proposal, rest, False)
@@ -596,7 +649,7 @@ def _number(text: str, decimal: str) -> bool:
     return "_" not in text
 
 
-def _of_text(path: Path, lines: list[str]) -> Proposal:
+def _of_text(path: Path, lines: list[str], asked: str) -> Proposal:
     begins = {c: sum(x.lstrip().startswith(c) for x in lines) for c in ("#", "%", "//", ";")}
     begins[";"] *= 2 * begins[";"] < len(lines)  # else it stands before an empty first field
     comment = next((c for c, count in begins.items() if count), "#")
@@ -630,7 +683,7 @@ def _of_text(path: Path, lines: list[str]) -> Proposal:
         return block
     if share < 0.5:
         raise _no_table(path)
-    return _of_table(path, lines, TextForm(separator, decimal, comment=comment), width)
+    return _of_table(path, lines, TextForm(separator, decimal, comment=comment), width, asked)
 
 
 def _stripped(fields: list[str]) -> list[str]:
@@ -646,7 +699,7 @@ def _no_table(path: Path) -> CodecError:
     )
 
 
-def _of_table(path: Path, lines: list[str], form: TextForm, width: int) -> Proposal:
+def _of_table(path: Path, lines: list[str], form: TextForm, width: int, asked: str) -> Proposal:
     proposal = Proposal()
     numeric = 0
     rows: list[list[str]] = []
@@ -702,7 +755,7 @@ def _of_table(path: Path, lines: list[str], form: TextForm, width: int) -> Propo
     if not whole:
         raise _no_table(path)
     columns = {name: [fields[n] for fields in whole] for n, name in enumerate(names)}
-    _columns(proposal, columns, form.decimal, bool(header))
+    _columns(proposal, columns, form.decimal, bool(header), asked)
     proposal.seen.append(f"a table of {len(names)} columns")
     return proposal
 
@@ -745,7 +798,7 @@ def _date_forms(texts: list[str]) -> list[str]:
 
 
 def _columns(
-    proposal: Proposal, columns: Mapping[str, list[str]], decimal: str, named: bool
+    proposal: Proposal, columns: Mapping[str, list[str]], decimal: str, named: bool, asked: str
 ) -> None:
     values: dict[str, Floats] = {}
     clock = ""
@@ -768,20 +821,17 @@ def _columns(
                     f"time_format: {texts[0].strip()} is read by '{forms[0]}', and '{forms[1]}' "
                     "fits, too"
                 )
-    if clock:
+    if clock and asked in ("", clock):
         proposal.table["time"] = clock
-    else:
-        for name, numbers in values.items():
-            likely = TIME.search(name) if named else (np.diff(numbers) > 0).all()
-            if not likely or not np.isfinite(numbers).all():
-                continue
-            unit = _time_unit(name, numbers)
-            if unit:
-                clock = name
-                proposal.table |= {"time": name, "time_unit": unit}
-                break
-    if not clock:
-        _no_rate(proposal)
+    elif not asked or asked in values:
+        proposal.table.pop("time_format", None)
+        likely = [
+            name
+            for name, numbers in values.items()
+            if (TIME.search(name) if named else (np.diff(numbers) > 0).all())
+        ]
+        first = [name for name in list(values)[:1] if named and not COUNTER.search(name)]
+        clock = _take_clock(proposal, asked, likely, first, values.__getitem__)
     _refuse_long(columns, clock, values)
     rest = [n for n in values if n != clock and not (named and COUNTER.search(n))]
     rest = [n for n in rest if not (TIME.search(n) and named)]

@@ -413,3 +413,54 @@ def test_the_axis_of_the_frames_is_found(name, call, tmp_path):
     assert "# order: " in done.stdout
     held = cnnum.load_recording(path)
     np.testing.assert_array_equal(held.values, made[:frames])
+
+
+CLOCKS = {
+    "elapsed_ms": (1000.0, "ms"),
+    "millis": (1000.0, "ms"),
+    "Zeit [s]": (1.0, "s"),
+    "zeit_ms": (1000.0, "ms"),
+    "epoch": (1.0, "s"),
+    "tick": (1000.0, "ms"),
+    "micros": (1e6, "us"),
+}
+
+
+def table(path, name, times):
+    loads = np.random.default_rng(0).integers(0, 99, (len(times), 4))
+    rows = [f"{t!r},{','.join(map(str, row))}" for t, row in zip(times, loads, strict=True)]
+    path.write_text("\n".join([f"{name},t1,t2,t3,t4", *rows]) + "\n")
+
+
+@pytest.mark.parametrize("name", CLOCKS)
+def test_times_are_known_by_their_usual_names(name, call, tmp_path):
+    scale, unit = CLOCKS[name]
+    begin = 1.7e9 if name == "epoch" else 0.0
+    table(tmp_path / "a.csv", name, [begin + round(scale * n / 100, 3) for n in range(60)])
+    done = call("layout", tmp_path / "a.csv", "--write")
+    assert done.exit_code == 0, done.stdout
+    assert f'time_unit = "{unit}"' in done.stdout
+    assert cnnum.load_recording(tmp_path / "a.csv").rate == pytest.approx(100.0)
+
+
+@pytest.mark.parametrize(
+    ("name", "times", "said"),
+    [
+        (
+            "t",
+            range(60),
+            "'t' counts up by one: if these are ms, give '--set time=t --set time_unit",
+        ),
+        ("time", [5] * 60, "the times in 'time' are none, as it is the same in every row"),
+        ("wann", range(0, 600, 10), "'wann' rises from row to row: if it is the time, give"),
+    ],
+)
+def test_a_column_that_may_be_the_times_is_named(name, times, said, call, tmp_path):
+    table(tmp_path / "a.csv", name, times)
+    done = call("layout", tmp_path / "a.csv")
+    assert done.exit_code == 1
+    assert said in done.stdout
+    if name != "time":
+        done = call("layout", tmp_path / "a.csv", "--set", f"time={name}", "--write")
+        assert (done.exit_code, "rate:" in done.stdout) == (0, False)
+        assert 'time_unit = "ms"' in done.stdout
