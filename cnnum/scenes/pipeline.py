@@ -24,6 +24,7 @@ from cnnum.errors import (
     SceneError,
     name_error,
 )
+from cnnum.frame import SLOWEST as SLOWEST_STEP
 from cnnum.frame import Frame, Limits, contradicted, time_unit_of
 from cnnum.graph.nodes import Graph, Input
 from cnnum.graph.tracing import TraceStep, trace_steps
@@ -78,6 +79,10 @@ SLOWEST = 1e-3
 
 TIMED = 64
 """Frames at the start whose times are held against the rate: as many as a median needs."""
+
+EARLY = 3
+"""Frames from which times in another unit are told before the first event: two steps, so that one
+pause does not count."""
 
 
 class Passage:
@@ -306,15 +311,22 @@ class Scene(OfThisProcess):
             it is said.
         """
         rate, live = self.plan.rate, getattr(self.driver, "live", False)
-        if len(times) < TIMED:
+        if len(times) not in (EARLY, TIMED):
+            return
+        early = bool((np.diff(times[:EARLY]) >= SLOWEST_STEP).all())
+        if len(times) < TIMED and not early:
             return
         cure = _cure_of_times(self.driver, np.asarray(times))
-        seen = None if rate is None else contradicted(rate, np.asarray(times))
+        seen = None
+        if len(times) == TIMED:
+            seen = None if rate is None else contradicted(rate, np.asarray(times))
         if seen is None or rate is None:
-            if cure and getattr(self.driver, "layout", None) is None:  # whose reader has said it
+            said_before = early and len(times) == TIMED
+            # the reader of a layout has said it
+            if cure and not said_before and getattr(self.driver, "layout", None) is None:
                 logging.getLogger("cnnum").warning(
                     "Scene '%s': the times of the first %d frames are %.4g s apart.%s",
-                    self.spec.name, TIMED, np.median(np.diff(times)), cure,
+                    self.spec.name, len(times), np.median(np.diff(times)), cure,
                 )  # fmt: skip
             return
         said = (

@@ -32,6 +32,7 @@ COUNTED = {
     "templates/tactile/texture.py:SAMPLES": "T of (6.3), each of a time",
     "templates/tactile/texture.py:APART": "s, next to it",
     "templates/tactile/edge_enhancement.py:SEEN": "taxels",
+    "cnnum/scenes/pipeline.py:EARLY": "frames of two steps",
     "cnnum/scenes/pipeline.py:TIMED": "frames of a median step",
     "cnnum/scenes/dropouts.py:JUMP": "a ratio",
     "cnnum/scenes/push_watch.py:TOUCH": "a ratio",
@@ -369,6 +370,17 @@ def test_one_outlier_at_the_start_blinds_nothing(fast, number, cells):
     found = events(fast, "contact", 100.0, values, push=1.0, reads="force")
     assert [kind for kind, _ in found] == ["contact", "release"]
     assert [at for _, at in found] == pytest.approx([3.0, 5.0], abs=0.05)
+
+
+@pytest.mark.parametrize("step", [10.0, 1000.0])
+def test_rest_at_long_steps_is_no_contact_and_the_unit_is_said_at_once(tmp_path, caplog, step):
+    values, _ = counts(1.0, 50.0, shape=(8, 8))
+    times = step * np.arange(50)
+    with caplog.at_level(logging.WARNING, "cnnum"):
+        _, found = played(tmp_path, values, 1.0 / step, times=times)
+    assert found == []
+    assert caplog.text.count("the times of the first 3 frames are") == 1
+    assert "set time_unit = 'ms'" in caplog.text
 
 
 def test_a_rest_that_moves_is_said(tmp_path, caplog):

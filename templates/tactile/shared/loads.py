@@ -15,7 +15,13 @@ from cnnum.programs.fields import Field, length, maximum, mean, sqrt, square, to
 from cnnum.programs.machine import Block, FrameFields, Sums, blocks
 from cnnum.programs.parameters import refuse_outside
 from cnnum.programs.transients import apply, shift
-from cnnum.templates.tactile.shared.rest import FORGET, Rest, calm, level_at_rest, mean_at_rest
+from cnnum.templates.tactile.shared.rest import (
+    Rest,
+    calm,
+    frames_followed,
+    level_at_rest,
+    mean_at_rest,
+)
 from cnnum.templating.library import get_template
 
 BREAKS = 0.08
@@ -249,7 +255,7 @@ class _Noise:
         fits, anew = calm(self._frame, self.change.mean(), changes & begins, readings)
         news = fits | (changes & ~begins)
         count = where(anew, 0.0, self._seen.value) + where(news, 1.0, 0.0)
-        follows = 1.0 / (FORGET * self._frame.rate)
+        follows = 1.0 / frames_followed(self._frame)
         share = where(news, maximum(1.0 / maximum(count, 1.0), follows), 0.0)
         self._seen.store(count)
         return self._typical(self._variance.mean(self.change, where(broken, 0.0, share)))

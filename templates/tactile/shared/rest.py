@@ -133,6 +133,15 @@ def calm(frame: FrameFields, power: Field, counted: Field, readings: int) -> tup
     return fits, anew
 
 
+def frames_followed(frame: FrameFields) -> float:
+    """Return the frames over which rest and noise are followed.
+
+    At long steps it is `ENOUGH` frames: a mean over fewer is as noisy as a reading, and one whose
+    share of a reading is above 2 grows without bound.
+    """
+    return max(float(ENOUGH), FORGET * frame.rate)
+
+
 class Rest:
     """Readings at rest: followed from both sides, and learned anew where nothing moves for long.
 
@@ -146,7 +155,7 @@ class Rest:
 
     def __init__(self, frame: FrameFields) -> None:
         self._frame, self._count = frame, frame.age + 1.0
-        self._follows = 1.0 / (FORGET * frame.rate)
+        self._follows = 1.0 / frames_followed(frame)
         self.begins = frame.age < float(frame.frames_of(BEGINS, ENOUGH))
         axes = (name for name in FORCE_AXES if name in frame.channels)
         self.known = {name: frame.memory(f"{name} at rest") for name in axes}
