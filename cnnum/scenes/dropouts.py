@@ -141,6 +141,11 @@ LIVELY = 0.5
 """Part of the frames before in which a reading has changed, from which it is known to have noise.
 One that is coarser than its noise rests rightly."""
 
+CHANCE = 1e-12
+"""Chance below which a living taxel reads the same for so many frames: it comes seldom to 64 taxels
+at 1 kHz in a day. Readings of few levels repeat often, and slow arrays have few frames in
+`SILENT`."""
+
 FOLLOWS = 1.0
 """s over which the noise is followed."""
 
@@ -688,12 +693,16 @@ class Liveness:
         assert self._changes is not None
         assert self._seen is not None
         noisy = (self._seen >= ENOUGH) & (self._changes >= LIVELY * self._seen)
-        frozen = (frame.time - self._since >= SILENT) & noisy
+        # by the part of the frames before in which the reading stayed, one of each counted more
+        stays = (self._seen - self._changes + 1.0) / (self._seen + 2.0)
+        unlikely = (self._frames - self._seen) * np.log(stays) < np.log(CHANCE)
+        frozen = (frame.time - self._since >= SILENT) & noisy & unlikely
         if frozen.any():  # a load that clips a reading holds it still
             frozen &= ~at_end(frame, self._end)
         for row, col in self._dead:
             frozen[row, col] = False
         alike = self._alike is not None and frame.time - self._alike >= SILENT
+        alike = alike and self._frames >= ENOUGH and not (noisy & ~unlikely).any()
         silent = bool(frozen.any()) or alike
         if silent == self._silent:
             return ()

@@ -481,3 +481,21 @@ def test_packets_of_no_numbers_name_their_chips(value, lost):
     ]
     assert got
     assert decoder.trouble == ""
+
+
+@pytest.mark.parametrize("rate", [1.0, 2.0, 5.0, 100.0])
+@pytest.mark.parametrize("shape", [(4, 4, 1), (1, 1, 1)])
+def test_a_slow_array_of_few_levels_is_silent_when_it_is_frozen_alone(rate, shape):
+    random = np.random.default_rng(int(rate))
+    values = np.round(random.normal(2.0, 0.6, (600, *shape)))
+    values[400:] = values[399]
+    watch = Liveness(quiet=True)
+    found = [
+        (event.kind, number)
+        for number in range(600)
+        for event in watch.look(
+            number, cnnum.Frame(values[number], ("normal",), "count", number, number / rate)
+        )
+    ]
+    assert [kind for kind, _ in found] == ["silent"]
+    assert 400 + 2 * rate <= found[0][1] + 4 <= 400 + max(2 * rate, 80)

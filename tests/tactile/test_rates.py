@@ -380,7 +380,7 @@ def test_rest_at_long_steps_is_no_contact_and_the_unit_is_said_at_once(tmp_path,
         _, found = played(tmp_path, values, 1.0 / step, times=times)
     assert found == []
     assert caplog.text.count("the times of the first 3 frames are") == 1
-    assert "set time_unit = 'ms'" in caplog.text
+    assert f"set time_unit = '{'ms' if step < 1000.0 else 'us'}'" in caplog.text
 
 
 def test_a_rest_that_moves_is_said(tmp_path, caplog):
