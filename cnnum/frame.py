@@ -119,6 +119,16 @@ def contradicted(rate: float, times: NDArray[np.float64]) -> float | None:
     return 1.0 / middle if middle > 0.0 and (all(off) or all(slow)) else None
 
 
+def _middle_step(times: NDArray[np.float64]) -> float:
+    """Return the median step of times, or of a clock coarser than the frames the mean one."""
+    steps = np.diff(times)
+    ahead = steps[steps > 0.0]
+    if not len(ahead):
+        return 0.0
+    coarse = len(ahead) > 1 and 2 * int((steps == 0.0).sum()) > len(steps)
+    return float(steps[steps >= 0.0].mean() if coarse else np.median(ahead))
+
+
 def time_unit_of(times: NDArray[np.float64]) -> str:
     """Return "ms", "us" or "ns" where times seem to be in that unit instead of s; else "".
 
@@ -126,9 +136,7 @@ def time_unit_of(times: NDArray[np.float64]) -> str:
     ----------
     times : (frames,) float
     """
-    steps = np.diff(times)
-    steps = steps[steps > 0.0]
-    middle = float(np.median(steps)) if len(steps) else 0.0
+    middle = _middle_step(times)
     units = (unit for unit, size in UNITS.items() if middle * size < SLOWEST)
     return next(units, "ns") if middle >= SLOWEST else ""
 
@@ -140,9 +148,7 @@ def unit_fault(times: NDArray[np.float64]) -> str:
     ----------
     times : (frames,) float, s
     """
-    steps = np.diff(times)
-    steps = steps[steps > 0.0]
-    middle = float(np.median(steps)) if len(steps) else 0.0
+    middle = _middle_step(times)
     if unit := time_unit_of(times):
         return f"{middle:g} s from frame to frame: times in {unit} need time_unit = '{unit}'"
     if 0.0 < middle < FASTEST_STEP:

@@ -419,6 +419,7 @@ def test_times_in_another_unit_are_named():
         for rate in (10.0, 60.0, 1000.0):
             assert f"time_unit = '{unit}'" in unit_fault(scale * np.arange(50) / rate)
     assert "a larger one" in unit_fault(1e-6 * t)
+    assert unit_fault(np.floor(np.arange(500) / 100.0)) == ""  # a clock in whole seconds
 
 
 def test_a_file_whose_times_cannot_be_right_says_the_line(tmp_path, caplog):
