@@ -343,11 +343,14 @@ def may_grow(template: Template, solver: Solver) -> bool:
 def hides_errors(template: Template, solver: Solver) -> bool:
     """Return whether every run takes another one to say how far off it is.
 
-    Steps of a fixed length may be long against a growth: their stages see too little of it.
+    Steps of a fixed length may be long against a growth: their stages see too little of it. And one
+    that jumps over a corner of the output is off by more than its order says, as is its estimate.
     """
+    straight = template.output.linear
     if _even(solver):
-        return error_growth(template) > 0.0
-    straight = template.output.linear or template.output.name in ("standard", "full-range")
+        straight = straight and error_growth(template) <= 0.0
+    else:
+        straight = straight or template.output.name in ("standard", "full-range")
     moving = any(not coupling.static for coupling in template.nonlinear)
     return not straight or bool(template.gains) or moving
 
