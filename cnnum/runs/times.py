@@ -14,7 +14,7 @@ from cnnum.engines.registry import first_that, open_record
 from cnnum.errors import ArrayError, MethodError
 from cnnum.graph.nodes import RunSpec, Transient
 from cnnum.integrators.choice import exact_end
-from cnnum.integrators.estimate import LOST
+from cnnum.integrators.estimate import LOST, ROUNDINGS
 from cnnum.integrators.rosenbrock import ImplicitSteps
 from cnnum.integrators.schemes import LAYER_METHODS
 from cnnum.integrators.series import Stretch, in_stretches
@@ -180,6 +180,9 @@ def looked_at(
         state = state[:, :, 0]
     state = state.reshape(*shape, *state.shape[2:])
     error = marks[..., 2].reshape(shape)
+    if isinstance(solver.scheme, Stepping):  # before the first step, the start is rounded
+        sizes = np.abs(state).max(axis=tuple(range(len(shape), state.ndim)), initial=0.0)
+        error = np.maximum(error, ROUNDINGS * np.finfo(precision).eps * sizes)
     return Result(
         output=template.output.numpy(state),
         state=state,

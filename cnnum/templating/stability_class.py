@@ -249,7 +249,7 @@ def _symmetric(template: Template) -> StabilityClass | None:
         return None
     mirrored = template.A.transpose(1, 0, 2, 3)[:, :, ::-1, ::-1]
     # a mirror at the rim keeps couplings symmetric only if they are even along each axis
-    even = np.array_equal(template.A, template.A[:, :, ::-1])
+    even = all(np.array_equal(template.A, np.flip(template.A, axis)) for axis in (2, 3))
     mirror = template.boundary.pad_mode == "symmetric"
     if not np.array_equal(template.A, mirrored) or (mirror and not even):
         return None

@@ -50,7 +50,17 @@ FUNCTIONS = {
     "tanh": np.tanh,
     "full-range": lambda x: np.clip(x, -1.0, 1.0),
 }
-KINDS = ["centre", "one side", "half-plane", "symmetric", "even", "positive", "sparse", "any"]
+KINDS = [
+    "centre",
+    "one side",
+    "half-plane",
+    "symmetric",
+    "even",
+    "even along one",
+    "positive",
+    "sparse",
+    "any",
+]
 
 
 def kernels(rng, layers, size):
@@ -70,6 +80,10 @@ def kernels(rng, layers, size):
     elif kind == "even":
         A = 0.25 * sum(A[:, :, ::a, ::b] for a in (1, -1) for b in (1, -1))
         A = 0.5 * (A + A.transpose(1, 0, 2, 3))
+    elif kind == "even along one":  # and its own mirror image, over the layers
+        axis = int(rng.integers(2, 4))
+        A = 0.25 * (A + np.flip(A, axis))
+        A = A + A.transpose(1, 0, 2, 3)[:, :, ::-1, ::-1]
     elif kind == "positive":
         A = np.abs(A)
     elif kind == "sparse":

@@ -67,6 +67,19 @@ def test_a_mirror_makes_a_slanting_coupling_one_sided():
         assert stability_class(template, SHAPE).name == kind
 
 
+@pytest.mark.parametrize("axis", [0, 1])
+def test_a_mirror_needs_couplings_between_layers_to_be_even_along_both_axes(axis):
+    """The transpose of A[0, 1] is A[1, 0] here, and at a rim of zero flux the matrix is uneven."""
+    A = np.zeros((2, 2, 3, 3))
+    A[[0, 1], [0, 1], 1, 1] = 2.0
+    A[0, 1] = np.roll(np.diag([0.0, 1.0, 0.0]), 1, axis)
+    A[1, 0] = A[0, 1, ::-1, ::-1]
+    template = cnnum.Template("between", A, boundary="zero-flux")
+    matrix = Network(template, (4, 4)).linear_system().matrix
+    assert not np.array_equal(matrix, matrix.T)
+    assert stability_class(template, (4, 4)).name == "unknown"
+
+
 def own(f, expression, **options):
     return OutputFunction("own", f, expression, **options)
 

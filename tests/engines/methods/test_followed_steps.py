@@ -114,7 +114,7 @@ def test_many_steps_of_single_precision_are_as_many_as_asked_for(engines, label)
 
 def test_linear_cells_have_the_error_of_their_formula(engines):
     """Of x' = −x a step of Euler's adds h²/2 of its state, which then decays by e^{−h} a step."""
-    template = Template("decay", [[0.0]], output="tanh")
+    template = Template("decay", [[0.0]], output="linear")
     how = {"state": np.ones((2, 3)), "duration": 1.0, "method": "euler", "estimate": True}
     for count in (10, 40):
         h, error = 1.0 / count, abs((1.0 - 1.0 / count) ** count - math.exp(-1.0))
@@ -123,6 +123,20 @@ def test_linear_cells_have_the_error_of_their_formula(engines):
         # roundings are counted, too: 4 a step
         assert got == pytest.approx(SAFETY * sum(added) + FLOOR * 1e-5, rel=1e-11)
         assert error <= got <= 1.1 * SAFETY * error
+
+
+@pytest.mark.parametrize("weight", [-0.9, 0.9])
+@pytest.mark.parametrize("method", ["rk4", "heun"])
+def test_a_step_over_a_corner_states_what_it_is_off_by(method, weight):
+    """The stages of a step may all lie on one side of the corner, and show no error."""
+    template = Template("bends", [[weight]], None, min(0.0, -weight), duration=1.0)
+    start = np.linspace(1.001, 3.0, 500).reshape(-1, 1, 1)
+    for steps in (1, 2, 3):
+        how = {"method": method, "dt": 1.0 / steps, "estimate": True}
+        run = Engine("numba", precision="float64").run(template, state=start, **how)
+        off = np.abs(run.state - REFERENCE.run(template, state=start).state).max(axis=(1, 2))
+        assert np.all(off <= run.error)
+        assert np.median(run.error / off) < 3.0
 
 
 @pytest.mark.one_in(2)

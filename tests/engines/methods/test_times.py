@@ -283,3 +283,16 @@ def test_exponential_steps_end_at_each_time(engine, method):
         got = engine.run(decays, **how, estimate=estimate)
         assert np.abs(got.state[:, 0, 0] + np.expm1(-times)).max() < 1e-14
         assert got.time.tolist() == times.tolist()
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_the_start_is_known_to_its_rounding(engine):
+    template = cnnum.Template("start", [[0.5]], output="tanh")
+    start = np.array([[1000.1, 0.1]])
+    run = cnnum.Engine(engine, precision="float32" if engine != "reference" else "float64").run(
+        template, state=start, at=[0.0, 1e-9, 1.0]
+    )
+    assert np.all(np.abs(run.state[0] - start) <= run.error[0])
+    # four roundings of the largest number, as a run of no duration states
+    alone = cnnum.Engine(engine).run(template, state=start, duration=0.0)
+    assert run.error[0] <= 2.0 * max(alone.error, 1e-12)
