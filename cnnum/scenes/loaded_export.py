@@ -21,6 +21,7 @@ from cnnum.arrays import Floats, finite
 from cnnum.embedded.c.files import MANIFEST
 from cnnum.errors import ArrayError, NotSupportedError, ProgramError, name_error, unreadable
 from cnnum.recordings.recording import Recording
+from cnnum.safety.reading import read_text
 
 COMPILERS = ("cc", "gcc", "clang")
 
@@ -29,6 +30,9 @@ FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-shared", "-fPIC")
 
 NEAR = 0.01
 """Share by which the rate of a recording may differ from that of the program."""
+
+MOST_RECORD = 2**24
+"""Bytes of the file that describes an export."""
 
 _LAYOUTS = {"float": "f4", "uint8_t": "u1", "int8_t": "i1", "int16_t": "i2", "int32_t": "i4"}
 
@@ -324,11 +328,10 @@ def _part(one: Mapping[str, Any], shape: Sequence[int]) -> Part:
 def _record(place: Path) -> Mapping[str, Any]:
     advice = ": name a folder that 'cnnum export' of this version wrote"
     try:
-        text = (place / MANIFEST).read_text(encoding="utf-8")
+        text = read_text(place / MANIFEST, most=MOST_RECORD)
+        return cast("Mapping[str, Any]", json.loads(text))
     except OSError as error:
         raise unreadable(ProgramError, f"'{place / MANIFEST}'", error, advice) from None
-    try:
-        return cast("Mapping[str, Any]", json.loads(text))
     except ValueError:
         raise ProgramError(f"'{place / MANIFEST}' is not JSON{advice}.") from None
 

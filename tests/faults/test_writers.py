@@ -677,6 +677,7 @@ OUTPUTS = {
     "calibrate --out": ["calibrate", "none.csv", "--youngs-modulus", "1e6"],
     "score --out": ["score"],
     "probe --picture": ["probe", "simulated"],
+    "templates compare --picture": ["templates", "compare", "EDGE", "CORNER"],
 }
 """Options that name a file to write, and a command that takes them."""
 

@@ -254,7 +254,7 @@ def test_an_embedded_engineer(hour, tmp_path):
     engine = cnnum.Engine("numba")
     for said, call in (
         ("decorate the function with @cnnum.program", lambda: engine.compile(averaged, (8, 8))),
-        ("as in .8, 8., got 8", lambda: engine.compile(rooted, 8)),
+        ("such as .8, 8., got 8", lambda: engine.compile(rooted, 8)),
         ("'mean' does not accept a field", lambda: engine.compile(cnnum.program(averaged), (8, 8))),
         ("use cnnum.where", lambda: engine.compile(cnnum.program(chosen), (8, 8))),
         ("is a list of outputs", lambda: engine.compile(rooted, (8, 8), needs="root")),
