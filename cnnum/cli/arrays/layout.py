@@ -52,7 +52,9 @@ def command(
         refuse_target(target, error=RecordingError, force=force)
     given = assignments(settings)
     proposal = propose(file, topic or str(given.get("topic", "")), str(given.get("time", "")))
-    known = {key.split(".")[0] for key in given} | ({"rate"} if "time" in given else set())
+    known: set[str] = {key.split(".")[0] for key in given}
+    if "time" in given:
+        known.add("rate")
     proposal.undecided = [said for said in proposal.undecided if said.split(":")[0] not in known]
     proposal.table |= given
     recording: Recording | None = None

@@ -42,8 +42,8 @@ def command(
     The exit code is 1 if a check fails. Comparisons, which no model here is meant to match, never
     fail.
 
-    With --mutants every check is computed again with its subject broken, by a factor of 1.01, a
-    sign or a thicker cover. The exit code is 1 if a check still passes. This takes a minute.
+    With --mutants every check is computed again with its subject broken: by a factor, which is 1.01
+    where the check is that sharp, by a sign or by a thicker cover. The exit code is 1 if a check still passes. This takes a minute.
     """
     from cnnum.lab.reproduce import run, select
 
