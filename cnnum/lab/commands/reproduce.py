@@ -43,7 +43,8 @@ def command(
     fail.
 
     With --mutants every check is computed again with its subject broken: by a factor, which is 1.01
-    where the check is that sharp, by a sign or by a thicker cover. The exit code is 1 if a check still passes. This takes a minute.
+    where the check is that sharp, by a sign or by a thicker cover. The exit code is 1 if a check
+    still passes. This takes a minute.
     """
     from cnnum.lab.reproduce import run, select
 
