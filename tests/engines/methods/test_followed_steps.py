@@ -130,11 +130,12 @@ def test_linear_cells_have_the_error_of_their_formula(engines):
 def test_a_step_over_a_corner_states_what_it_is_off_by(method, weight):
     """The stages of a step may all lie on one side of the corner, and show no error."""
     template = Template("bends", [[weight]], None, min(0.0, -weight), duration=1.0)
-    start = np.linspace(1.001, 3.0, 500).reshape(-1, 1, 1)
+    start = np.linspace(1.001, 3.0, 100).reshape(-1, 1, 1)
+    known = REFERENCE.run(template, state=start).state
     for steps in (1, 2, 3):
         how = {"method": method, "dt": 1.0 / steps, "estimate": True}
         run = Engine("numba", precision="float64").run(template, state=start, **how)
-        off = np.abs(run.state - REFERENCE.run(template, state=start).state).max(axis=(1, 2))
+        off = np.abs(run.state - known).max(axis=(1, 2))
         assert np.all(off <= run.error)
         assert np.median(run.error / off) < 3.0
 
