@@ -95,7 +95,10 @@ class DemoReport(Closing):
     def _cost(self, wants: tuple[str, ...]) -> PlanCost:
         """Measure a plan on the frames of the scene, with no simulation at the same time."""
         options = {"path": str(self._frames)}
-        spec = replace(self._scene.spec, driver="mcap", driver_options=options, needs=wants)
+        # the cover of its frames is that of the scene, so that no parameter is only assumed
+        spec = replace(
+            self._scene.spec, driver="mcap", driver_options=options, needs=wants, usual=()
+        )
         return PlanCost.measure(", ".join(wants), Scene.of(spec, self._scene.engine))
 
     def _climb(self, name: str) -> tuple[WorkPrecision, ...]:
