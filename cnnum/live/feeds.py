@@ -58,15 +58,17 @@ class Rested:
     def __init__(self, read: Callable[[Frame], Floats]) -> None:
         self._read = read
         self._rest: Floats | float = 0.0
-        self.begin()
+        self._first: list[Floats] = []
+        self._since, self._learns, self._anew = 0.0, True, True
 
     def begin(self) -> None:
-        """Learn the rest from the next frames."""
-        self._first: list[Floats] = []
-        self._since, self._learns = 0.0, True
+        """Learn the rest from the next frames; any thread may ask for it."""
+        self._anew = True
 
     def look(self, frame: Frame) -> None:
         """Take in a good frame."""
+        if self._anew:
+            self._anew, self._learns, self._first = False, True, []
         if not self._learns:
             return
         self._since = self._since if self._first else frame.time
@@ -74,7 +76,11 @@ class Rested:
         count = len(self._first)
         self._learns = count < ENOUGH or frame.time - self._since < FIRST
         if count <= ENOUGH or not self._learns:
-            self._rest = np.median(np.stack(self._first), axis=0)
+            first = np.stack(self._first)
+            good = np.isfinite(first)
+            # without the faults of a few frames; a taxel that is never finite is shown as nothing
+            lost = np.where(good.any(axis=0), np.nan, 0.0)
+            self._rest = np.nanmedian(np.where(good, first, lost), axis=0)
 
     def __call__(self, frame: Frame) -> Floats:
         """Return the numbers of a frame."""

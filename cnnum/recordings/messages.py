@@ -2,6 +2,7 @@
 
 import json
 import warnings
+from codecs import BOM_UTF8
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, suppress
 from dataclasses import dataclass, fields, is_dataclass
@@ -364,7 +365,7 @@ def _listed(file: IO[bytes]) -> list[object] | None:
     """Return the messages of a file that is one list of them; None where it has lines."""
     begin = file.read(LOOKED_AT)
     file.seek(0)
-    if begin.lstrip()[:1] != b"[" or b"{" not in begin:
+    if begin.removeprefix(BOM_UTF8).lstrip()[:1] != b"[" or b"{" not in begin:
         return None
     held: object = None
     with suppress(ValueError, RecursionError):

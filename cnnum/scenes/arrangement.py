@@ -297,7 +297,7 @@ def _warn_of_unknown_cover(program: Program, spec: SceneSpec) -> None:
         if name in spec.usual and name in given
     )
     logging.getLogger("cnnum").warning(
-        "Scene '%s': the array does not tell its cover, and loads, places and shapes by the "
+        "Scene '%s': the array does not state its cover, and loads, places and shapes by the "
         "program '%s' are right under the scene's own only: set %s to those of yours.",
         spec.name, spec.program_name, said,
     )  # fmt: skip

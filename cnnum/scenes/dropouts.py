@@ -142,8 +142,8 @@ LIVELY = 0.5
 One that is coarser than its noise rests rightly."""
 
 CHANCE = 1e-12
-"""Chance below which a living taxel reads the same for so many frames: it comes seldom to 64 taxels
-at 1 kHz in a day. Readings of few levels repeat often, and slow arrays have few frames in
+"""Probability below which a repeated reading is no accident of a living taxel: 64 taxels at 1 kHz
+seldom reach it in a day. Readings of few levels repeat often, and slow arrays have few frames in
 `SILENT`."""
 
 FOLLOWS = 1.0

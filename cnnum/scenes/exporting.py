@@ -125,7 +125,13 @@ def _seen(name: str, shape: Shape, method: str, needs: tuple[str, ...] | None) -
 
 
 def pictures(shape: Shape) -> Floats:
-    """Return random black-and-white pictures, with objects and with single cells, as `measured`."""
+    """Return random black-and-white pictures, of single cells and of objects.
+
+    Returns
+    -------
+    (4, 32, rows, cols, 1) float
+        Four frames of 32 streams; -1 is white and 1 black.
+    """
     random = np.random.default_rng(0)
     noise = random.standard_normal((4, 32, *shape, 1))
     rough, smooth = noise[:2], noise[2:]
@@ -250,9 +256,8 @@ def export(
     streams = seen.measured[:: 1 if wanted.memories or not seen.simulated else APART]
     made = make(timed.name, wanted, precision_named(precision), streams, method)
     facts = Facts(traced.rate if traced.timed else None, seen.unit, precision, method)
-    if (
-        seen.unit == GREY
-    ):  # waves may take a thousand steps a picture, and no picture depends on others
+    if seen.unit == GREY:
+        # waves may take a thousand steps per picture, and no picture depends on others
         return made.export(seen.parts(PICTURES), facts=facts)
     exported = made.export(seen.parts(SHORT), facts=facts)
     if exported.vector.still:

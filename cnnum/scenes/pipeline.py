@@ -81,8 +81,8 @@ TIMED = 64
 """Frames at the start whose times are held against the rate: as many as a median needs."""
 
 EARLY = 3
-"""Frames from which times in another unit are told before the first event: two steps, so that one
-pause does not count."""
+"""Frames after which a warning names times in another unit, before the first event: two steps, so
+that one pause does not count."""
 
 
 class Passage:

@@ -184,7 +184,7 @@ def propose(path: Path, topic: str = "", clock: str = "") -> Proposal:
     if suffix in LINES and (proposal := _sent(path, ("xela",))) is not None:
         return proposal
     if is_bag(path) or suffix in (".mcap", *LINES, *BAGS):
-        return _of_messages(path, topic)
+        return _of_messages(path, topic, clock)
     if path.is_dir():
         refuse_several(path)
         raise RecordingError(f"'{path}' is a trial, which needs no layout.")
@@ -295,7 +295,7 @@ def _of_axes(proposal: Proposal, shape: Sequence[int]) -> list[str]:
 
 
 def _order(proposal: Proposal, names: list[str], before: int) -> None:
-    """Set the order of axes, `before` of which stand before the frames."""
+    """Set the order of axes, where the first `before` names come before the frames."""
     order = " ".join([*names[:before], "frames", *names[before:]])
     if order == "frames channels rows cols":
         order = "channels-first"
@@ -327,7 +327,7 @@ def _frames_axis(
             result = 0
         else:
             held = values()
-            steps = [float(np.nanmean(np.abs(np.diff(held, axis=axis)))) for axis in (0, 1)]
+            steps = [_mean_step(held, axis) for axis in (0, 1)]
             result = 0 if steps[0] < steps[1] else longest
     other = 0 if result else longest
     proposal.undecided.append(
@@ -337,8 +337,15 @@ def _frames_axis(
     return result
 
 
+def _mean_step(values: Floats, axis: int) -> float:
+    held = np.where(np.isfinite(values), values, np.nan)
+    steps = np.abs(np.diff(held, axis=axis))
+    steps = steps[np.isfinite(steps)]
+    return float(steps.mean()) if steps.size else math.inf
+
+
 def _usual(numbers: int) -> bool:
-    """Return whether so many numbers are a frame of a square array or of a known one."""
+    """Return whether a frame of a square or known array has this count of numbers."""
     counts = {numbers, numbers // 3} if numbers % 3 == 0 else {numbers}
     return any(math.isqrt(n) ** 2 == n or n in KNOWN_SHAPES for n in counts)
 
@@ -376,6 +383,8 @@ def _take_clock(
     for name in (asked,) if asked else named:
         values = read(name)
         if not np.isfinite(values).all():
+            missing = f"'{name}' has rows without a time: fill them, or"
+            why = why or missing
             continue
         if unit := _time_unit(name, values, asked=bool(asked)):
             proposal.table |= {"time": name, "time_unit": unit}
@@ -508,7 +517,7 @@ def _of_columns(
 # messages
 
 
-def _of_messages(path: Path, topic: str) -> Proposal:
+def _of_messages(path: Path, topic: str, asked: str) -> Proposal:
     proposal = Proposal()
     found: dict[str, list[tuple[str, tuple[int, ...]]]] = {}
     with closing(messages(path, topic)) as every:
@@ -540,24 +549,25 @@ def _of_messages(path: Path, topic: str) -> Proposal:
     proposal.table["values"] = part
     _of_axes(proposal, shape)
     if not name:  # lines of JSON have no time of their own
-        _line_times(path, proposal)
+        _line_times(path, proposal, asked)
     proposal.seen.append(f"'{part}' {shape} in each message")
     _unit(proposal, (part,), False)
     return proposal
 
 
-def _line_times(path: Path, proposal: Proposal) -> None:
+def _line_times(path: Path, proposal: Proposal, asked: str) -> None:
     with closing(messages(path, "")) as every:
         some = [message.content() for message in islice(every, LOOKED_AT)]
     stamps = [set(pair) for pair in STAMPS]
     for name in _paths(some[0]):
-        if set(names_of(part_of(some[0], name))) in stamps:
+        if asked in ("", name) and set(names_of(part_of(some[0], name))) in stamps:
             proposal.table["time"] = name
             return
     for name in names_of(some[0]):
         held = [part_of(one, name) for one in some if name in names_of(one)]
-        if TIME.search(name) and all(isinstance(one, int | float) for one in held):
-            unit = _time_unit(name, np.array(held, np.float64))
+        wanted = name == asked if asked else TIME.search(name)
+        if wanted and all(isinstance(one, int | float) for one in held):
+            unit = _time_unit(name, np.array(held, np.float64), asked=bool(asked))
             if unit:
                 proposal.table |= {"time": name, "time_unit": unit}
                 return
@@ -811,20 +821,22 @@ def _columns(
                 else float(text.replace(decimal, "."))
                 for text, good in zip(texts, known, strict=True)
             ]
-            values[name] = np.array(made)
-        elif not clock and nanoseconds(texts[0]) is not None:
+            made = np.array(made)
+            values[name] = np.where(np.isfinite(made), made, np.nan)
+        elif clock or asked not in ("", name):
+            continue
+        elif nanoseconds(texts[0]) is not None:
             clock = name
-        elif not clock and (forms := _date_forms(texts)):
+        elif forms := _date_forms(texts):
             clock, proposal.table["time_format"] = name, forms[0]
             if len(forms) > 1:
                 proposal.undecided.append(
                     f"time_format: {texts[0].strip()} is read by '{forms[0]}', and '{forms[1]}' "
                     "fits, too"
                 )
-    if clock and asked in ("", clock):
+    if clock:
         proposal.table["time"] = clock
     elif not asked or asked in values:
-        proposal.table.pop("time_format", None)
         likely = [
             name
             for name, numbers in values.items()

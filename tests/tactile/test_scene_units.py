@@ -166,7 +166,7 @@ def test_a_recording_does_not_tell_its_cover_and_a_packaged_scene_says_so(tmp_pa
     strain = np.random.default_rng(0).normal(0.0, 1e-5, (20, 8, 8, 3))
     cnnum.Recording(strain, rate=25.0, unit="strain").save(tmp_path / "press.npz")
     array = {"driver": "npz", "path": str(tmp_path / "press.npz")}
-    said = "the array does not tell its cover"
+    said = "the array does not state its cover"
     for scene in ("contact", "demo", "edges", "active_contour"):
         assert told(caplog, scene, array=array).count(said) == 1
     assert "depth' (0.667) and 'program.parameters.unit' (1.305)" in told(

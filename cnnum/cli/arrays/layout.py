@@ -93,13 +93,23 @@ def command(
     return 0 if recording is not None else 1
 
 
+def _rest(recording: "Recording") -> "Floats":
+    """Return the median of the last channel over the first second; 0 where nothing is finite."""
+    import numpy as np
+
+    first = recording.values[: max(3, round(recording.rate)), ..., -1]
+    good = np.isfinite(first)
+    return np.asarray(
+        np.nanmedian(np.where(good, first, np.where(good.any(axis=0), np.nan, 0.0)), axis=0)
+    )
+
+
 def moved(recording: "Recording", number: int) -> "Floats":
     """Return the last channel of a frame less its median over the first second."""
     import numpy as np
 
-    rest = recording.values[: max(3, round(recording.rate)), ..., -1]
     with np.errstate(all="ignore"):
-        away = recording.values[number, ..., -1] - np.nanmedian(rest, axis=0)
+        away = recording.values[number, ..., -1] - _rest(recording)
         return np.where(np.isfinite(away), away, 0.0)
 
 
@@ -107,9 +117,8 @@ def most_moved(recording: "Recording") -> int:
     """Return the number of the frame whose last channel is furthest from its rest."""
     import numpy as np
 
-    rest = recording.values[: max(3, round(recording.rate)), ..., -1]
     with np.errstate(all="ignore"):
-        away = np.abs(recording.values[..., -1] - np.nanmedian(rest, axis=0))
+        away = np.abs(recording.values[..., -1] - _rest(recording))
     away = np.where(np.isfinite(away), away, 0.0)
     return int(np.argmax(away.reshape(len(away), -1).sum(axis=1)))
 

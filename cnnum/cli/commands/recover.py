@@ -8,7 +8,7 @@ import click
 
 from cnnum.cli.options import json_option
 from cnnum.cli.output import Output, quantity
-from cnnum.errors import RecordingError
+from cnnum.errors import CnnumError, RecordingError
 
 if TYPE_CHECKING:
     from cnnum.recordings.reader import Contents
@@ -50,10 +50,27 @@ def command(
     if topic or is_of_others(file):
         _report(Output(as_json), target, _of_others(file, target, topic, force=force))
         return 0
+    _refuse_whole(file)
     contents = look(file, budget)
     export(contents, target, force=force)
     _report(Output(as_json), target, contents)
     return 0
+
+
+def _refuse_whole(file: Path) -> None:
+    """Refuse a recording of another format than MCAP that can be read as it is."""
+    from cnnum.drivers.recording_file import load_recording
+
+    if file.suffix.lower() == ".mcap" or not file.is_file():
+        return
+    try:
+        held = load_recording(file)
+    except CnnumError:
+        return  # the remains of a recording under another name
+    raise RecordingError(
+        f"'{file}' needs no recovery: its {len(held)} frames can be read as they are by every "
+        "command and by cnnum.load_recording, whose 'save' writes them in another format."
+    )
 
 
 @dataclass(frozen=True, slots=True)
