@@ -17,7 +17,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cnnum.arrays import Floats, finite
+from cnnum.arrays import Floats, finite, real_numbers
 from cnnum.embedded.c.files import MANIFEST
 from cnnum.errors import ArrayError, NotSupportedError, ProgramError, name_error, unreadable
 from cnnum.recordings.recording import Recording
@@ -173,7 +173,7 @@ class LoadedExport:
             values = values.reshape(*values.shape[:3], len(known))
             values = values[..., [known.index(name) for name in self.channels]]
         else:
-            values = np.asarray(frames, dtype=np.float64)
+            values = np.asarray(real_numbers("frames", frames), dtype=np.float64)
             if values.ndim == 3 and len(self.channels) == 1:
                 values = values[..., np.newaxis]
         if values.shape[1:] != (*self.shape, len(self.channels)):
@@ -225,7 +225,7 @@ class ExportStream:
         ArrayError
             If the frame does not fit the program.
         """
-        answers = self.run(np.asarray(frame, dtype=np.float64)[np.newaxis])
+        answers = self.run(real_numbers("frame", frame)[np.newaxis])
         return {name: values[0] for name, values in answers.items()}
 
     def run(self, frames: Recording | ArrayLike) -> dict[str, Floats]:
@@ -250,7 +250,14 @@ class ExportStream:
     def _whole(self, part: Part, values: Floats) -> NDArray[Any]:
         """Return numbers as the C takes them: halves up, saturated."""
         if part.fraction is None:
-            return values.astype(np.float32)
+            with np.errstate(over="ignore"):
+                single = values.astype(np.float32)
+            if not np.isfinite(single).all():
+                raise ArrayError(
+                    f"Channel '{part.name}' reaches {np.abs(values).max():.3g}, more than float32 "
+                    "holds: scale it down."
+                )
+            return single
         assert part.least is not None
         assert part.largest is not None
         whole = np.floor(np.ldexp(values, part.fraction) + 0.5)
@@ -295,28 +302,31 @@ def load_export(folder: str | PathLike[str]) -> LoadedExport:
     """
     place = Path(folder)
     record = _record(place)
+    try:
+        inputs, outputs = (
+            tuple(_part(one, record["shape"]) for one in record[kind])
+            for kind in ("inputs", "outputs")
+        )
+        layouts = _layout(inputs), _layout(outputs)
+        rows, cols = (int(length) for length in record["shape"])
+        rate, source = record["rate"], str(record["source"])
+        words = [str(record[key]) for key in ("program", "unit", "precision")]
+        channels = tuple(str(name) for name in record["channels"])
+    except (TypeError, KeyError, ValueError):
+        raise ProgramError(
+            f"'{place / MANIFEST}' is not the record of an export{_ADVICE}."
+        ) from None
+    program, unit, precision = words
     with TemporaryDirectory(prefix="cnnum-", ignore_cleanup_errors=True) as work:
-        library = _compiled(place, record, Path(work))
-    inputs, outputs = (
-        tuple(_part(one, record["shape"]) for one in record[kind]) for kind in ("inputs", "outputs")
-    )
-    for which, parts in ((1, inputs), (2, outputs)):
-        if _size(library, which) != _layout(parts).itemsize:
+        library = _compiled(place / source, precision, Path(work))
+    for which, layout in enumerate(layouts, 1):
+        if _size(library, which) != layout.itemsize:
             raise ProgramError(
                 f"'{place}' has other structures in its header than '{MANIFEST}' says: export the "
                 "program again."
             )
-    rows, cols = record["shape"]
     return LoadedExport(
-        str(record["program"]),
-        (int(rows), int(cols)),
-        tuple(record["channels"]),
-        record["rate"],
-        str(record["unit"]),
-        str(record["precision"]),
-        inputs,
-        outputs,
-        library,
+        program, (rows, cols), channels, rate, unit, precision, inputs, outputs, library
     )
 
 
@@ -325,23 +335,24 @@ def _part(one: Mapping[str, Any], shape: Sequence[int]) -> Part:
     return Part(**known, shape=tuple(shape) if one["map"] else ())
 
 
+_ADVICE = ": name a folder that 'cnnum export' of this version wrote"
+
+
 def _record(place: Path) -> Mapping[str, Any]:
-    advice = ": name a folder that 'cnnum export' of this version wrote"
     try:
         text = read_text(place / MANIFEST, most=MOST_RECORD)
         return cast("Mapping[str, Any]", json.loads(text))
     except OSError as error:
-        raise unreadable(ProgramError, f"'{place / MANIFEST}'", error, advice) from None
+        raise unreadable(ProgramError, f"'{place / MANIFEST}'", error, _ADVICE) from None
     except ValueError:
-        raise ProgramError(f"'{place / MANIFEST}' is not JSON{advice}.") from None
+        raise ProgramError(f"'{place / MANIFEST}' is not JSON{_ADVICE}.") from None
 
 
-def _compiled(place: Path, record: Mapping[str, Any], work: Path) -> Any:
-    """Return the loaded library of a folder's C."""
-    source = place / str(record["source"])
+def _compiled(source: Path, precision: str, work: Path) -> Any:
+    """Return the loaded library of a program's C."""
     shim, library = work / "shim.c", work / f"{source.stem}.so"
     shim.write_text(_SHIM.format(name=source.stem), encoding="utf-8")
-    math = ["-lm"] if record["precision"] == "float32" and sys.platform != "win32" else []
+    math = ["-lm"] if precision == "float32" and sys.platform != "win32" else []
     command = [*_compiler(), *FLAGS, f"-I{source.parent.absolute()}", "-o", str(library)]
     try:
         done = subprocess.run(
@@ -363,8 +374,14 @@ def _compiled(place: Path, record: Mapping[str, Any], work: Path) -> Any:
 
 
 def _compiler() -> list[str]:
-    if asked := os.environ.get("CC"):
-        return shlex.split(asked)
+    try:
+        asked = shlex.split(os.environ.get("CC", ""))
+    except ValueError:
+        raise NotSupportedError(
+            f"CC must be a compiler's command, got {os.environ['CC']!r:.80}: a quotation is open."
+        ) from None
+    if asked:
+        return asked
     found = next((path for one in COMPILERS if (path := shutil.which(one))), None)
     if found is None:
         raise NotSupportedError(

@@ -119,6 +119,30 @@ def test_what_does_not_fit_is_one_sentence(tmp_path, monkeypatch):
         cnnum.load_export(tmp_path)
 
 
+@needs_cc
+def test_what_is_no_number_or_no_record_is_one_sentence(tmp_path, monkeypatch):
+    exported(tmp_path, "float32")
+    loaded = cnnum.load_export(tmp_path)
+    with pytest.raises(ArrayError, match="more than float32 holds"):
+        loaded.run(np.full((1, *SHAPE, 3), 1e39))
+    for wrong in ([[1.0], [1.0, 2.0]], "abc", None, frames() + 1j):
+        with pytest.raises(ArrayError, match="'frames' must be"):
+            loaded.run(wrong)
+        with pytest.raises(ArrayError, match="'frame' must be"):
+            loaded.stream().push(wrong)
+    monkeypatch.setenv("CC", "'cc")
+    with pytest.raises(NotSupportedError, match="a quotation is open"):
+        cnnum.load_export(tmp_path)
+    monkeypatch.setenv("CC", "  ")
+    assert cnnum.load_export(tmp_path).shape == SHAPE
+    path = tmp_path / "export.json"
+    text = path.read_text()
+    for wrong in ("[]", "{}", "null", text.replace('"float"', '"double"'), text.replace("3,", "")):
+        path.write_text(wrong)
+        with pytest.raises(ProgramError, match="is not the record of an export"):
+            cnnum.load_export(tmp_path)
+
+
 def test_pictures_need_no_recording():
     """Programs of pictures were offered by name, and refused."""
     found = cnnum.export("life", (5, 6))
