@@ -55,7 +55,7 @@ def refuse_grey_levels(template: Template, role: str, array: NDArray[np.floating
     """Refuse numbers that are 8-bit grey levels, where the cells saturate at −1 and 1.
 
     Grey levels are whole numbers from 0 to 255, at least one of them 128 or more. Fractions in that
-    range, and pictures of 0 and 1, are only told of, as they may be meant.
+    range, and pictures of 0 and 1, only give a warning, as they may be meant.
 
     Raises
     ------

@@ -821,8 +821,8 @@ def _columns(
                 else float(text.replace(decimal, "."))
                 for text, good in zip(texts, known, strict=True)
             ]
-            made = np.array(made)
-            values[name] = np.where(np.isfinite(made), made, np.nan)
+            numbers = np.array(made)
+            values[name] = np.where(np.isfinite(numbers), numbers, np.nan)
         elif clock or asked not in ("", name):
             continue
         elif nanoseconds(texts[0]) is not None:

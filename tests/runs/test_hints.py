@@ -1,4 +1,4 @@
-"""Pictures in another convention are told of, and what is meant as it is given is not."""
+"""Pictures in another convention give a warning, and what is meant as it is given does not."""
 
 import logging
 
