@@ -58,7 +58,7 @@ def test_a_layout_is_proposed_and_reads_the_file(call, records, foreign):
     shown = call("check", path, "--json")
     assert shown.exit_code == 0, shown.stdout
     sentences = {one["what"]: one["sentence"] for one in records(shown.stdout)}
-    assert "as the times say" in sentences["rate"]
+    assert "and the times agree with it" in sentences["rate"]
     pattern = len(recording.channels) == 3 and rows > 2
     assert ("orders and signs are right" in sentences["order"]) == pattern
     again = call("layout", path, "--write", *known)

@@ -2,8 +2,10 @@
 
 import csv
 
+import numpy as np
 import pytest
 
+import cnnum
 from cnnum.drivers import open_driver
 
 
@@ -98,3 +100,14 @@ def test_replay_says_what_it_cannot_read(call, torn):
     assert result.exit_code == 0, result.stderr
     assert " 5 bytes at its end are not readable" in result.stderr
     assert "'cnnum recover'" in result.stderr
+
+
+@pytest.mark.parametrize("suffix", [".npz", ".csv", ".h5"])
+def test_what_can_be_read_as_it_is_needs_no_recovery(call, tmp_path, suffix):
+    path = tmp_path / f"whole{suffix}"
+    values = np.random.default_rng(0).normal(size=(20, 4, 4, 3))
+    cnnum.Recording(values, rate=100.0).save(path)
+    result = call("recover", path, tmp_path / "out.mcap")
+    assert result.exit_code == 2
+    assert "needs no recovery: its 20 frames can be read as they are" in result.stderr
+    assert not (tmp_path / "out.mcap").exists()
