@@ -1,7 +1,7 @@
 """Couplings beyond linear A and B: nonlinear ones, delayed ones, and gains that vary in time."""
 
 import operator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal, SupportsIndex, cast
 
 import numpy as np
@@ -168,6 +168,11 @@ class NonlinearCoupling:
         return both * slope * float(np.abs(self.weights).sum())
 
 
+def _no_weights() -> Floats:
+    """Return delayed weights that are not given: a template has zeros for its layers and inputs."""
+    return np.zeros((0, 0, 1, 1))
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class DelayedCoupling:
     """Linear couplings that read outputs and inputs with a delay.
@@ -176,9 +181,9 @@ class DelayedCoupling:
     ----------
     delay : float
         In the unit of tau.
-    A : (layers, layers, k, k) float
+    A : (k, k) or (layers, layers, k, k) float, optional
         Weights of y(t − delay). Before the start, outputs are those of the initial state.
-    B : (layers, inputs, k, k) float
+    B : (k, k) or (layers, inputs, k, k) float, optional
         Weights of u(t − delay). Before the start, inputs are the `previous` ones of the run.
 
     Raises
@@ -190,8 +195,8 @@ class DelayedCoupling:
     """
 
     delay: float
-    A: Floats
-    B: Floats
+    A: Floats = field(default_factory=_no_weights)
+    B: Floats = field(default_factory=_no_weights)
 
     def __post_init__(self) -> None:
         if not (is_real(self.delay) and self.delay > 0):
@@ -207,9 +212,13 @@ class DelayedCoupling:
 
 def _delayed(part: str, value: ArrayLike) -> Floats:
     weights = finite(f"delayed {part}", value)
+    weights = weights[np.newaxis, np.newaxis] if weights.ndim == 2 else weights
     shape = weights.shape
     if len(shape) != 4 or shape[2] != shape[3] or shape[3] % 2 == 0:
-        raise TemplateError(f"Delayed {part} must be (to, from, k, k) with k odd, got {shape}.")
+        raise TemplateError(
+            f"Delayed {part} must be (k, k) or (to, from, k, k) with k odd, got the shape "
+            f"{np.shape(value)}."
+        )
     return frozen(weights)
 
 

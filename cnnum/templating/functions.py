@@ -48,6 +48,7 @@ class Table:
                 "The points of a function table must be pairs (argument, value), got "
                 f"{pairs.shape}."
             )
+        object.__setattr__(self, "points", tuple((float(v), float(f)) for v, f in pairs))
         places = pairs[:, 0].tolist()
         if not places or any(b <= a for a, b in pairwise(places)):
             raise TemplateError(

@@ -10,8 +10,8 @@ and, where a template has them, nonlinear couplings, delayed couplings, and gain
 from __future__ import annotations  # signatures that `help` shows as they are written
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from typing import Literal, TypeVar, cast
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal, TypeVar, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -175,6 +175,7 @@ class Template:
                 expect(key, parts[key], kind, TemplateError)
         for key, value in parts.items():
             object.__setattr__(self, key, value)
+        object.__setattr__(self, "delayed", self._with_zeros(delayed))
         self._check_couplings()
         self._check_initial()
         object.__setattr__(self, "digest", digest(*self._physics()))
@@ -196,6 +197,15 @@ class Template:
                 f"Template '{self.name}': its state is limited to [-1, 1], got initial = "
                 f"{self.initial:g}."
             )
+
+    def _with_zeros(self, delayed: DelayedCoupling | None) -> DelayedCoupling | None:
+        """Return a delayed coupling with zeros for the weights that it was not given."""
+        if delayed is None:
+            return None
+        sources = {"A": self.layers, "B": self.inputs}
+        missing = [part for part in sources if not len(getattr(delayed, part))]
+        zeros: dict[str, Any] = {p: np.zeros((self.layers, sources[p], 1, 1)) for p in missing}
+        return replace(delayed, **zeros) if zeros else delayed
 
     def _check_couplings(self) -> None:
         sizes = {"x": self.layers, "y": self.layers, "u": self.inputs, None: 1}

@@ -194,7 +194,103 @@ def an_estimate_costs_evaluations(names, said):
     assert float(said) > 1.1
 
 
+def followed(rates, start, time):
+    """Return the state of a row of cells after a time, by SciPy."""
+    way = solve_ivp(rates, (0.0, time), start, rtol=1e-10, atol=1e-12, max_step=0.05)
+    return way.y[:, -1]
+
+
+def laplacian(x):
+    """Return neighbour − cell, summed over both neighbours of a row with a mirror at its rim."""
+    return np.diff(x, prepend=x[0]) * -1.0 + np.diff(x, append=x[-1])
+
+
+def a_difference_of_a_half_is_none(names, said):
+    assert names["result"].output.tolist() == [[-1.0, -1.0, -1.0, 1.0]]
+
+
+def edges_stay_between_smooth_halves(names, said):
+    def rates(_, x):
+        flows = np.diff(x) * np.maximum(1.0 - np.abs(np.diff(x)) / 0.5, 0.0)
+        return np.append(flows, 0.0) - np.insert(flows, 0, 0.0)
+
+    state = followed(rates, [0.5, 0.7, -0.5, -0.7], 4.0)
+    np.testing.assert_allclose(names["result"].state[0], state, atol=1e-3)
+    assert state[1] - state[2] > 1.0  # the edge is where it was
+
+
+def what_changed_is_seen(names, said):
+    """u − u(t − 2) through a leak of one time constant, from 0."""
+    end = (1.0 - np.exp(-2.0)) * np.array([[0.0, -1.0, 1.0]])
+    np.testing.assert_allclose(names["result"].output, end, atol=1e-3)
+
+
+def contrast_is_the_picture_less_its_blur(names, said):
+    """At rest: x = 0.2 (neighbours above, below, left, right, input), of which two are mirrors."""
+    u = np.array([-0.5, -0.5, 0.5, 0.5])
+    blur = np.eye(4) * 0.4 + 0.2 * (np.eye(4, k=1) + np.eye(4, k=-1))
+    blur[0, 0] = blur[3, 3] = 0.6
+    blurred = np.linalg.solve(np.eye(4) - blur, 0.2 * u)
+    np.testing.assert_allclose(names["blurred"][0], blurred, atol=1e-3)
+    np.testing.assert_allclose(names["contrast"][0], u - blurred, atol=1e-3)
+
+
+def the_picture_comes_into_focus(names, said):
+    u = np.array([0.0, 0.0, 1.0, 0.0])
+
+    def rates(time, x):
+        return u - x + 2.0 * max(1.0 - time / 8.0, 0.0) * laplacian(x)
+
+    way = followed(rates, np.zeros(4), 12.0)
+    np.testing.assert_allclose(names["result"].state[0], way, atol=1e-3)
+    assert np.abs(way - u).max() < 0.1 < np.abs(followed(rates, np.zeros(4), 4.0) - u).max()
+
+
+def a_bias_map_is_a_threshold(names, said):
+    assert names["result"].output.tolist() == [[-1.0, 1.0, -1.0, 1.0]]
+
+
+def a_membrane_is_straight_between_what_holds_it(names, said):
+    np.testing.assert_allclose(names["result"].state, [[-0.9, -0.3, 0.3, 0.9]], atol=1e-3)
+
+
+BEYOND = "docs/how-to/beyond-linear.md"
+
+
+def test_files_and_python_of_a_page_are_the_same_templates():
+    from docs.figures.beyond_linear import templates
+
+    made = []
+    for name, code, _ in FOUND:
+        if name.startswith(BEYOND):
+            built = code.partition("result =")[0]  # without the run
+            names = {"__name__": "page"}
+            exec(compile(built, "page", "exec"), names)
+            made.append(names["template"])
+    assert made == list(templates().values())
+    assert len(made) == 7
+
+
+def test_a_mirror_is_that_of_the_page():
+    """Two cells beyond the rim lies the second cell, one beyond it the first."""
+    west = np.zeros((5, 5))
+    west[2, 0] = 1.0
+    template = cnnum.Template("west", [[0.0]], west, boundary="zero-flux", duration=40.0)
+    row = np.array([[0.1, 0.2, 0.3, 0.4]])
+    state = cnnum.Engine("reference").run(template, input=row).state
+    np.testing.assert_allclose(state, np.pad(row, ((0, 0), (2, 0)), "symmetric")[:, :4], atol=1e-6)
+    words = " ".join((ROOT / BEYOND).read_text().split())
+    assert f"reads {', '.join(f'{value:.1f}' for value in state[0])}." in words
+
+
 HELD = {
+    f"{BEYOND}-0": a_difference_of_a_half_is_none,
+    f"{BEYOND}-1": edges_stay_between_smooth_halves,
+    f"{BEYOND}-2": what_changed_is_seen,
+    f"{BEYOND}-3": contrast_is_the_picture_less_its_blur,
+    f"{BEYOND}-4": the_picture_comes_into_focus,
+    f"{BEYOND}-5": a_bias_map_is_a_threshold,
+    f"{BEYOND}-6": a_membrane_is_straight_between_what_holds_it,
     "docs/how-to/program.md-0": a_program_outlines_what_is_touched,
     "docs/how-to/template.md-1": a_batch_has_a_template_a_row,
     "docs/methods.md-1": edges_are_black_next_to_white,

@@ -64,7 +64,14 @@ def test_delayed_weights_are_copies_that_cannot_be_written() -> None:
         late.A[0, 0, 1, 1] = 2.0
 
 
-@pytest.mark.parametrize("shape", [(3, 3), (1, 1, 2, 2), (1, 1, 1, 3)])
+def test_delayed_weights_of_one_layer_are_matrices_and_missing_ones_zeros() -> None:
+    late = Template("t", A=CENTRE, B=CENTRE, delayed=DelayedCoupling(1.0, B=CENTRE)).delayed
+    assert late is not None
+    np.testing.assert_array_equal(late.A, np.zeros((1, 1, 1, 1)))
+    np.testing.assert_array_equal(late.B, np.array(CENTRE)[None, None])
+
+
+@pytest.mark.parametrize("shape", [(3,), (2, 2), (1, 1, 2, 2), (1, 1, 1, 3)])
 def test_delayed_weights_have_their_shape(shape: tuple[int, ...]) -> None:
     fits = np.zeros((1, 1, 3, 3))
     for parts in ((np.zeros(shape), fits), (fits, np.zeros(shape))):

@@ -14,9 +14,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar, cast
 
-import numpy as np
-
-from cnnum.arrays import Floats, finite, frozen
+from cnnum.arrays import Floats
 from cnnum.errors import ArrayError, TemplateError, UnknownNameError
 from cnnum.safety.reading import parse_toml
 from cnnum.templating.couplings import DelayedCoupling, Gain, NonlinearCoupling
@@ -64,28 +62,6 @@ _NONLINEAR: Mapping[str, Reader] = {
 }
 _GAIN: Mapping[str, Reader] = {"to": whole, "source": whole, **_FUNCTION}
 _DELAYED: Mapping[str, Reader] = {"delay": number, "A": matrix, "B": matrix}
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Delay:
-    """The table [delayed]; missing kernels are zero, of a size that the template knows."""
-
-    delay: float
-    A: Floats | None
-    B: Floats | None
-
-    def coupling(self, template: Template) -> DelayedCoupling:
-        """Return the delayed coupling of a template with those layers and inputs.
-
-        Raises
-        ------
-        TemplateError
-            If the delay is not positive.
-        """
-        layers, inputs = template.layers, template.inputs
-        feedback = _zeros(layers, layers) if self.A is None else self.A
-        control = _zeros(layers, inputs) if self.B is None else self.B
-        return DelayedCoupling(self.delay, feedback, control)
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,31 +118,17 @@ def gains(file: str, key: str, value: object) -> tuple[Gain, ...]:
     return _Tables(_GAIN, tuple(_FUNCTION), one).several(file, key, value)
 
 
-def delayed(file: str, key: str, value: object) -> Delay:
-    """Return the values of the table [delayed]; raises as `nonlinear`."""
+def delayed(file: str, key: str, value: object) -> DelayedCoupling:
+    """Return the coupling that the table [delayed] describes; raises as `nonlinear`."""
 
-    def one(parts: dict[str, Any]) -> Delay:
-        return Delay(parts["delay"], _kernels(parts.get("A")), _kernels(parts.get("B")))
+    def one(parts: dict[str, Any]) -> DelayedCoupling:
+        return DelayedCoupling(**parts)
 
     return _Tables(_DELAYED, ("delay",), one).one(file, key, value)
 
 
 def _read_function(parts: dict[str, Any]) -> Table:
     return Table.of(parts.pop("interpolation"), parts.pop("points"))
-
-
-def _kernels(rows: list[object] | None) -> Floats | None:
-    if rows is None:
-        return None
-    kernels = finite("delayed weights", cast("list[float]", rows))
-    kernels = kernels if kernels.ndim == 4 else kernels[np.newaxis, np.newaxis]
-    if kernels.shape[-1] != kernels.shape[-2] or kernels.shape[-1] % 2 == 0:
-        raise TemplateError(f"Delayed A and B must be (k, k) with k odd, got {kernels.shape[-2:]}.")
-    return frozen(kernels)
-
-
-def _zeros(to: int, source: int) -> Floats:
-    return frozen(np.zeros((to, source, 1, 1)))
 
 
 def value(item: float | str) -> str:
@@ -354,10 +316,8 @@ def _template(file: str, table: dict[str, object]) -> Template:
             raise TemplateError(f"'{file}': the key '{key}' is missing; every template needs it.")
     values = {key: _READERS[key](file, key, value) for key, value in table.items()}
     values["gains"] = values.pop("gain", ())
-    delay: Delay | None = values.pop("delayed", None)
     try:
-        template = Template(**values)
-        return template if delay is None else Template(**values, delayed=delay.coupling(template))
+        return Template(**values)
     except (TemplateError, ArrayError, UnknownNameError) as error:
         raise TemplateError(f"'{file}': {error}") from None
 
