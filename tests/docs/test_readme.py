@@ -189,11 +189,6 @@ def proofs_say_what_has_settled(names, said):
     assert not names["found"].settled
 
 
-def an_estimate_costs_evaluations(names, said):
-    """Another evaluation of the rates a step, at least: a ratio of this machine."""
-    assert float(said) > 1.1
-
-
 def followed(rates, start, time):
     """Return the state of a row of cells after a time, by SciPy."""
     way = solve_ivp(rates, (0.0, time), start, rtol=1e-10, atol=1e-12, max_step=0.05)
@@ -299,7 +294,6 @@ HELD = {
     "README.md-0": corners_are_four,
     "README.md-1": edges_are_those_of_the_punch,
     "docs/adding.md-0": a_product_settles_where_its_equation_does,
-    "docs/bench/README.md-0": an_estimate_costs_evaluations,
     "docs/how-to/learn.md-0": learned_outlines_are_those_of_edge,
     "docs/methods.md-3": the_step_is_two_over_the_fastest_rate,
     "docs/microcontrollers.md-1": noise_is_no_slip_in_whole_numbers,
