@@ -9,12 +9,14 @@ from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import lru_cache, wraps
+from math import inf
 from types import FunctionType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from cnnum.errors import MissingExtraError
+from cnnum.programs.fields import Field
 
 if TYPE_CHECKING:
     from cnnum.lab.reproduce.record import Item
@@ -37,11 +39,15 @@ class Fault:
         The fault, in a few words: "× 1.01", "sign of T_y".
     breaks : callable
         Makes a wrong function of the right one.
+    share : float
+        Relative size of the error that it makes: 0.01 of "× 1.01"; infinite where it has none, as
+        of a sign or of a count.
     """
 
     subject: Any
     what: str
     breaks: Callable[[Callable[..., Any]], Callable[..., Any]]
+    share: float = inf
 
     @property
     def target(self) -> str:
@@ -118,20 +124,26 @@ def scaled(
 
     indices = _place(entry)
     names = part + (f"[{', '.join(map(str, indices))}]" if indices else "")
-    return changed(subject, f"{names} × {factor:g}".strip(), change)
+    return changed(subject, f"{names} × {factor:g}".strip(), change, share=abs(factor - 1.0))
 
 
-def changed(subject: Any, what: str, change: Callable[[Any], Any]) -> Fault:
-    """Return a fault that makes another result of the right one."""
+def changed(subject: Any, what: str, change: Callable[[Any], Any], *, share: float = inf) -> Fault:
+    """Return a fault that makes another result of the right one, by a share of it."""
 
     def breaks(function: Callable[..., Any]) -> Callable[..., Any]:
         return lambda *args, **options: change(function(*args, **options))
 
-    return Fault(subject, what, breaks)
+    return Fault(subject, what, breaks, share)
 
 
 def misled(
-    subject: Any, argument: int, name: str, *, factor: float = 1.0, shift: float = 0.0
+    subject: Any,
+    argument: int,
+    name: str,
+    *,
+    factor: float = 1.0,
+    shift: float = 0.0,
+    of: float = 0.0,
 ) -> Fault:
     """Return a fault that takes one of the function's arguments for another.
 
@@ -144,6 +156,8 @@ def misled(
         Its name, to be read.
     factor, shift : float
         It is multiplied, then moved, by these.
+    of : float
+        A usual size of the argument: a shift is a share of it.
     """
 
     def breaks(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -154,11 +168,12 @@ def misled(
         return wrong
 
     said = (f" × {factor:g}" if factor != 1.0 else "") + (f" + {shift:g}" if shift else "")
-    return Fault(subject, f"with {name}{said}", breaks)
+    moved = abs(shift) / of if of else inf if shift else 0.0
+    return Fault(subject, f"with {name}{said}", breaks, abs(factor - 1.0) + moved)
 
 
 def _times(values: Any, factor: float, entry: int | tuple[int, ...]) -> Any:
-    if np.ndim(values) == 0:
+    if isinstance(values, Field) or np.ndim(values) == 0:
         return factor * values
     wrong = np.array(values, dtype=np.float64)
     place: Any = (..., *_place(entry))

@@ -11,6 +11,9 @@ from cnnum.lab.reproduce.figure import Figure
 
 Kind = Literal["check", "comparison"]
 Rule = Literal["absolute", "relative", "within", "at least", "at most"]
+
+SMALL = 0.02
+"""Largest error of its subject that a check must notice."""
 Expected = float | tuple[float, float]
 
 
@@ -46,7 +49,7 @@ class Item:
     printed : callable or None
         Of an erratum: the value of the formula as it is printed.
     faults : tuple of Fault
-        Of a check: faults of the library that make it fail, one at least.
+        Of a check: faults of the library that make it fail; one of them is of 2 % at most.
     """
 
     name: str
@@ -83,6 +86,11 @@ class Item:
             raise PhysicsError(
                 f"'{self.name}': a check names the faults that make it fail, and a comparison, "
                 f"which cannot fail, has none; got a {self.kind} with {len(self.faults)}."
+            )
+        if self.faults and min(fault.share for fault in self.faults) > SMALL:
+            raise PhysicsError(
+                f"'{self.name}': expected a fault of {SMALL:.0%} or less that makes the check "
+                f"fail, got {', '.join(fault.what for fault in self.faults)}."
             )
 
     def error(self, got: float) -> float:

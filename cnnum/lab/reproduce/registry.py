@@ -73,20 +73,20 @@ def select(wanted: Sequence[str]) -> tuple[Item, ...]:
     Parameters
     ----------
     wanted : sequence of str
-        Names of items, or beginnings of them: "fig-4.5" is all of Fig. 4.5; case does not
-        count. None for all.
+        Names of items, beginnings of them, or a figure that shows them: "fig-4.5" is all of
+        Fig. 4.5; case does not count. None for all.
 
     Raises
     ------
     UnknownNameError
-        If a name is the beginning of no item.
+        If a name is that of no figure, and the beginning of no item.
     """
     items = [item for chapter in CHAPTERS for item in chapter.items]
     if not wanted:
         return tuple(items)
     for name in wanted:
         if not any(_begins(item, name) for item in items):
-            near = get_close_matches(name, item_names(), n=5)
+            near = get_close_matches(name, (*item_names(), *figure_makers()), n=5)
             raise name_error("item", name, near or beginnings())
     return tuple(item for item in items if any(_begins(item, name) for name in wanted))
 
@@ -94,6 +94,8 @@ def select(wanted: Sequence[str]) -> tuple[Item, ...]:
 def _begins(item: Item, name: str) -> bool:
     """Return whether an item is one of those that a name stands for."""
     whole, start = item.name.casefold(), name.casefold()
+    if start == item.figure:
+        return True
     ends_a_part = whole == start or not (whole + "-")[len(start) : len(start) + 1].isalnum()
     return whole.startswith(start) and ends_a_part
 

@@ -4,19 +4,20 @@ Checks compute the coarse model anew; the pictures show the finer data that ship
 """
 
 from collections.abc import Callable
-from functools import cache
+from functools import cache, partial
 from importlib import import_module
 from typing import Any
 
 import numpy as np
 
 from cnnum.arrays import Floats
-from cnnum.lab.reproduce.faults import scaled
+from cnnum.lab.reproduce.faults import changed, scaled
 from cnnum.lab.reproduce.figure import Curve, Field, Figure, Panel
 from cnnum.lab.reproduce.record import Chapter, Item
 from cnnum.lab.reproduce.setup import MM, UM, Z
 from cnnum.tactile.bump_loads import shear_over_normal
 from cnnum.tactile.cover.bump import PlaneFigures, plane_figures
+from cnnum.tactile.cover.fem.body import Body
 from cnnum.tactile.cover.fem.generate import plane_tables
 from cnnum.tactile.cover.fem.geometry import Hooke
 from cnnum.tactile.cover.fem.library import load_skfem
@@ -54,9 +55,16 @@ def middle() -> int:
     return model().x.size // 2
 
 
-def shipped_gap() -> float:
-    """Return the largest difference of the shipped displacements, as a share of the largest."""
-    return float(np.abs(computed().field - model().field).max() / np.abs(model().field).max())
+def shipped_gap(name: str) -> float:
+    """Return how far shipped values below a pressed bump are from those of the coarse model.
+
+    Of equal forces, as a share of the largest: the contact grows by whole nodes, so that equal
+    indentations of two meshes differ by 1.5 % in their force.
+    """
+    ours, theirs = (
+        getattr(figures, name)[DOWN] / figures.force[DOWN] for figures in (model(), computed())
+    )
+    return float(np.abs(ours - theirs).max() / np.abs(ours).max())
 
 
 def library_gap() -> float:
@@ -231,6 +239,13 @@ FIGURES: dict[str, Callable[[], Figure]] = {
     "fig-6.12": figure_6_12,
     "fig-6.14": figure_6_14,
 }
+QUARTER = "meshes of a quarter and of three eighths of the cells are 0.23 % off, at equal forces"
+
+
+def _all_times(factor: float, parts: dict[str, Floats]) -> dict[str, Floats]:
+    return {name: factor * values for name, values in parts.items()}
+
+
 HOOKE = scaled(Hooke.matrix, 1.01, entry=(2, 2))
 
 CHAPTER = Chapter(
@@ -242,9 +257,16 @@ CHAPTER = Chapter(
              "of the largest", figure="fig-6.9", faults=(HOOKE, scaled(Hooke.matrix, 1.01,
                                                                      entry=(0, 1)))),
         Item("fig-6.9-shipped", "the shipped displacements against a coarse mesh, computed now",
-             "Fig. 6.9", 0.0, shipped_gap, 0.02,
-             "a quarter of the cells; the contact grows by whole nodes", "of the largest",
-             figure="fig-6.9", faults=(scaled(Hooke.matrix, 1.3, entry=(2, 2)),)),
+             "Fig. 6.9, 6.10, pressed", 0.0, partial(shipped_gap, "field"), 0.004, QUARTER,
+             "of the largest", figure="fig-6.9",
+             faults=(scaled(Hooke.matrix, 1.01),)),
+        Item("fig-6.12-shipped", "the shipped stresses against a coarse mesh, computed now",
+             "Fig. 6.12, pressed", 0.0, partial(shipped_gap, "stress"), 0.004, QUARTER,
+             "of the largest", figure="fig-6.12",
+             faults=(changed(Body.stresses, "× 1.01", partial(_all_times, 1.01), share=0.01),)),
+        Item("fig-6.14-shipped", "FzTz over FxTx, shipped, over that of a coarse mesh", "Fig. 6.14",
+             1.0, lambda: model().pad_ratio / computed().pad_ratio, 0.004, QUARTER,
+             figure="fig-6.14", faults=(scaled(move, 0.99, part="solution"),)),
         Item("fig-6.10-normal", "steps of depth at which u_z below a pressed bump grows",
              "Fig. 6.10 (left): falls with depth", 0.0, lambda: rises(DOWN, U_Z), 0.0,
              "no digits: the shape, 50 steps of 20 µm", kind="comparison", figure="fig-6.10"),
@@ -259,12 +281,12 @@ CHAPTER = Chapter(
              "depends on how much of the top sticks, and that mesh is not published",
              kind="comparison", figure="fig-6.11"),
         Item("fig-6.12-edges", "where σ_zz is lowest below a bump that is dragged towards +x",
-             "Fig. 6.12: below the edges of the bump", RADIUS_MM, edge, 0.02,
-             "one step of the line; the figure has no digits", "mm", figure="fig-6.12",
-             faults=(scaled(move, -1.0, part="solution"),)),
+             "Fig. 6.12: below the edges of the bump", RADIUS_MM, edge, 0.0,
+             "no digits: read to a tenth of the bump's width at best", "mm", kind="comparison",
+             figure="fig-6.12"),
         Item("fig-6.14-ratio", "FzTz over FxTx of a pad's taxel", "Fig. 6.14: “around 4”", 4.0,
-             lambda: computed().pad_ratio, 0.5, "one digit is published", figure="fig-6.14",
-             faults=(scaled(move, 1.2, part="solution"), scaled(move, 0.01, part="solution"))),
+             lambda: computed().pad_ratio, 0.0, "one digit is published: ± 0.5", kind="comparison",
+             figure="fig-6.14"),
         *(
             Item(name, title, source, expected, compute, 0.0, reason, kind="comparison",
                  figure=figure)

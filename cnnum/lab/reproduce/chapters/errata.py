@@ -4,7 +4,7 @@ from math import sqrt
 
 import numpy as np
 
-from cnnum.lab.reproduce.faults import changed, scaled
+from cnnum.lab.reproduce.faults import scaled
 from cnnum.lab.reproduce.record import Chapter, Item
 from cnnum.tactile.inverse import largest_spacing
 from cnnum.tactile.pad import Pad
@@ -28,9 +28,14 @@ def third_nearest() -> float:
     return sqrt(2.0) / float(np.sort(away, axis=-1)[..., 2].max())
 
 
-def evenly_pressed() -> float:
-    """Return T_y of a bump on four equally pressed taxels."""
-    return float(Pad.regular((2, 2)).to_three_axial(np.ones((2, 2)), ["shear_y"])[0, 0, 0])
+S1, S2, S3, S4 = 5.0, 3.0, 2.0, 1.0
+"""Pressures of four taxels under a bump, in the order of Fig. 6.13."""
+
+
+def unevenly_pressed() -> float:
+    """Return T_y of a bump on four taxels; rows run along y, which points up in Fig. 6.13."""
+    frame = np.array([[S3, S4], [S1, S2]])
+    return float(Pad.regular((2, 2)).to_three_axial(frame)[0, 0, 1])
 
 
 def even_friction() -> float:
@@ -73,7 +78,8 @@ CHAPTER = Chapter(
         Item("erratum-3.6", "π_t, whose second line is printed as π_l", "(3.6)",
              0.5 * (6.6 - 1.1 - 138.1), transversal, 1e-12, "closed form", "1e-11/Pa",
              printed=lambda: 0.5 * (6.6 - 1.1 + 138.1),
-             faults=(scaled(Piezoresistor.transversal, -1.0),)),
+             faults=(scaled(Piezoresistor.transversal, -1.0),
+                     scaled(Piezoresistor.transversal, 1.001))),
         Item("erratum-3.6-unit", "ΔR/R under 10 mN; π is printed without its 1e-11",
              "after (3.6); Table 3.I", -0.114, table_change, 5e-4,
              "the table prints three decimals", printed=lambda: 1e11 * table_change(),
@@ -82,15 +88,18 @@ CHAPTER = Chapter(
              "(5.11); right: √(8/5) z", third_nearest(), lambda: float(largest_spacing(1.0)),
              1e-9, "found by a search over a lattice of loads, on which the worst place lies", "z",
              printed=lambda: (1.0 + sqrt(2.0)) / 2.0, faults=(scaled(largest_spacing, 1.001),)),
-        Item("erratum-6.2", "T_y of four equal pressures, printed S1 − S2 − S3 − S4", "(6.2)",
-             0.0, evenly_pressed, 1e-15, "rounding", printed=lambda: -sqrt(2.0),
-             faults=(changed(Pad.to_three_axial, "+ 1e-6", lambda v: v + 1e-6),)),
+        Item("erratum-6.2", "T_y of the pressures 5, 3, 2, 1; printed S1 − S2 − S3 − S4",
+             "(6.2); right: (6.1) turned by 45°", sqrt(0.5) * (S1 + S2 - S3 - S4),
+             unevenly_pressed, 1e-12, "rounding", printed=lambda: sqrt(0.5) * (S1 - S2 - S3 - S4),
+             faults=(scaled(Pad.to_three_axial, -1.0, entry=1),
+                     scaled(Pad.to_three_axial, 1.001, entry=1))),
         Item("erratum-6.3", "mean friction of a constant 0.5, printed as a sum", "(6.3)", FLAT,
              even_friction, 1e-12, "rounding", printed=lambda: FLAT * (WINDOW + 1),
              faults=(scaled(texture, 1.001, part="friction"),)),
         Item("erratum-6.4", "roughness of five ratios of variance ½, printed over T − 1",
              "(6.4)", 100.0 * sqrt(0.5), rough, 1e-10, "unbiased variance of T + 1 points: over T",
-             "%", printed=rough_as_printed, faults=(scaled(texture, sqrt(0.8), part="roughness"),)),
+             "%", printed=rough_as_printed, faults=(scaled(texture, sqrt(0.8), part="roughness"),
+                                                   scaled(texture, 1.001, part="roughness"))),
     ),
     {},
 )  # fmt: skip

@@ -1,4 +1,4 @@
-"""Section 5.3.1 as numbers: how far each error of the experiment moves the place that is found."""
+"""Section 5.3.1 as numbers: how far errors of the experiment move the place that is found."""
 
 from collections.abc import Callable
 from functools import partial
@@ -22,8 +22,8 @@ TAXEL = 100e-6
 TILT = np.radians(2.0)
 """Of the needle; no value is published."""
 
-UNEVEN, VIBRATION = 5e-6, 3e-6
-"""Of the rubber's thickness and the needle's place, m: "a few microns"."""
+UNEVEN = 5e-6
+"""Of the rubber's thickness, m: "a few microns"."""
 
 SIDE = 13
 
@@ -60,7 +60,6 @@ def found(
     spread: tuple[Floats, Floats] = POINT,
     depth: float = Z,
     tilt: float = 0.0,
-    shift: tuple[float, float] = (0.0, 0.0),
 ) -> tuple[Floats, Floats, Floats]:
     """Return places of the needle and errors of the place found, m.
 
@@ -72,13 +71,11 @@ def found(
         The cover's true thickness; it is taken for Z.
     tilt : float, rad
         Towards x.
-    shift : (float, float), m
-        Of the needle from where it is thought to be.
     """  # fmt: skip
     x, y = places()
     offsets, shares = spread
     force = LOAD * np.array([np.sin(tilt), 0.0, np.cos(tilt)])
-    away = np.stack([x, y], axis=-1)[:, np.newaxis] + shift + offsets
+    away = np.stack([x, y], axis=-1)[:, np.newaxis] + offsets
     parts = strain(-away[..., 0], -away[..., 1], depth, force, youngs_modulus=E)[..., 2]
     load = locate(np.einsum("ijk,j->ik", parts, shares), depth=Z, youngs_modulus=E)
     return x, y, np.asarray(np.hypot(load.x - x, load.y - y))
@@ -92,8 +89,6 @@ SOURCES: dict[str, tuple[str, Callable[[], tuple[Floats, Floats, Floats]]]] = {
     "tilt": ("a needle that leans by 2°: the force is misread, the place is not",
              lambda: found(tilt=float(TILT))),
     "rubber": (f"a cover thicker by {UM * UNEVEN:.0f} µm", lambda: found(depth=Z + UNEVEN)),
-    "vibration": (f"a needle off by {UM * VIBRATION:.0f} µm",
-                  lambda: found(shift=(VIBRATION, 0.0))),
 }  # fmt: skip
 
 

@@ -413,10 +413,10 @@ CHAPTER = Chapter(
              figure="fig-4.2", faults=(misled(stress, 2, "z", factor=1.001),)),
         Item("fig-4.3", "power of depth with which σ_zz falls", "Fig. 4.3; (4.11)",
              -2.0, decay, 1e-9, "a straight line in logarithms: rounding", figure="fig-4.3",
-             faults=(misled(stress, 2, "z", shift=1e-9),)),
+             faults=(misled(stress, 2, "z", shift=1e-9, of=Z),)),
         Item("fig-4.4-width", "width of σ_zz at twice the depth", "Fig. 4.4 (left); (4.11)",
              2.0, widening, 1e-9, "roots found to 1e-14", figure="fig-4.4",
-             faults=(misled(stress, 2, "z", shift=1e-9),)),
+             faults=(misled(stress, 2, "z", shift=1e-9, of=Z),)),
         *(
             Item(f"fig-4.4-filter-{reach}", f"σ_zz passed at wave number {reach}/z",
                  "Fig. 4.4 (right): the transform of (4.11)",

@@ -5,6 +5,7 @@ from functools import cache
 import numpy as np
 
 from cnnum.arrays import Floats
+from cnnum.lab.reproduce.chapters.silicon import table_change
 from cnnum.lab.reproduce.faults import misled, scaled
 from cnnum.lab.reproduce.figure import Curve, Figure, Panel
 from cnnum.lab.reproduce.record import Chapter, Item
@@ -27,10 +28,14 @@ BRIDGES = ("left", "right", "top", "bottom")
 
 
 def taxel(transient: float, noise: float = NOISE) -> Taxel:
-    """Return a taxel whose bridges warm up by these volts before the amplifier."""
+    """Return a taxel whose bridges warm up by these volts before the amplifier.
+
+    Without noise it has no converter, either.
+    """
     readout = Readout(
-        gain=GAIN, noise=noise, offsets=OFFSETS, heat=Heat(GAIN * transient, SETTLING)
-    )
+        gain=GAIN, noise=noise, offsets=OFFSETS, heat=Heat(GAIN * transient, SETTLING),
+        bits=12 if noise else None,
+    )  # fmt: skip
     return Taxel(Coupling.nominal(depth=Z, youngs_modulus=E), readout=readout)
 
 
@@ -102,19 +107,20 @@ CHAPTER = Chapter(
     "Sections 3.4.3, 4.3.2 — heat after switching on",
     (
         Item("fig-3.21", "four bridges of an unloaded taxel against offsets and one exponential",
-             "Fig. 3.21; section 3.4.3", 0.0, unloaded_gap, 0.5e3 * 5.0 / 2.0**12,
-             "half a step of the 12-bit converter over ±2.5 V", "mV", figure="fig-4.9",
-             faults=(scaled(Heat.at, 1.02), misled(Heat.at, 1, "time", factor=1.05))),
+             "Fig. 3.21; section 3.4.3", 0.0, unloaded_gap, 1e-9,
+             "without noise and converter: rounding", "mV", figure="fig-4.9",
+             faults=(scaled(Heat.at, 1.001), misled(Heat.at, 1, "time", factor=1.001))),
         Item("fig-4.9", "transient under a cover, found in software from a noisy scan",
              "Fig. 4.9; section 4.3.2: 10 mV", 1e3 * COVERED, amplitude_found, 0.04,
              "the noise of 400 frames, with offsets and drift fitted as well, scatters 60 such "
              "scans by 0.012 mV: three times that", "mV", figure="fig-4.9",
              faults=(scaled(Heat.at, 1.01), misled(Heat.at, 1, "time", factor=1.1))),
         Item("fig-4.9-force", "force on the silicon that the transient is taken for",
-             "Fig. 4.9; 2.9 mV/mN/V of section 3.4.3", 1e3 * COVERED / 2.9 / 5.0,
-             force_of_transient, 0.012, "2.9 has two digits: ±0.05 of it", "mN",
+             "Fig. 4.9; section 4.3.2", -1e3 * COVERED / (0.25 * 5.0 * table_change(1.0)),
+             force_of_transient, 1e-9,
+             "a quarter of 5 V times ΔR/R of Table 3.I by (3.7): rounding", "mN",
              figure="fig-4.9",
-             faults=(scaled(Bridge.force, 1.05), scaled(Bridge.force, -1.0))),
+             faults=(scaled(Bridge.force, 1.001), scaled(Bridge.force, -1.0))),
         Item("fig-4.9-load", "load on a cover that divides by ten, which the transient looks like",
              "Fig. 4.9; Table 3.II: loads of 0–3 mN", (0.0, 3.0), mistaken_for, 0.0,
              "no digits: why the text waits a quarter of an hour, or compensates", "mN", "within",

@@ -93,9 +93,9 @@ def bend() -> float:
     return off_line(loads, volts[:, 0])
 
 
-def table_change(load: float) -> float:
-    """Return ΔR/R under a normal load, N, from the stresses of Table 3.I by (3.7)."""
-    _, along, across, _ = TABLE["Fz"]
+def table_change(load: float, case: str = "Fz") -> float:
+    """Return ΔR/R under a load, N, from the stresses of a row of Table 3.I by (3.7)."""
+    _, along, across, _ = TABLE[case]
     return 0.5 * 138.1e-11 * (along - across) * load / TABLE_LOAD
 
 
@@ -198,14 +198,14 @@ CHAPTER = Chapter(
             "fig-6.2",
             "right less left over top and bottom, of a load that leans by 45° towards x",
             "Fig. 6.2, slanted load; Table 3.I",
-            0.162 / 0.114,
+            -table_change(1.0, "Fx") / table_change(1.0),
             slanted,
-            0.01,
-            "F_x over F_z of Table 3.I, three decimals each; the sensor of Fig. 6.2 has a rod, and "
+            1e-9,
+            "(3.7) of the stresses of Table 3.I: rounding. The sensor of Fig. 6.2 has a rod, and "
             "its digits are not published",
             faults=(
                 scaled(Bridge.matrix, -1.0, entry=(1, 0)),
-                scaled(Bridge.matrix, 1.05, entry=(1, 0)),
+                scaled(Bridge.matrix, 1.001, entry=(1, 0)),
             ),
         ),
         *_table_rows(),
@@ -213,10 +213,11 @@ CHAPTER = Chapter(
             "table-3.I-diagonal",
             "ΔR/R of the whole taxel under 10 mN at 45°",
             "Table 3.I, row Fxy; (3.8)",
-            0.114,
+            table_change(TABLE_LOAD, "Fx") / sqrt(2.0),
             diagonal_shear,
-            1e-3,
-            "three decimals, and superposition of two shears is the model's own assumption",
+            1e-9,
+            "its row Fx by (3.7), times cos 45°: rounding. That two shears superpose is the "
+            "model's own assumption; the table has 0.114",
             faults=(scaled(Bridge.resistance_change, 1.01),),
         ),
         Item(
@@ -233,11 +234,11 @@ CHAPTER = Chapter(
         Item(
             "2.9-mV/mN/V",
             "sensitivity to normal load; (3.11) is printed without the half bridge's factor ¼",
-            "section 3.4.3; (3.11)",
-            2.9,
+            "section 3.4.3: 2.9; (3.11)",
+            0.25 * abs(table_change(1.0)),
             sensitivity,
-            0.05,
-            "the text prints two digits",
+            1e-9,
+            "a quarter of ΔR/R of Table 3.I by (3.7): rounding; the text has it in two digits",
             unit="mV/mN/V",
             figure="fig-3.22",
             printed=lambda: 4.0 * sensitivity(),

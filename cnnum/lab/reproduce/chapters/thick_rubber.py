@@ -134,12 +134,12 @@ CHAPTER = Chapter(
     (
         Item("fig-4.10-start", "pressure per load before the mesh has moved, over a bonded layer's",
              "Fig. 4.10, its first part; section 4.3.2", 1.0,
-             lambda: first_pressure() / layer_pressure(), 0.01,
+             lambda: first_pressure() / layer_pressure(), 0.005,
              "a coarse mesh, 0.14 % from one of cells half as large, under the pressure of a punch "
-             "on a half-space", "", "relative", figure="fig-4.10",
-             faults=(changed(Body.stresses, "σ_zz × 1.03",
-                             lambda found: {**found, "zz": 1.03 * found["zz"]}),
-                     scaled(LayerCover.stress, 0.97))),
+             "on a half-space: 0.36 % together", "", "relative", figure="fig-4.10",
+             faults=(changed(Body.stresses, "σ_zz × 1.01",
+                             lambda found: {**found, "zz": 1.01 * found["zz"]}, share=0.01),
+                     scaled(LayerCover.stress, 0.99))),
         Item("fig-4.10", "slope at 70 mN over that at the start, 500 µm of rubber",
              "Fig. 4.10: “exponential-like response”", 1.0, partial(steepening, THICK), 0.0,
              STEEPER, "", "at least", kind="comparison", figure="fig-4.10"),
