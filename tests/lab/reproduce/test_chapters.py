@@ -56,7 +56,7 @@ FIGURES = ["2.8", "3.22", "4.2", "4.3", "4.4", "4.5", "4.6", "4.7", "4.9", "4.10
            "6.9", "6.10", "6.11", "6.12", "6.14", "6.16", "6.17", "6.18", "6.19"]  # fmt: skip
 
 
-BROKEN = (scaled(cnnum.tactile.halfspace.stress, 1.02),)
+BROKEN = (scaled(cnnum.tactile.halfspace.stress, 1.01),)
 
 
 def item(**changes: object) -> Item:
@@ -121,7 +121,7 @@ def test_a_check_that_cannot_fail_is_found_out() -> None:
     (one,) = mutants([deaf])
     assert not one.fell
     assert one.record() == {
-        "item": "x", "target": "tactile.halfspace.point:stress", "fault": "× 1.02", "expected": 2.0,
+        "item": "x", "target": "tactile.halfspace.point:stress", "fault": "× 1.01", "expected": 2.0,
         "got": 2.0, "tolerance": 0.2, "fell": False, "missing": "",
     }  # fmt: skip
 
@@ -241,9 +241,12 @@ def test_an_item_that_is_wrong_refuses_to_exist(changes: dict[str, object]) -> N
 def test_names_are_whole_parts() -> None:
     assert [one.name for one in select(["fig-5.3"])] == [
         "fig-5.3-place",
-        "fig-5.3-light",
         "fig-5.3-force",
+        "fig-5.3-published",
+        "fig-5.3-light",
+        "hyperacuity",  # the figure shows it
     ]
+    assert {"eq-4.15"} == {one.name for one in select(["fig-4.14"])}
     assert {one.name for one in select(["w"])} == {"W", "W-slope", "W-slope-measured"}
     assert len(select(["eq-5"])) == len(inverse.CHAPTER.items)
     assert len(select(["W", "eq-5"])) == 3 + len(inverse.CHAPTER.items)

@@ -3,9 +3,14 @@
 import re
 from pathlib import Path
 
-from cnnum.lab.reproduce.registry import item_names, select
+from click.testing import CliRunner
 
-PAGE = (Path(__file__).parents[3] / "docs" / "dissertation.md").read_text(encoding="utf-8")
+import cnnum
+from cnnum.cli.root import main
+from cnnum.lab.reproduce.registry import figure_makers, item_names, select
+
+ROOT = Path(__file__).parents[3]
+PAGE = (ROOT / "docs" / "dissertation.md").read_text(encoding="utf-8")
 
 SECTIONS = """
 1.1 1.2 1.3 1.3.1 2.1 2.2 2.2.1 2.2.2 2.2.3 2.2.4 2.2.5 2.3.1 2.3.2 2.3.3 2.3.4 2.3.5 2.4 3.1 3.2
@@ -73,3 +78,21 @@ def test_commands_on_the_page_name_rows_and_no_row_is_left_off_it() -> None:
         assert select([name])
     shown = {item.name for item in select(asked)}
     assert set(item_names()) - shown == set()
+
+
+def test_every_figure_is_a_name_for_the_rows_that_it_shows() -> None:
+    for figure in figure_makers():
+        assert {item.figure for item in select([figure])} == {figure}
+
+
+def test_other_commands_on_the_page_exist() -> None:
+    commands = re.findall(r"`((?:cnnum|pytest) [^`]*)`", PAGE)
+    others = [text.split() for text in commands if not text.startswith("cnnum reproduce")]
+    assert len(others) >= 4
+    for first, *words in others:
+        if first == "pytest":
+            assert all((ROOT / path).exists() for path in words)
+        else:
+            result = CliRunner().invoke(main, [*words, "--help"], standalone_mode=False)
+            assert result.exception is None
+    assert "halfspace_equilibrium" in cnnum.program_names()
