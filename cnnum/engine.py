@@ -152,8 +152,8 @@ class Engine(OfThisProcess):
                 f"Expected a program to compile, got {type(program).__name__}: decorate the "
                 "function with @cnnum.program; templates are run with engine.run."
             )
-        asked: dict[str, Any] = {"method": method, "rtol": rtol, "atol": atol, "dt": dt}
-        asked = {name: value for name, value in asked.items() if value is not None}
+        options: dict[str, Any] = {"method": method, "rtol": rtol, "atol": atol, "dt": dt}
+        options = {name: value for name, value in options.items() if value is not None}
         graph = program.trace(shape, channels)
         _say_too_slow(program.name, graph, graph.outputs if needs is None else needs)
         backend = self._open.backend
@@ -161,12 +161,12 @@ class Engine(OfThisProcess):
             backend = chip_backend(chip, backend)
         if like is not None:
             backend = measuring(backend, like, (*graph.shape, len(channels)))
-        about = (program.name, graph, channels, needs)
-        plan = plan_of(*about, self._open.backend, backend=backend, overrides=asked)
+        parts = (program.name, graph, channels, needs)
+        plan = plan_of(*parts, self._open.backend, backend=backend, overrides=options)
         if not graph.timed or graph.rate is not None:
             return replace(plan, rate=graph.rate)
         known = program
-        given: dict[str, Any] = {"channels": channels, "like": like, "chip": chip, **asked}
+        given: dict[str, Any] = {"channels": channels, "like": like, "chip": chip, **options}
 
         def at_rate(rate: float) -> Plan:
             return self.compile(known.bind(rate=rate), shape, needs, **given)

@@ -38,7 +38,7 @@ def unreadable(kind: type[CnnumError], what: str, reason: OSError, advice: str =
 
     `FileNotFoundError`, `IsADirectoryError` or `PermissionError`; `errno` is that of the reason.
     """
-    builtin = next((each for each in _OF_FILES if isinstance(reason, each)), OSError)
+    builtin = next((error for error in _OF_FILES if isinstance(reason, error)), OSError)
     why = str(reason.strerror or reason).rstrip(".")
     return _of_file(kind, builtin, (f"{what} cannot be read: {why}{advice}.",), reason.errno)
 

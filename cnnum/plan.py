@@ -173,7 +173,7 @@ class Plan(OfThisProcess):
 
     def _repr_html_(self) -> str:
         head, *rest = str(self.explain()).splitlines()
-        pairs = [(name, about) for name, _, about in (line.strip().partition(" ") for line in rest)]
+        pairs = [(name, text) for name, _, text in (line.strip().partition(" ") for line in rest)]
         return sharing.facts(head, pairs)
 
     def plot(self, ax: object = None) -> object:

@@ -119,12 +119,12 @@ class Stream(OfThisProcess):
         if size is None:
             size = magnitude(values)
         with self._turn:
-            one = self._one
-            if one is None or self._watch or size > self._usual:
+            single = self._one
+            if single is None or self._watch or size > self._usual:
                 self._open()
                 return self._carefully(values[np.newaxis], (), size)
-            outputs = one.run(values, first=self.frames == 0)
-            if not all_finite(one.packed):
+            outputs = single.run(values, first=self.frames == 0)
+            if not all_finite(single.packed):
                 self._begin_anew_if_infinite()
                 self.plan.refuse_infinite(outputs)
             self.frames += 1

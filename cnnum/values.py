@@ -36,25 +36,25 @@ def _compared(record: Any) -> list[str]:
     return [field.name for field in fields(record) if field.compare]
 
 
-def same(one: Any, other: Any) -> bool:
+def same(this: Any, other: Any) -> bool:
     """Return whether two values are equal, arrays and what holds them included."""
-    if hasattr(one, "dtype") or hasattr(other, "dtype"):
-        return _same_arrays(np.asarray(one), np.asarray(other))
-    if type(one) is not type(other):
-        return bool(one == other)
-    if isinstance(one, Mapping):
-        mine, theirs = cast("tuple[Mapping[Any, Any], Mapping[Any, Any]]", (one, other))
+    if hasattr(this, "dtype") or hasattr(other, "dtype"):
+        return _same_arrays(np.asarray(this), np.asarray(other))
+    if type(this) is not type(other):
+        return bool(this == other)
+    if isinstance(this, Mapping):
+        mine, theirs = cast("tuple[Mapping[Any, Any], Mapping[Any, Any]]", (this, other))
         return mine.keys() == theirs.keys() and all(same(mine[k], theirs[k]) for k in mine)
-    if isinstance(one, list | tuple):
-        parts, others = cast("tuple[list[Any], list[Any]]", (one, other))
+    if isinstance(this, list | tuple):
+        parts, others = cast("tuple[list[Any], list[Any]]", (this, other))
         return len(parts) == len(others) and all(map(same, parts, others))
-    return bool(one == other or (one != one and other != other))
+    return bool(this == other or (this != this and other != other))
 
 
-def _same_arrays(one: NDArray[Any], other: NDArray[Any]) -> bool:
-    if one.dtype != other.dtype or one.shape != other.shape:
+def _same_arrays(this: NDArray[Any], other: NDArray[Any]) -> bool:
+    if this.dtype != other.dtype or this.shape != other.shape:
         return False
-    return bool(np.array_equal(one, other, equal_nan=one.dtype.kind in "fc"))
+    return bool(np.array_equal(this, other, equal_nan=this.dtype.kind in "fc"))
 
 
 def _hashable(value: Any) -> Any:

@@ -98,9 +98,9 @@ class Grid:
         self.pitch = float(1e-3 * known.mean()) if len(known) else pitch or 1e-3
         y, x = (part.ravel() for part in np.indices(self.shape))
         cells = self._begin + self._step * np.stack([x, y], axis=1)
-        self._weights, found = _weights(places, lives, cells)
-        self.inside: NDArray[np.bool_] = found.reshape(self.shape)
-        if not found.any():
+        self._weights, interpolation = _weights(places, lives, cells)
+        self.inside: NDArray[np.bool_] = interpolation.reshape(self.shape)
+        if not interpolation.any():
             raise SceneError("'dead' leaves too few taxels to find anything between them.")
 
     def maps(self, values: Floats) -> Floats:
@@ -188,26 +188,26 @@ def _weights(
     from scipy.sparse import csr_array
     from scipy.spatial import QhullError
 
-    each = np.flatnonzero(lives)
-    some = places[each]
+    live = np.flatnonzero(lives)
+    some = places[live]
     span = some.max(axis=0) - some.min(axis=0) if len(some) else np.zeros(2)
     if (span < 1e-6).any():  # one taxel, or a line along an axis
-        found = _on_line(some, span, cells)
+        weights = _on_line(some, span, cells)
     else:
         # cells on the rim are inside, whatever the rounding
         middle = some.mean(axis=0)
         within = middle + (cells - middle) * (1.0 - 1e-9)
         try:
-            found = LinearNDInterpolator(some, np.eye(len(some)))(within)
+            weights = LinearNDInterpolator(some, np.eye(len(some)))(within)
         except QhullError:
             raise SceneError(
                 "'positions' lie on one slanted line, where no map can be made of them: turn them, "
                 "so that they follow each other in x or in y."
             ) from None
-    inside: NDArray[np.bool_] = np.asarray(np.isfinite(found).all(axis=1))
-    near = np.where(inside[:, np.newaxis], np.round(found, 7), 0.0)
+    inside: NDArray[np.bool_] = np.asarray(np.isfinite(weights).all(axis=1))
+    near = np.where(inside[:, np.newaxis], np.round(weights, 7), 0.0)
     whole = np.zeros((len(cells), len(places)))
-    whole[:, each] = near
+    whole[:, live] = near
     return csr_array(whole), inside
 
 
@@ -218,10 +218,10 @@ def _on_line(some: Floats, span: Floats, cells: Floats) -> Floats:
     values = np.full((len(cells), len(some)), np.nan)
     on = np.abs(cells[:, 1 - along] - some[:1, 1 - along].sum()) < 1e-6
     for n, taxel in enumerate(rank.tolist()):
-        one = np.zeros(len(rank))
-        one[n] = 1.0
+        unit = np.zeros(len(rank))
+        unit[n] = 1.0
         values[on, taxel] = np.interp(
-            cells[on, along], some[rank, along], one, left=np.nan, right=np.nan
+            cells[on, along], some[rank, along], unit, left=np.nan, right=np.nan
         )
     return values
 
@@ -310,8 +310,8 @@ class Reading:
         marks = frame.saturated
         if marks is not None and (self.order or self.flip):
             plain = replace(self, channels=(), unit="")
-            each = np.repeat(marks[..., np.newaxis].astype(float), frame.values.shape[2], axis=2)
-            marks = np.asarray(plain.of(each).any(axis=2))
+            flags = np.repeat(marks[..., np.newaxis].astype(float), frame.values.shape[2], axis=2)
+            marks = np.asarray(plain.of(flags).any(axis=2))
         values, names = self.of(frame.values), self.names(frame.channels)
         unit = self.unit or frame.unit
         time = self.scale * frame.time

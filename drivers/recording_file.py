@@ -172,14 +172,14 @@ def _refuse_others(file: Path) -> None:
     if holds_frames(file):
         return
     try:
-        found = list(topics(file))
+        names = list(topics(file))
     except CnnumError:
         return  # its driver says what is wrong with it
-    if found:
-        some = ", ".join(f"'{name}'" for name in found[:LISTED])
+    if names:
+        some = ", ".join(f"'{name}'" for name in names[:LISTED])
         raise RecordingError(
             f"'{file}' contains messages of other programs ({some}), which need a layout: "
-            f"'cnnum layout {file.name} --topic {found[0]}' proposes one."
+            f"'cnnum layout {file.name} --topic {names[0]}' proposes one."
         )
 
 

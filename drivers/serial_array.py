@@ -355,10 +355,10 @@ class SerialOptions:
         UnknownNameError, SceneError
             If there is none of that name, or the descriptor is wrong.
         """
-        asked = Asked(self.shape, self.rate, self.address, self.bias)
+        options = Asked(self.shape, self.rate, self.address, self.bias)
         if self.descriptor is not None:
-            return described_wire(self.descriptor, asked)
-        return wire(self.protocol, asked)
+            return described_wire(self.descriptor, options)
+        return wire(self.protocol, options)
 
     def open(self) -> "SerialArray":
         """Open the port and wait for the first scan.

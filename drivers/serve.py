@@ -74,7 +74,7 @@ def serve(
         If the other side has gone.
     """
     data = packets(frames, rate, cell)
-    return pace(data, rate, lambda one: write_all(fd, one)) if paced else _at_once(data, fd)
+    return pace(data, rate, lambda scan: write_all(fd, scan)) if paced else _at_once(data, fd)
 
 
 def pace(parts: Iterable[bytes], rate: float, write: Callable[[bytes], object]) -> int:

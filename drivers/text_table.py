@@ -78,12 +78,12 @@ def by_format(form: str) -> Callable[[str], int | None]:
     return read
 
 
-def _of_day(found: re.Match[str]) -> int:
-    hours, minutes, seconds = (int(found[n]) for n in (1, 2, 3))
-    if found[5]:
-        hours = hours % 12 + (12 if found[5].lower() == "pm" else 0)
+def _of_day(match: re.Match[str]) -> int:
+    hours, minutes, seconds = (int(match[n]) for n in (1, 2, 3))
+    if match[5]:
+        hours = hours % 12 + (12 if match[5].lower() == "pm" else 0)
     whole = (60 * hours + minutes) * 60 + seconds
-    return whole * 1_000_000_000 + (_part(found[4]) if found[4] else 0)
+    return whole * 1_000_000_000 + (_part(match[4]) if match[4] else 0)
 
 
 def _part(digits: str) -> int:

@@ -159,12 +159,12 @@ def refuse_several(folder: Path) -> None:
     """Raise if a folder is not a trial, but has trials in it."""
     if any(names_something(folder / name) for name in PAD_FILES):
         return
-    found = sorted({file.parent.name for name in PAD_FILES for file in folder.glob(f"*/{name}")})
-    if found:
-        names = ", ".join(f"'{name}'" for name in found[:LISTED])
-        more = f" and {len(found) - LISTED} more" if len(found) > LISTED else ""
+    pads = sorted({file.parent.name for name in PAD_FILES for file in folder.glob(f"*/{name}")})
+    if pads:
+        names = ", ".join(f"'{name}'" for name in pads[:LISTED])
+        more = f" and {len(pads) - LISTED} more" if len(pads) > LISTED else ""
         raise RecordingError(
-            f"'{folder}' is a folder of {len(found)} trial(s), not one: name one of them "
+            f"'{folder}' is a folder of {len(pads)} trial(s), not one: name one of them "
             f"({names}{more})."
         )
     inside = sorted(file.name for file in folder.glob("*.mcap"))

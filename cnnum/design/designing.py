@@ -139,8 +139,8 @@ def _spec(file: str, content: dict[str, object]) -> Spec:
     toml.refuse_unknown(file, content, TOP)
     if "name" not in content:
         raise TemplateError(f"'{file}': the key 'name' is missing; every template needs it.")
-    asked = toml.table(file, "design", content.get("design", {}))
-    toml.refuse_unknown(file, asked, (*DESIGN, *PROOF))
+    section = toml.table(file, "design", content.get("design", {}))
+    toml.refuse_unknown(file, section, (*DESIGN, *PROOF))
     values: dict[str, object] = {"name": toml.text(file, "name", content["name"])}
     readers = {
         "rule": toml.text,
@@ -155,16 +155,16 @@ def _spec(file: str, content: dict[str, object]) -> Spec:
         "draws": toml.whole,
     }
     values |= {
-        key: read(file, f"design.{key}", asked[key])
+        key: read(file, f"design.{key}", section[key])
         for key, read in readers.items()
-        if key in asked
+        if key in section
     }
     if "description" in content:
         values["description"] = toml.text(file, "description", content["description"])
-    if "until" in asked:
-        values["still"] = _until(file, asked["until"])
-    if "mismatch" in asked:
-        values["mismatch"] = _numbers(file, "design.mismatch", asked["mismatch"])
+    if "until" in section:
+        values["still"] = _until(file, section["until"])
+    if "mismatch" in section:
+        values["mismatch"] = _numbers(file, "design.mismatch", section["mismatch"])
     for key, keys in (("search", SEARCH), ("learn", LEARN)):
         if key in content:
             values[key] = _options(file, key, keys, toml.table(file, key, content[key]))
@@ -175,16 +175,16 @@ def _spec(file: str, content: dict[str, object]) -> Spec:
 
 
 def _options(
-    file: str, job: str, keys: Sequence[str], found: dict[str, object]
+    file: str, job: str, keys: Sequence[str], values: dict[str, object]
 ) -> dict[str, object]:
-    toml.refuse_unknown(file, found, keys)
+    toml.refuse_unknown(file, values, keys)
     measures = dict.fromkeys(("mismatch", "step", "duration", "enough"), toml.number)
     readers = dict.fromkeys(keys, toml.whole) | {"like": toml.text} | measures
-    if "like" not in found:
+    if "like" not in values:
         raise TemplateError(
             f"'{file}': the key '{job}.like' is missing: name the template whose form is used."
         )
-    return {key: readers[key](file, f"{job}.{key}", value) for key, value in found.items()}
+    return {key: readers[key](file, f"{job}.{key}", value) for key, value in values.items()}
 
 
 def _until(file: str, value: object) -> bool:
@@ -198,12 +198,12 @@ def _numbers(file: str, key: str, value: object) -> tuple[float, ...]:
     return tuple(toml.number(file, key, row) for row in rows)
 
 
-def _example(file: str, found: dict[str, object]) -> tuple[Floats, Floats | None, Floats]:
-    toml.refuse_unknown(file, found, ("input", "state", "output"))
+def _example(file: str, values: dict[str, object]) -> tuple[Floats, Floats | None, Floats]:
+    toml.refuse_unknown(file, values, ("input", "state", "output"))
     for key in ("input", "output"):
-        if key not in found:
+        if key not in values:
             raise TemplateError(f"'{file}': an [[example]] needs the key '{key}'.")
-    given = {key: _picture(file, f"example.{key}", value) for key, value in found.items()}
+    given = {key: _picture(file, f"example.{key}", value) for key, value in values.items()}
     if len({picture.shape for picture in given.values()}) > 1:
         raise TemplateError(f"'{file}': the pictures of an [[example]] must have the same size.")
     return given["input"], given.get("state"), given["output"]
@@ -301,7 +301,7 @@ def _one_sided(table: Table, colour: float, *, symmetric: bool) -> NDArray[np.bo
     own, other = rows[table.colours == colour], rows[table.colours != colour]
     count, columns = own.shape
     equal = equalities(table, columns)[::2, :columns] if symmetric else np.zeros((0, columns))
-    found = linprog(
+    solution = linprog(
         np.concatenate([np.zeros(columns), np.ones(count)]),
         A_ub=np.vstack(
             [
@@ -315,7 +315,7 @@ def _one_sided(table: Table, colour: float, *, symmetric: bool) -> NDArray[np.bo
         bounds=[(None, None)] * columns + [(0.0, None)] * count,
         method="highs",
     )
-    sums = rows @ np.asarray(found.x)[:columns]
+    sums = rows @ np.asarray(solution.x)[:columns]
     cut = sums > sums[table.colours != colour].max() + BEYOND
     return cut if cut.any() else _corner(table, colour)
 
@@ -350,7 +350,10 @@ def lesson_of(form: Template, examples: Sequence[Example]) -> Lesson:
     if not examples:
         return _of_check(form)
     inputs, states, outputs = zip(*examples, strict=True)
-    if len({output.shape for output in outputs}) > 1 or len({one is None for one in states}) > 1:
+    if (
+        len({output.shape for output in outputs}) > 1
+        or len({start is None for start in states}) > 1
+    ):
         raise TemplateError(
             f"The lesson of '{form.name}' needs examples of one size, all with a state or none."
         )
@@ -454,13 +457,17 @@ def _counted(
 
 def _parts(spec: Spec) -> Iterator[tuple[Template, Weights, Table]]:
     table = spec.table()
-    found = separate(table)
-    if isinstance(found, Weights):
-        yield _template(spec, spec.name, found, spec.description, _check(spec, found)), found, table
+    separation = separate(table)
+    if isinstance(separation, Weights):
+        yield (
+            _template(spec, spec.name, separation, spec.description, _check(spec, separation)),
+            separation,
+            table,
+        )
         return
     if not spec.split:
         raise TemplateError(
-            f"No single template does '{spec.name}': {found.why} ({_shown(found)}); set "
+            f"No single template does '{spec.name}': {separation.why} ({_shown(separation)}); set "
             "split = true in [design] for a sequence of templates, or let it see more."
         )
     steps = sequence(table)
@@ -533,12 +540,12 @@ def _worst(template: Template) -> dict[str, Any]:
 
 def _rates(spec: Spec, template: Template, engine: Engine) -> tuple[FlipRate, ...]:
     counted = flips(template, engine, mismatches=spec.mismatch, bits=(), draws=spec.draws)
-    for one in counted:
-        if not one.draws:
-            raise MethodError(f"No template of {one.change} can be run: {one.reason}")
+    for rate in counted:
+        if not rate.draws:
+            raise MethodError(f"No template of {rate.change} can be run: {rate.reason}")
     return tuple(
-        FlipRate(width, one.flipped, one.low, one.high, one.draws)
-        for width, one in zip(spec.mismatch, counted, strict=True)
+        FlipRate(width, rate.flipped, rate.low, rate.high, rate.draws)
+        for width, rate in zip(spec.mismatch, counted, strict=True)
     )
 
 

@@ -185,7 +185,7 @@ class Experiment:
     def key(self) -> str:
         """Digest of all that changes a result, and of the form that results have."""
         kept = [
-            getattr(self, one.name) for one in fields(self) if one.name not in ("chunk", "axes")
+            getattr(self, part.name) for part in fields(self) if part.name not in ("chunk", "axes")
         ]
         axes = tuple((name, self.axes[name]) for name in self.order[:-1])
         return digest(FORM, *map(str, kept), str(axes), self.base.digest)
@@ -234,7 +234,7 @@ def _experiment(file: str, content: dict[str, object]) -> Experiment:
 def _values(file: str, key: str, value: object) -> tuple[Value, ...]:
     """Return the values of an axis: a list, or from, to and count."""
     if isinstance(value, list):
-        return tuple(_value(file, key, one) for one in cast("list[object]", value))
+        return tuple(_value(file, key, item) for item in cast("list[object]", value))
     if not isinstance(value, dict):
         raise toml.wrong(file, key, "a list, or a table with from, to and count", value)
     given = toml.table(file, key, cast(object, value))

@@ -123,13 +123,13 @@ def find_by_words(words: str, most: int = 10, *, tags: Sequence[str] = ()) -> li
         If no template has such a tag.
     """
     tagged = _tagged(tags)
-    asked = _weights(words)
-    if not asked:
+    wanted = _weights(words)
+    if not wanted:
         names = sorted(tagged) if tags and not words.strip() else []
         return [Hit(name, _summary(name), 1.0) for name in names[:most]]
     documents = dict(_documents())
     seen = Counter(stem for weights in documents.values() for stem in weights)
-    for stem in {stem for ways in asked for stem, share in ways.items() if share == 1.0}:
+    for stem in {stem for ways in wanted for stem, share in ways.items() if share == 1.0}:
         within = [name for name in documents if len(stem) > 2 and stem in name.lower()]
         for name in within:
             documents[name] = {**documents[name], stem: max(NAME, documents[name].get(stem, 0.0))}
@@ -147,7 +147,7 @@ def find_by_words(words: str, most: int = 10, *, tags: Sequence[str] = ()) -> li
                 ),
                 default=0.0,
             )
-            for ways in asked
+            for ways in wanted
         )
     scores = {name: score for name, score in scores.items() if score > 0.0 and name in tagged}
     best = max(scores.values(), default=0.0)
@@ -298,7 +298,7 @@ def _between(
             known.add(key)
             wrong = int(((output > 0.0) != (signs > 0.0))[matter].sum())
             outputs.append((wrong, name, output))
-    outputs.sort(key=lambda each: each[:2])
+    outputs.sort(key=lambda entry: entry[:2])
     kept = outputs[: max(1, MOST_CELLS // inputs.size)]
     return [name for _, name, _ in kept], np.array([output for _, _, output in kept])
 
@@ -511,10 +511,10 @@ _PROPERTIES = ("A", "B", "z", "tau", "boundary", "input_boundary", "initial", "d
 def _differences(first: Template, second: Template) -> dict[str, tuple[object, object]]:
     result: dict[str, tuple[object, object]] = {}
     for name in (*_PROPERTIES, "radius", "nonlinear", "delayed", "gains"):
-        one, other = getattr(first, name), getattr(second, name)
-        arrays = isinstance(one, np.ndarray) or isinstance(other, np.ndarray)
-        if not (np.array_equal(cast(Any, one), cast(Any, other)) if arrays else one == other):
-            result[name] = (one, other)
+        this, other = getattr(first, name), getattr(second, name)
+        arrays = isinstance(this, np.ndarray) or isinstance(other, np.ndarray)
+        if not (np.array_equal(cast(Any, this), cast(Any, other)) if arrays else this == other):
+            result[name] = (this, other)
     return result
 
 
@@ -550,7 +550,7 @@ def _weights(words: str) -> list[dict[str, float]]:
     for stem in dict.fromkeys(_stems(words)):
         ways = {stem: 1.0}
         for group in RELATED:
-            stems = {one for word in group for one in _stems(word)}
+            stems = {root for word in group for root in _stems(word)}
             if stem in stems:
                 ways = {**dict.fromkeys(stems, KIN), **ways}
         result.append(ways)

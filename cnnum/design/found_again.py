@@ -101,8 +101,8 @@ def _with_idle(template: Template, table: Table) -> Table:
 
 
 def _fits(template: Template, form: ClosedForm) -> bool:
-    one = template.layers == 1 and template.inputs == 1 and template.radius <= 1
-    return form.digital and one and template.plain and not np.delete(_nine(template.A), 4).any()
+    single = template.layers == 1 and template.inputs == 1 and template.radius <= 1
+    return form.digital and single and template.plain and not np.delete(_nine(template.A), 4).any()
 
 
 def margins(template: Template, table: Table) -> tuple[float, float]:

@@ -94,11 +94,11 @@ def folded(rim: Any, count: int, y: Any) -> None:
 
 
 @_compiled
-def dot(one: Any, other: Any) -> float:
+def dot(this: Any, other: Any) -> float:
     """Return the sum of products of two rows."""
     result = 0.0
-    for n in range(len(one)):
-        result += one[n] * other[n]
+    for n in range(len(this)):
+        result += this[n] * other[n]
     return result
 
 
@@ -122,11 +122,11 @@ def products(sums: Any, y: Any, count: int, total: Any) -> None:
     """Add to `total`, (layers, sources, k, k), the adjoints of the kernels of sums."""
     rows, width = sums.shape[1:]
     for layer, source, r, c in np.ndindex(total.shape):
-        found = 0.0
+        product = 0.0
         for row in range(rows):
             near = y[source, row + r, c * count : c * count + width]
-            found += dot(sums[layer, row], near)
-        total[layer, source, r, c] += found
+            product += dot(sums[layer, row], near)
+        total[layer, source, r, c] += product
 
 
 @_compiled
@@ -242,7 +242,7 @@ def back(
 KINDS: Mapping[str, int] = {"standard": STANDARD, "linear": LINEAR, "tanh": TANH}
 """Outputs that have a slope almost everywhere."""
 
-METHODS: Mapping[str, ButcherTableau] = {one.name: one for one in (EULER, HEUN, RK4)}
+METHODS: Mapping[str, ButcherTableau] = {t.name: t for t in (EULER, HEUN, RK4)}
 STEP = 0.05
 """Longest step in time constants: the classic method is off by some 1e-7 of it where |λ| is 4."""
 
@@ -372,10 +372,10 @@ class Pictures:
 
     def flat(self, maps: ArrayLike, sources: int) -> Floats:
         """Return maps as (sources, rows, cols·pictures)."""
-        found = finite("maps of a gradient", maps)
-        if sources == 1 and found.ndim:
-            found = found[..., np.newaxis, :, :]
-        full = np.broadcast_to(found, (*self.lead, sources, *self.shape))
+        values = finite("maps of a gradient", maps)
+        if sources == 1 and values.ndim:
+            values = values[..., np.newaxis, :, :]
+        full = np.broadcast_to(values, (*self.lead, sources, *self.shape))
         side = full.reshape(-1, sources, *self.shape).transpose(1, 2, 3, 0)
         return np.array(side.reshape(sources, self.shape[0], -1), order="C")
 

@@ -120,7 +120,7 @@ def separate(table: Table, *, symmetric: bool = True) -> Weights | Conflict:
     equal = equalities(table, columns) if symmetric else np.zeros((0, 2 * columns + 1))
     pulls = [seen.source != "u" for seen in table.seen] + [False]
     bounds = [(0.0, None)] * columns + [(0.0, 0.0 if pull else None) for pull in pulls]
-    found = linprog(
+    solution = linprog(
         np.append(np.zeros(2 * columns), -1.0),
         A_ub=np.vstack([above, size]),
         b_ub=np.append(np.zeros(count), 1.0),
@@ -129,9 +129,9 @@ def separate(table: Table, *, symmetric: bool = True) -> Weights | Conflict:
         bounds=[*bounds, (0.0, None)],
         method="highs",
     )
-    shares = -np.asarray(found.ineqlin.marginals)[:count]
+    shares = -np.asarray(solution.ineqlin.marginals)[:count]
     shares = np.maximum(shares, 0.0) / max(shares.sum(), 1e-300)
-    at: Floats = np.asarray(found.x, dtype=np.float64)
+    at: Floats = np.asarray(solution.x, dtype=np.float64)
     margin = float(at[-1])
     if margin <= SEPARATED:
         return conflict(table)
@@ -147,7 +147,7 @@ def conflict(table: Table) -> Conflict:
     signed = table.colours[:, np.newaxis] * rows
     # weights of outputs may not be negative: their columns may mean less than 0
     pulls = np.array([seen.source != "u" for seen in table.seen] + [False])
-    found = linprog(
+    solution = linprog(
         np.zeros(len(signed)),
         A_eq=np.vstack([signed.T[~pulls], np.ones(len(signed))]),
         b_eq=np.append(np.zeros(int((~pulls).sum())), 1.0),
@@ -155,7 +155,7 @@ def conflict(table: Table) -> Conflict:
         b_ub=np.zeros(int(pulls.sum())) if pulls.any() else None,
         method="highs-ds",
     )
-    shares = np.asarray(found.x)
+    shares = np.asarray(solution.x)
     used = shares > 1e-12
     return Conflict(table.seen, table.signs[used], table.colours[used], shares[used])
 
@@ -205,8 +205,8 @@ def _orbits(table: Table) -> list[list[int]]:
     group = list(range(len(at) + 1))
     for turn in TURNS:
         image = [Seen(s.source, *turn(s.down, s.east)) for s in table.seen]
-        if all(one in at for one in image):
-            order = [at[one] for one in image]
+        if all(cell in at for cell in image):
+            order = [at[cell] for cell in image]
             if _same(table, order):
                 for k, other in enumerate(order):
                     low, high = sorted((group[k], group[other]))

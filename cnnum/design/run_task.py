@@ -335,7 +335,7 @@ def _run(
     for role in ("previous", "state") if case.input is not None else ("previous",):
         maps = getattr(case, role)
         given[role] = None if maps is None else stored(chips, [maps] * len(chips))
-    parts = {key: np.stack([one[key] for one in drawn]) for key in ("A", "B", "z")}
+    parts = {key: np.stack([draw[key] for draw in drawn]) for key in ("A", "B", "z")}
     # an axis for the pictures of the case
     batch = TemplateBatch(template, parts["A"], parts["B"], parts["z"]).spread()
     return engine.run(batch, **given, **options)
@@ -343,10 +343,10 @@ def _run(
 
 def _judged(template: Template, result: Result, expected: Floats) -> Figures:
     form = form_of(template)
-    found = np.asarray(getattr(result, form.compares), dtype=np.float64)
-    runs = len(found)
+    answer = np.asarray(getattr(result, form.compares), dtype=np.float64)
+    runs = len(answer)
     with np.errstate(invalid="ignore"):  # of infinite numbers, which are no answer
-        apart = np.abs(found - expected).reshape(runs, -1)
+        apart = np.abs(answer - expected).reshape(runs, -1)
     wrong = (apart > (HALF if form.digital else form.tolerance)).mean(axis=1)
     far = form.compares == "output" and np.abs(expected).max() > _reach(template) + form.tolerance
     if far or not np.isfinite(expected).all():
@@ -364,7 +364,7 @@ def _judged(template: Template, result: Result, expected: Floats) -> Figures:
         "time": of(result.time).max(axis=1),
         "steps": of(result.steps).max(axis=1),
     }
-    lost = ~np.isfinite(found.reshape(runs, -1)).all(axis=1)
+    lost = ~np.isfinite(answer.reshape(runs, -1)).all(axis=1)
     for values in figures.values():
         values[lost] = np.nan
     return figures | {REASON: np.where(lost, "The result is not finite.", "")}

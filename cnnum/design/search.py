@@ -124,8 +124,8 @@ def search(wanted: Search, engine: Engine) -> Found:
         strategies.append(cma.CMAEvolutionStrategy(start, SPREAD, options))
     best, evaluations = Found(wanted.form, math.inf, 0), 0
     for _ in range(wanted.generations):
-        asked = [strategy.ask() for strategy in strategies]
-        flat = [np.asarray(x) for each in asked for x in each]
+        proposals = [strategy.ask() for strategy in strategies]
+        flat = [np.asarray(x) for points in proposals for x in points]
         made = [with_weights(judge.template, groups, x) for x in flat]
         losses = _losses(wanted, judge, made)
         evaluations += len(made) * (wanted.draws + 1)
@@ -134,9 +134,9 @@ def search(wanted: Search, engine: Engine) -> Found:
             for n, loss in zip(sound, _losses(more, judge, [made[n] for n in sound]), strict=True):
                 losses[n] = loss / (wanted.draws + 1)  # less than that of a single flip
             evaluations += len(sound) * (CONFIRMED + 1)
-        for number, (strategy, each) in enumerate(zip(strategies, asked, strict=True)):
+        for number, (strategy, points) in enumerate(zip(strategies, proposals, strict=True)):
             first = number * wanted.population
-            strategy.tell(each, losses[first : first + wanted.population])
+            strategy.tell(points, losses[first : first + wanted.population])
         least = int(np.argmin(losses))
         if losses[least] < best.loss:
             best = Found(with_weights(wanted.form, groups, flat[least]), losses[least], 0)
@@ -150,8 +150,10 @@ def compared(
 ) -> tuple[float, float]:
     """Return the flip rates of two templates under the same draws that no search has seen."""
     rates = [
-        flips(one, engine, seed=12345, mismatches=(mismatch,), bits=(), draws=draws)[0].flipped
-        for one in (form, template)
+        flips(candidate, engine, seed=12345, mismatches=(mismatch,), bits=(), draws=draws)[
+            0
+        ].flipped
+        for candidate in (form, template)
     ]
     return rates[0], rates[1]
 

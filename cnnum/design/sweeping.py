@@ -77,8 +77,8 @@ class ChunkStore:
     def _noted(self, manifest: Path) -> tuple[str, int]:
         """Return the experiment's key and the runs of a task, as the manifest has them."""
         try:
-            found: Any = json.loads(read_text(manifest, most=MEGABYTE))
-            key, chunk = found["key"], found["chunk"]
+            noted: Any = json.loads(read_text(manifest, most=MEGABYTE))
+            key, chunk = noted["key"], noted["chunk"]
         except (OSError, ValueError, TypeError, KeyError, RecursionError):
             key = chunk = None
         if not isinstance(key, str) or type(chunk) is not int or not 0 < chunk < 1 << 40:
@@ -127,11 +127,13 @@ class ChunkStore:
         for task in tasks:
             place = self._file(task)
             try:
-                with open_regular(place) as file, np.load(file, allow_pickle=False) as found:
-                    part: dict[str, NDArray[Any]] = {n: found[n] for n in (*figures, sentence)}
+                with open_regular(place) as file, np.load(file, allow_pickle=False) as part_arrays:
+                    part: dict[str, NDArray[Any]] = {
+                        n: part_arrays[n] for n in (*figures, sentence)
+                    }
                 if any(
-                    one.shape != (task[1] - task[0],) or one.dtype.kind not in kinds
-                    for name, one in part.items()
+                    value.shape != (task[1] - task[0],) or value.dtype.kind not in kinds
+                    for name, value in part.items()
                     for kinds in ("U" if name == sentence else "fiub",)
                 ):
                     raise ValueError("expected a number or a text per run")
@@ -298,8 +300,8 @@ def _on_cluster(
         futures = client.map(
             timed_task, [experiment] * len(tasks), tasks, key=f"sweep-{experiment.key}", pure=False
         )
-        for future, found in distributed.as_completed(futures, with_results=True):
-            yield found
+        for future, outcome in distributed.as_completed(futures, with_results=True):
+            yield outcome
             future.release()
 
 
@@ -391,4 +393,4 @@ def _is_zarr(folder: Path) -> bool:
     names = [path.relative_to(folder) for path in folder.rglob("*") if not path.is_dir()]
     arrays = {name.parts[0] for name in names if len(name.parts) > 1}
     chunks = all(name.name == "zarr.json" or name.parts[1:2] == ("c",) for name in names)
-    return chunks and all((folder / each / "zarr.json").is_file() for each in ("", *arrays))
+    return chunks and all((folder / array / "zarr.json").is_file() for array in ("", *arrays))

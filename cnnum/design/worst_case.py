@@ -90,13 +90,13 @@ class WorstCase:
     @property
     def words(self) -> str:
         """The weights that break it, as in "A[1, 1] larger, B[0, 1] and z smaller in size"."""
-        found = dict[str, list[str]]()
+        changes = dict[str, list[str]]()
         for part, signs in self.changes.items():
             for index in np.argwhere(signs).tolist():
                 label = part if part == "z" else f"{part}{index[-2:]}"
                 way = "larger" if signs[tuple(index)] > 0 else "smaller"
-                found.setdefault(way, []).append(label)
-        ways = ", ".join(f"{' and '.join(names)} {way}" for way, names in sorted(found.items()))
+                changes.setdefault(way, []).append(label)
+        ways = ", ".join(f"{' and '.join(names)} {way}" for way, names in sorted(changes.items()))
         return f"{ways} in size" if ways else ""
 
 
@@ -306,8 +306,8 @@ def _of_25(template: Template) -> Iterator[Decision]:
                 if not _possible(template, *signs)[0]:
                     continue
                 fixed = {MIDDLE: own, BEFORE: before}
-                found = [narrowest(case, colour * weights, fixed) for case in cases]
-                rows = [each for each in found if each is not None]
+                narrow = [narrowest(case, colour * weights, fixed) for case in cases]
+                rows = [decision for decision in narrow if decision is not None]
                 if rows:
                     cells = min(rows, key=lambda row: colour * float(weights @ row))
                     inputs = (2.0 * cells[:CELLS] - 1.0).reshape(5, 5)[off : 5 - off, off : 5 - off]

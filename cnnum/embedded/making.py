@@ -86,7 +86,7 @@ class Made:
         return result
 
     def export(
-        self, frames: Floats, about: Sequence[str] = (), *, facts: Facts | None = None
+        self, frames: Floats, remarks: Sequence[str] = (), *, facts: Facts | None = None
     ) -> Exported:
         """Return the files of C99.
 
@@ -102,7 +102,7 @@ class Made:
         streams = frames if frames.ndim == 5 else frames[:, np.newaxis]
         channels = array_names("in", self.schedule.channels)
         inputs = [self.inputs(frame) for frame in streams]
-        return exported(self.program, inputs, about, facts, channels)
+        return exported(self.program, inputs, remarks, facts, channels)
 
 
 def quantised(array: Array, values: Floats) -> Numbers:

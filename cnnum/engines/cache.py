@@ -69,11 +69,11 @@ def _distrust(folder: Path) -> str:
     if not folder.is_absolute():
         return f"'{folder}' is not a full path"
     try:
-        found = folder.lstat()
+        status = folder.lstat()
     except FileNotFoundError:
         folder.mkdir(parents=True, exist_ok=True, mode=0o700)
-        found = folder.lstat()
-    if why := why_not_ours(folder, found):
+        status = folder.lstat()
+    if why := why_not_ours(folder, status):
         return why
     if os.name == "posix":
         for above in {*folder.parents, *folder.resolve().parents}:
@@ -82,15 +82,15 @@ def _distrust(folder: Path) -> str:
     return ""
 
 
-def why_not_ours(folder: Path, found: os.stat_result) -> str:
+def why_not_ours(folder: Path, status: os.stat_result) -> str:
     """Return why a folder of some status is not the user's alone; nothing where it is."""
-    if not stat.S_ISDIR(found.st_mode):
+    if not stat.S_ISDIR(status.st_mode):
         return f"'{folder}' is a link or a file, not a folder"
     if os.name != "posix":
         return ""
-    if found.st_uid != os.getuid():
+    if status.st_uid != os.getuid():
         return f"'{folder}' belongs to another user"
-    if found.st_mode & _OTHERS_WRITE:
+    if status.st_mode & _OTHERS_WRITE:
         return f"others may write to '{folder}'"
     return ""
 
@@ -163,10 +163,10 @@ class Shelf:
             return None
         folder = cache / self.kind
         try:
-            found = folder.lstat()
+            status = folder.lstat()
         except OSError:
             return folder
-        why = why_not_ours(folder, found) if stat.S_ISDIR(found.st_mode) else ""
+        why = why_not_ours(folder, status) if stat.S_ISDIR(status.st_mode) else ""
         if why:
             say_once(f"Nothing of it is kept for the next start: {why}; remove that folder.")
         return None if why else folder

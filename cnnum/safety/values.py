@@ -80,7 +80,7 @@ def visible(text: str) -> str:
 
 def visible_json(text: str) -> str:
     """Return JSON text whose control characters are written as escapes of JSON."""
-    return _CONTROLS.sub(lambda found: f"\\u{ord(found[0]):04x}", text)
+    return _CONTROLS.sub(lambda match: f"\\u{ord(match[0]):04x}", text)
 
 
 def tidied(text: str) -> str:

@@ -77,8 +77,8 @@ def unblur_kernel(depth: float, reads: Reads) -> Array:
     root = np.sqrt(weights)[:, None]
     rows = np.concatenate([root * passes[:, None] * shapes, np.sqrt(ROUGH) * shapes])
     wanted = np.concatenate([root[:, 0], np.zeros(passes.size)])
-    found = np.linalg.lstsq(rows, wanted, rcond=None)[0]
-    kernel = np.asarray(found[places], dtype=np.float64)
+    solution = np.linalg.lstsq(rows, wanted, rcond=None)[0]
+    kernel = np.asarray(solution[places], dtype=np.float64)
     kernel.setflags(write=False)
     return kernel
 

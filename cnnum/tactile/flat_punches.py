@@ -119,10 +119,10 @@ def punch_pressure(outline: Outline, cells: int, finer: int = FINER) -> Floats:
         return np.asarray(spread[:side, :side].ravel()[within])
 
     operator = LinearOperator((within.size,) * 2, matvec=sinks, dtype=np.float64)
-    found, failed = cg(operator, np.ones(within.size), rtol=SOLVED)
+    solution, failed = cg(operator, np.ones(within.size), rtol=SOLVED)
     assert not failed
     pressure = np.zeros(side * side)
-    pressure[within] = found / found.mean()
+    pressure[within] = solution / solution.mean()
     return pressure.reshape(side, side)
 
 

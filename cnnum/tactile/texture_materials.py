@@ -343,8 +343,8 @@ def features(signals: ArrayLike) -> Array:
     -------
     (frames − 128, 2) float
     """
-    found = texture(signals)
-    whole = np.stack([found.friction, found.roughness], axis=-1)
+    outputs = texture(signals)
+    whole = np.stack([outputs.friction, outputs.roughness], axis=-1)
     return np.asarray(whole[WINDOW:])
 
 

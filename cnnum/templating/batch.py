@@ -86,13 +86,13 @@ def checked_parts(template: Template, given: Given) -> dict[str, Floats]:
     TemplateError
         If the template has no such part, a shape does not fit, or a τ or delay is not positive.
     """
-    asked = _by_name(template, given)
+    named = _by_name(template, given)
     own = parts_of(template)
-    for part in asked.keys() - own.keys():
+    for part in named.keys() - own.keys():
         raise TemplateError(
             f"A batch of '{template.name}' has no part '{part}': its template must have one."
         )
-    result = {key: _checked(template, key, own[key], asked.get(key)) for key in own}
+    result = {key: _checked(template, key, own[key], named.get(key)) for key in own}
     for part in result.keys() & {"tau", "delay"}:
         if (result[part] <= 0.0).any():
             raise TemplateError(f"A batch of '{template.name}' needs a {part} above 0.")
@@ -114,8 +114,8 @@ def _by_name(template: Template, given: Given) -> dict[str, ArrayLike]:
                 f"'{part}' of a batch of '{template.name}' is a sequence of arrays, one for each "
                 f"of its {count}."
             )
-        each = enumerate(cast("Sequence[ArrayLike | None]", value), 1)
-        result |= {f"{SEQUENCES[part]} {n}": one for n, one in each if one is not None}
+        numbered = enumerate(cast("Sequence[ArrayLike | None]", value), 1)
+        result |= {f"{SEQUENCES[part]} {n}": item for n, item in numbered if item is not None}
     return result
 
 
@@ -247,8 +247,8 @@ class TemplateBatch(ByContent):
                     f"A batch needs templates of one form, got '{first.name}' and '{other.name}': "
                     "boundary, start, duration, output, tables and sizes must be the same."
                 )
-        each = [parts_of(template) for template in templates]
-        stacked = {key: np.stack([parts[key] for parts in each]) for key in each[0]}
+        all_parts = [parts_of(template) for template in templates]
+        stacked = {key: np.stack([parts[key] for parts in all_parts]) for key in all_parts[0]}
         return _made(first, stacked, (len(templates),))
 
     def spread(self, axes: int = 1) -> TemplateBatch:

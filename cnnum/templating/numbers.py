@@ -26,7 +26,9 @@ def weights_of(template: Template) -> dict[str, Floats]:
     """
     result = {"A": template.A, "z": template.z}
     result |= {"B": template.B} if template.inputs else {}
-    result |= {f"coupling {n}": each.weights for n, each in enumerate(template.nonlinear, 1)}
+    result |= {
+        f"coupling {n}": coupling.weights for n, coupling in enumerate(template.nonlinear, 1)
+    }
     if template.delayed is not None:
         result |= {"delayed A": template.delayed.A, "delayed B": template.delayed.B}
     return result
@@ -53,15 +55,16 @@ def with_numbers(template: Template, numbers: Numbers) -> Template:
         parts["z"] = numbers["z"].tolist()
     if template.nonlinear:
         coupled = enumerate(template.nonlinear, 1)
-        parts["nonlinear"] = [_coupled(each, n, numbers) for n, each in coupled]
+        parts["nonlinear"] = [_coupled(numbered, n, numbers) for n, numbered in coupled]
     if template.delayed is not None:
         late = {part: numbers.get(f"delayed {part}") for part in ("A", "B")}
         given: dict[str, Any] = {part: value for part, value in late.items() if value is not None}
         parts["delayed"] = replace(template.delayed, **given)
     if template.gains:
-        each = enumerate(template.gains, 1)
+        numbered = enumerate(template.gains, 1)
         parts["gains"] = [
-            replace(gain, table=_tabled(gain.table, numbers.get(f"gain {n}"))) for n, gain in each
+            replace(gain, table=_tabled(gain.table, numbers.get(f"gain {n}")))
+            for n, gain in numbered
         ]
     return replace(template, **parts)
 
@@ -100,14 +103,17 @@ def matrices(template: Template) -> list[tuple[str, Floats]]:
         parts |= {label: couplings for label, couplings in both.items() if couplings.any()}
     result = [pair for label, couplings in parts.items() for pair in _kernels(label, couplings)]
     return result + [
-        (f"coupling {n}{_place(template, each)}, weights of f{n}({_argument(each)}", each.weights)
-        for n, each in enumerate(template.nonlinear, 1)
+        (
+            f"coupling {n}{_place(template, coupling)}, weights of f{n}({_argument(coupling)}",
+            coupling.weights,
+        )
+        for n, coupling in enumerate(template.nonlinear, 1)
     ]
 
 
 def functions(template: Template) -> list[tuple[str, str]]:
     """Return each function of a nonlinear coupling or gain by its name, in words."""
-    result = [(f"f{n}", _function(each)) for n, each in enumerate(template.nonlinear, 1)]
+    result = [(f"f{n}", _function(coupling)) for n, coupling in enumerate(template.nonlinear, 1)]
     return result + [
         (f"gain of A[{gain.to}, {gain.source}] in time", _steps(gain.table))
         for gain in template.gains

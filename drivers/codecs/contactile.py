@@ -28,7 +28,7 @@ SIDE = 3
 """Pillars on a side of a sensor."""
 
 
-def pts2(asked: Asked) -> Wire:
+def pts2(options: Asked) -> Wire:
     """Return the protocol; sensors lie side by side, each 3×3.
 
     Raises
@@ -36,10 +36,10 @@ def pts2(asked: Asked) -> Wire:
     SceneError
         If the rate is none that the array has.
     """
-    if asked.rate and asked.rate not in RATES:
-        raise SceneError(f"'rate' must be one of {RATES} Hz for 'pts2', got {asked.rate:g}.")
-    greeting = f"f{asked.rate:.0f}\n".encode() if asked.rate else b""
-    settled = b"z\n" if asked.bias else b""
+    if options.rate and options.rate not in RATES:
+        raise SceneError(f"'rate' must be one of {RATES} Hz for 'pts2', got {options.rate:g}.")
+    greeting = f"f{options.rate:.0f}\n".encode() if options.rate else b""
+    settled = b"z\n" if options.bias else b""
     papillarray = Papillarray()
     return Wire(
         "PTS 2",
@@ -48,7 +48,7 @@ def pts2(asked: Asked) -> Wire:
         encode,
         greeting=greeting,
         settled=settled,
-        form=Form(shape_or(asked, (SIDE, SIDE)), CHANNELS, "N", 0.0, 8.0),
+        form=Form(shape_or(options, (SIDE, SIDE)), CHANNELS, "N", 0.0, 8.0),
     )
 
 

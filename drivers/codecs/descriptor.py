@@ -170,8 +170,8 @@ class Descriptor:
         require_limits(self.limits, len(self.channels))
         if self.positions:
             checked_positions(self.positions, rows * cols)
-        found = bool(self.header or self.tail or self.request) or self.cell == "text"
-        require("header", found, "given, or 'tail' or 'request': else no packet can be found", "")
+        framed = bool(self.header or self.tail or self.request) or self.cell == "text"
+        require("header", framed, "given, or 'tail' or 'request': else no packet can be found", "")
         holds = rows * cols * len(self.channels) <= MOST_BYTES // 8
         require("shape", holds, f"{MOST_BYTES // 8} numbers at most", list(self.shape))
         _ = self.reading

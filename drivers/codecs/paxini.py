@@ -50,23 +50,23 @@ def push(on: bool) -> bytes:
     return data + lrc(data)
 
 
-def converter(asked: Asked) -> Wire:
+def converter(options: Asked) -> Wire:
     """Return the protocol of the converter: it is asked for each scan."""
-    shape = shape_or(asked, (1, 31))
-    answers = Converter(shape, asked.address)
+    shape = shape_or(options, (1, 31))
+    answers = Converter(shape, options.address)
     return Wire(
         "PaXini's converter",
         BAUD,
         lambda: Decoder(answers),
         answers.encode,
-        request=request(asked.address, shape[0] * shape[1]),
+        request=request(options.address, shape[0] * shape[1]),
         form=Form(shape, FORCE_AXES, "N", 0.0, 10.0),
     )
 
 
-def high_speed_board(asked: Asked) -> Wire:
+def high_speed_board(options: Asked) -> Wire:
     """Return the protocol of the high-speed board: it sends by itself once it is asked to."""
-    board = HighSpeedBoard(shape_or(asked, (1, 31)))
+    board = HighSpeedBoard(shape_or(options, (1, 31)))
     return Wire(
         "PaXini's high-speed board",
         BAUD,

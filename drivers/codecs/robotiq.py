@@ -36,7 +36,7 @@ FULL = 4000.0
 """Counts of a strong load."""
 
 
-def tsf85(asked: Asked) -> Wire:
+def tsf85(options: Asked) -> Wire:
     """Return the protocol; `address` 1 to 4 is the finger.
 
     Raises
@@ -44,12 +44,12 @@ def tsf85(asked: Asked) -> Wire:
     SceneError
         If there is no such finger, or the rate is below 4 Hz or above 1 kHz.
     """
-    finger = asked.address - 1
+    finger = options.address - 1
     if not 0 <= finger < FINGERS:
-        raise SceneError(f"'address' must be a finger from 1 to {FINGERS}, got {asked.address}.")
-    if asked.rate and not 4 <= asked.rate <= 1000:
-        raise SceneError(f"'rate' must be 4 to 1000 Hz for the TSF-85, got {asked.rate:g}.")
-    period = round(1000 / asked.rate) if asked.rate else 1
+        raise SceneError(f"'address' must be a finger from 1 to {FINGERS}, got {options.address}.")
+    if options.rate and not 4 <= options.rate <= 1000:
+        raise SceneError(f"'rate' must be 4 to 1000 Hz for the TSF-85, got {options.rate:g}.")
+    period = round(1000 / options.rate) if options.rate else 1
     return Wire(
         "Robotiq's TSF-85",
         115_200,

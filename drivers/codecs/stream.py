@@ -177,11 +177,11 @@ class Neighbours:
         usual[2:] = np.maximum(usual[2:], self._full / PART)
         return usual
 
-    def _apart(self, one: Scan, other: Scan) -> float:
+    def _apart(self, scan: Scan, other: Scan) -> float:
         """Return the largest step between two scans, where 1 is the largest that is no jump."""
         limits = self._limits()
         known = limits > 0.0  # a clock or a count that stands still says nothing
-        return float((_step(one, other)[known] / limits[known]).max())
+        return float((_step(scan, other)[known] / limits[known]).max())
 
 
 def _kind(scan: Scan) -> tuple[object, ...]:
@@ -190,17 +190,17 @@ def _kind(scan: Scan) -> tuple[object, ...]:
 
 def _step(scan: Scan, other: Scan) -> Floats:
     """Return how far time, count and each channel go from a scan to another."""
-    before, after = (np.asarray(each.values, np.float64) for each in (scan, other))
+    before, after = (np.asarray(reading.values, np.float64) for reading in (scan, other))
     moved = np.nan_to_num(np.abs(after - before)).max(axis=(0, 1))  # NaN of a lost taxel
     time_us = _ahead(scan.time_us, other.time_us, other.time_wrap)
     count = _ahead(scan.sequence, other.sequence, other.sequence_wrap)
     return np.array([time_us, count, *moved.tolist()])
 
 
-def _ahead(one: int | None, other: int | None, wrap: int) -> float:
-    if one is None or other is None:
+def _ahead(later: int | None, earlier: int | None, wrap: int) -> float:
+    if later is None or earlier is None:
         return 0.0
-    return float(abs((other - one + wrap // 2) % wrap - wrap // 2))
+    return float(abs((earlier - later + wrap // 2) % wrap - wrap // 2))
 
 
 MOST_WAITING = 1 << 21

@@ -161,7 +161,7 @@ def protocol_names() -> tuple[str, ...]:
     return (*PROTOCOLS, *sorted(_described()))
 
 
-def wire(name: str, asked: Asked | None = None) -> Wire:
+def wire(name: str, options: Asked | None = None) -> Wire:
     """Return a protocol by its name.
 
     Raises
@@ -171,7 +171,7 @@ def wire(name: str, asked: Asked | None = None) -> Wire:
     SceneError
         If the request does not fit it.
     """
-    known = asked or Asked()
+    known = options or Asked()
     if name in PROTOCOLS:
         module, maker = PROTOCOLS[name].split(":")
         return cast(Callable[[Asked], Wire], getattr(import_module(module), maker))(known)
@@ -187,7 +187,7 @@ def _described() -> dict[str, Path]:
     return {path.name.removesuffix(".toml"): path for path in paths if path.name.endswith(".toml")}
 
 
-def described_wire(path: Path, asked: Asked) -> Wire:
+def described_wire(path: Path, options: Asked) -> Wire:
     """Return the protocol that a descriptor describes.
 
     Raises
@@ -198,7 +198,7 @@ def described_wire(path: Path, asked: Asked) -> Wire:
     from cnnum.drivers.codecs.descriptor import FixedSize, TextRows, read_descriptor
     from cnnum.drivers.codecs.stream import Decoder, Neighbours
 
-    known = read_descriptor(path, asked.shape)
+    known = read_descriptor(path, options.shape)
     form = TextRows(known) if known.cell == "text" else FixedSize(known)
     reading, signed = known.reading, known.reading.plain != known.channels
     full, verified = FULL[known.cell] * known.scale, known.check != "none"
@@ -216,7 +216,7 @@ def described_wire(path: Path, asked: Asked) -> Wire:
     )
 
 
-def shape_or(asked: Asked, usual: Shape) -> Shape:
+def shape_or(options: Asked, usual: Shape) -> Shape:
     """Return the shape that the user says, or the usual one.
 
     Raises
@@ -224,7 +224,7 @@ def shape_or(asked: Asked, usual: Shape) -> Shape:
     SceneError
         If it is none.
     """
-    shape = asked.shape or usual
+    shape = options.shape or usual
     if min(shape) < 1 or shape[0] * shape[1] > 1 << 16:
         raise SceneError(
             f"'shape' must be a positive number of rows and columns, got {list(shape)}."
@@ -232,7 +232,7 @@ def shape_or(asked: Asked, usual: Shape) -> Shape:
     return shape
 
 
-def open_protocol(asked: Asked) -> Wire:
+def open_protocol(options: Asked) -> Wire:
     """Return the open protocol; its packets say all there is to say of the array."""
     return Wire("the open protocol", 921_600, OpenDecoder, encode_scan)
 

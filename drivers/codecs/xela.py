@@ -29,10 +29,10 @@ PADS = {16: (4, 4), 24: (4, 6)}
 """Rows and columns of a pad by its number of taxels: uSPa44 and uSPa46."""
 
 
-def xela(asked: Asked) -> Wire:
+def xela(options: Asked) -> Wire:
     """Return the protocol; pads lie side by side, or fill the shape that the user says."""
-    server = Server(asked.shape)
-    form = Form(asked.shape or (4, 4), FORCE_AXES, "count", 32_768.0, 45_000.0)
+    server = Server(options.shape)
+    form = Form(options.shape or (4, 4), FORCE_AXES, "count", 32_768.0, 45_000.0)
     return Wire(
         "XELA's server messages",
         115_200,

@@ -65,36 +65,36 @@ def command(
         wanted = replace(wanted, engine=engine)
     shown = Output(as_json)
     with progress("tasks", None, as_json=as_json) as steps:
-        found = sweep(
+        outcome = sweep(
             wanted,
             output or experiment.with_suffix(".nc"),
             scheduler=scheduler,
             force=force,
             done=lambda n, total: steps.advance(f"{n} of {total} tasks"),
         )
-    flips = found.results["flipped"]
+    flips = outcome.results["flipped"]
     judged = int(flips.notnull().sum())
     rate = float(flips.mean())
     low, high = wilson(round(float(flips.sum())), judged) if judged else (rate, rate)
     record: dict[str, Any] = {
         "runs": wanted.runs,
         "judged": judged,
-        "failed": int((found.results["failed"] > 0).sum()),
-        "reasons": failures(found.results),
-        "file": str(found.path),
-        "tasks": found.tasks,
-        "run_now": found.run_now,
-        "seconds": found.seconds,
-        "task_seconds": found.task_seconds,
+        "failed": int((outcome.results["failed"] > 0).sum()),
+        "reasons": failures(outcome.results),
+        "file": str(outcome.path),
+        "tasks": outcome.tasks,
+        "run_now": outcome.run_now,
+        "seconds": outcome.seconds,
+        "task_seconds": outcome.task_seconds,
         "flip_rate": rate,
         "flip_rate_low": low,
         "flip_rate_high": high,
-        "wrong": float(found.results["wrong"].mean()),
+        "wrong": float(outcome.results["wrong"].mean()),
     }
     if page is not None:
         from cnnum.report.sweep_page import write_page
 
-        record["page"] = str(write_page(page, found.results, force=force))
+        record["page"] = str(write_page(page, outcome.results, force=force))
     shown.record(record)
     shown.show(facts(_lines(record)))
     return RUNS_FAILED if record["failed"] == wanted.runs else 0

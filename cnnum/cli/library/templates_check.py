@@ -95,7 +95,7 @@ def check(
             try:
                 results.append(job.run())
             except OneColourError as error:
-                if len({each.name for each in jobs}) == 1:
+                if len({planned.name for planned in jobs}) == 1:
                     raise
                 refused[str(error)] = None
             else:
@@ -182,7 +182,7 @@ def _planned(
     listed = [n for n in names or template_names() if n not in programs]
     jobs = list[_Job]()
     # the engine that figures are measured on compares all of them
-    usual = next((each for each in used if each.name == "numba"), None)
+    usual = next((engine for engine in used if engine.name == "numba"), None)
     for entry in (entry for name in listed for entry in _entries(name)):
         template = entry.template
         if names or template.check is not None:
@@ -196,15 +196,19 @@ def _planned(
                 measured=entry.measured,
             )
             jobs += [
-                _Job(template.name, each.name, partial(run, engine=each, thorough=each is usual))
-                for each in used
+                _Job(
+                    template.name,
+                    engine.name,
+                    partial(run, engine=engine, thorough=engine is usual),
+                )
+                for engine in used
             ]
     left_out = list[_LeftOut]()
     for form in (form for name in programs for form in program_forms(name)):
         run = partial(run_program_check, form, get_program(form.program), seed=seed, shape=shape)
-        runs = [each for each in used if each.name not in form.too_slow]
-        jobs += [_Job(form.program, each.name, partial(run, engine=each)) for each in runs]
-        if slow := tuple(each.name for each in used if each.name in form.too_slow):
+        runs = [engine for engine in used if engine.name not in form.too_slow]
+        jobs += [_Job(form.program, engine.name, partial(run, engine=engine)) for engine in runs]
+        if slow := tuple(engine.name for engine in used if engine.name in form.too_slow):
             left_out.append(_LeftOut(form, slow))
     return jobs, left_out
 

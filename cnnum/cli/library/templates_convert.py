@@ -64,15 +64,15 @@ def import_files(
     from cnnum.safety.files import make_folder, named_after, refuse_target, sentences
     from cnnum.templating.files import guessed, load_entries, save_entry
 
-    output, target, found = Output(as_json), Path(folder), dict[Path, tuple[str, "Entry"]]()
+    output, target, sources = Output(as_json), Path(folder), dict[Path, tuple[str, "Entry"]]()
     for file in files:
         entries = load_entries(file)
         guessed(entries, strict=strict)
         for entry in entries:
             name = entry.template.name
             path = named_after(target, name, ".toml")
-            if path in found:
-                other, first = found[path]
+            if path in sources:
+                other, first = sources[path]
                 raise TemplateFileError(
                     f"'{file}' and '{other}' both hold a template '{name}': expected names that "
                     f"differ, as each is a file of its own; import them to two folders."
@@ -80,13 +80,13 @@ def import_files(
                     else f"The templates '{first.template.name}' of '{other}' and '{name}' of "
                     f"'{file}' would both be the file '{path.name}': import them to two folders."
                 )
-            found[path] = file, entry
+            sources[path] = file, entry
     said, never = dict[str, None](), dict[str, None]()
     with sentences(target, TemplateFileError):
         make_folder(target)
-    for path in found:  # all are looked at before one is written
+    for path in sources:  # all are looked at before one is written
         refuse_target(path, error=TemplateFileError, force=force)
-    for path, (file, entry) in found.items():
+    for path, (file, entry) in sources.items():
         save_entry(entry, path, force=force)
         name = entry.template.name
         guesses = guessed((entry,))

@@ -75,17 +75,18 @@ def _design(name: str, engine: "Engine", folder: Path, output: Output, force: bo
     if not spec.split:  # the files of a sequence are known when it is
         path = named_after(folder, spec.name, ".toml")
         refuse_target(path, error=TemplateFileError, force=force)
-    found = {
-        named_after(folder, one.entry.template.name, ".toml"): one for one in designed(spec, engine)
+    designs = {
+        named_after(folder, design.entry.template.name, ".toml"): design
+        for design in designed(spec, engine)
     }
-    for path in found:  # all are looked at before one is written
+    for path in designs:  # all are looked at before one is written
         refuse_target(path, error=TemplateFileError, force=force)
     columns = (">examples", ">margin", ">relative", ">at most", ">worst case", ">flips at", "file")
     shown = table("Template", *columns)
-    for path, one in found.items():
-        proof, template = one.entry.proof, one.entry.template
+    for path, design in designs.items():
+        proof, template = design.entry.proof, design.entry.template
         assert proof is not None
-        save_entry(one.entry, path, force=force)
+        save_entry(design.entry, path, force=force)
         output.record({"template": template.name, "file": str(path), **asdict(proof)})
         rates = ", ".join(
             f"{100 * f.mismatch:g} %: {100 * f.rate:.0f} % ({100 * f.low:.0f}-{100 * f.high:.0f})"
@@ -115,7 +116,7 @@ def report(
     from cnnum.templating.stability_class import stability_class
 
     kind = stability_class(template)
-    found = {
+    record = {
         "template": template.name,
         "stability": kind.name,
         "why": kind.why,
@@ -126,18 +127,18 @@ def report(
         **_cost(template),
     }
     if template.check is None:
-        found["settle"] = settle_times(template, engine)
-        output.record(found)
-        output.show(facts(_lines(found, template.unit_of_time)), _UNCHECKED)
+        record["settle"] = settle_times(template, engine)
+        output.record(record)
+        output.show(facts(_lines(record, template.unit_of_time)), _UNCHECKED)
         return
     measured = measure(template, engine)
     changes = flips(template, engine, draws=_DRAWS)
-    found |= {"settle": measured.settle, "margin": measured.margin}
+    record |= {"settle": measured.settle, "margin": measured.margin}
     worst = worst_case(template)
-    found["worst_case"] = None if worst is None else worst.share
-    found["worst_case_weights"] = "" if worst is None else worst.words
-    output.record(found | {"flips": [asdict(change) for change in changes]})
-    output.show(facts(_lines(found, template.unit_of_time)))
+    record["worst_case"] = None if worst is None else worst.share
+    record["worst_case_weights"] = "" if worst is None else worst.words
+    output.record(record | {"flips": [asdict(change) for change in changes]})
+    output.show(facts(_lines(record, template.unit_of_time)))
     shown = table("change of the weights", ">templates that flip", ">wrong cells")
     for change in changes:
         shown.add_row(change.change, _share(change), f"{100 * change.wrong:.2g} %")
@@ -175,25 +176,25 @@ def _cost(template: "Template") -> dict[str, Any]:
     }
 
 
-def _lines(found: dict[str, Any], unit: str) -> list[tuple[str, str]]:
-    settle = ", ".join(f"{n}×{n}: {number(t)} {unit}" for n, t in found.get("settle", ()))
-    sizes = ", ".join(f"{each} {found[each]}" for each in ("layers", "inputs", "radius"))
+def _lines(record: dict[str, Any], unit: str) -> list[tuple[str, str]]:
+    settle = ", ".join(f"{n}×{n}: {number(t)} {unit}" for n, t in record.get("settle", ()))
+    sizes = ", ".join(f"{size} {record[size]}" for size in ("layers", "inputs", "radius"))
     return [
-        ("template", found["template"]),
+        ("template", record["template"]),
         ("form", f"well-formed: {sizes}"),
-        ("stability", f"{found['stability']}. {found['why']}"),
-        ("largest Euler step", f"{number(found['euler_step'])} {unit}"),
+        ("stability", f"{record['stability']}. {record['why']}"),
+        ("largest Euler step", f"{number(record['euler_step'])} {unit}"),
         ("settles within", settle or "not measured"),
-        ("margin of the bias", _margin(found)),
-        ("worst case", _worst(found.get("worst_case"), found.get("worst_case_weights", ""))),
-        ("cost of a cell", _spent(found)),
+        ("margin of the bias", _margin(record)),
+        ("worst case", _worst(record.get("worst_case"), record.get("worst_case_weights", ""))),
+        ("cost of a cell", _spent(record)),
     ]
 
 
-def _margin(found: dict[str, Any]) -> str:
-    if "margin" not in found:
+def _margin(record: dict[str, Any]) -> str:
+    if "margin" not in record:
         return "not known without a check"
-    margin = found["margin"]
+    margin = record["margin"]
     return "none: a gray answer" if margin is None else number(margin)
 
 
@@ -210,18 +211,20 @@ def _below(share: float) -> str:
     return f"{math.floor(100.0 * share * 10.0**digits) / 10.0**digits:g}"
 
 
-def _spent(found: dict[str, Any]) -> str:
+def _spent(record: dict[str, Any]) -> str:
     step, tables, once = (
-        found[key] for key in ("products_a_step", "tables_a_step", "products_once")
+        record[key] for key in ("products_a_step", "tables_a_step", "products_once")
     )
     return f"{step} products and {tables} table look-ups a step, {once} products once"
 
 
-def _weights(output: Output, found: list[Any]) -> None:
+def _weights(output: Output, records: list[Any]) -> None:
     shown = table("weight", ">value", ">down", ">up")
-    for one in found:
-        output.record(asdict(one))
+    for record in records:
+        output.record(asdict(record))
         shown.add_row(
-            one.weight, number(one.value, 4), *(f"{100 * x:.0f} %" for x in (one.down, one.up))
+            record.weight,
+            number(record.value, 4),
+            *(f"{100 * x:.0f} %" for x in (record.down, record.up)),
         )
     output.show(shown, "The largest change that was tried of one weight with no wrong cell.")

@@ -131,14 +131,14 @@ def _by_example(
     start = None if state is None else load_picture(state)
     example, names = (load_picture(given), load_picture(wanted)), template_names()
     with progress("templates", len(names), as_json=output.as_json) as steps:
-        found = find_by_example(*example, state=start, say=lambda _: steps.advance())
-    right = bool(found) and found[0].wrong == 0
+        matches = find_by_example(*example, state=start, say=lambda _: steps.advance())
+    right = bool(matches) and matches[0].wrong == 0
     if programs or (programs is None and state is None and not right):
         with progress("programs", 2 * len(names), as_json=output.as_json) as steps:
             pairs = find_programs(*example, most=most, say=lambda _: steps.advance())
-        found = sorted([*found, *pairs], key=lambda m: (m.wrong, len(m.templates)))
+        matches = sorted([*matches, *pairs], key=lambda m: (m.wrong, len(m.templates)))
     shown = table("Template", ">wrong cells", ">of", ">margin")
-    for match in found[:most]:
+    for match in matches[:most]:
         output.record(
             {
                 "template": match.name,
@@ -176,35 +176,39 @@ def compare(first: str, second: str, picture: Path | None, force: bool, as_json:
 
     if picture is not None:
         refuse_unknown_kind(picture)
-    one, other = _template(first), _template(second)
-    found, output = compared(one, other), Output(as_json)
-    numbers = {name: [_plain(value) for value in pair] for name, pair in found.differs.items()}
+    this, other = _template(first), _template(second)
+    comparison, output = compared(this, other), Output(as_json)
+    numbers = {name: [_plain(value) for value in pair] for name, pair in comparison.differs.items()}
     output.record(
         {
             "kind": "comparison",
-            "templates": [one.name, other.name],
+            "templates": [this.name, other.name],
             "differs": numbers,
-            "exhaustive": found.exhaustive,
-            "cases": found.cases,
-            "unlike": found.unlike,
-            "figures": [asdict(each) for each in found.figures],
-            "neighbourhoods": found.inputs.astype(int).tolist() if found.exhaustive else [],
+            "exhaustive": comparison.exhaustive,
+            "cases": comparison.cases,
+            "unlike": comparison.unlike,
+            "figures": [asdict(figure) for figure in comparison.figures],
+            "neighbourhoods": comparison.inputs.astype(int).tolist()
+            if comparison.exhaustive
+            else [],
         }
     )
-    shown = table("", one.name, other.name)
-    for name, pair in found.differs.items():
+    shown = table("", this.name, other.name)
+    for name, pair in comparison.differs.items():
         shown.add_row(name, *(_written(value) for value in pair))
-    for row in comparison_rows(found):
+    for row in comparison_rows(comparison):
         shown.add_row(*row)
-    output.show(*([] if found.differs else ["They have the same numbers."]), shown, verdict(found))
-    if found.exhaustive and found.unlike:
-        pairs = zip(found.inputs, found.answers[0], strict=True)
+    output.show(
+        *([] if comparison.differs else ["They have the same numbers."]), shown, verdict(comparison)
+    )
+    if comparison.exhaustive and comparison.unlike:
+        pairs = zip(comparison.inputs, comparison.answers[0], strict=True)
         blocks = [_block(picture, black=answer > 0.0) for picture, answer in pairs]
         output.show(
-            f"Black of {one.name} (■), or of {other.name} (□):", *_side_by_side(blocks[:12])
+            f"Black of {this.name} (■), or of {other.name} (□):", *_side_by_side(blocks[:12])
         )
     if picture is not None:
-        write_comparison(picture, found, force=force)
+        write_comparison(picture, comparison, force=force)
         output.record({"kind": "picture", "file": str(picture)}, f"Written: {picture}")
 
 

@@ -37,12 +37,14 @@ def measure(names: tuple[str, ...], engine: str, missing: bool, as_json: bool) -
     with progress("templates", len(files), as_json=as_json) as steps:
         for path in files:
             template = load_entry(path).template
-            found = take(template, used)
-            write_measured(path, found)
-            output.record({"template": template.name, "file": str(path), "margin": found.margin})
-            times = [number(t, 3) for _, t in found.settle] + ["-"] * (3 - len(found.settle))
-            margin = "-" if found.margin is None else number(found.margin, 3)
-            shown.add_row(template.name, number(found.mean), number(found.rms), *times, margin)
+            measured = take(template, used)
+            write_measured(path, measured)
+            output.record({"template": template.name, "file": str(path), "margin": measured.margin})
+            times = [number(t, 3) for _, t in measured.settle] + ["-"] * (3 - len(measured.settle))
+            margin = "-" if measured.margin is None else number(measured.margin, 3)
+            shown.add_row(
+                template.name, number(measured.mean), number(measured.rms), *times, margin
+            )
             steps.advance(template.name)
     output.show(shown)
 
@@ -73,13 +75,13 @@ def audit(names: tuple[str, ...], engine: str, as_json: bool) -> None:
     shown = table("Template", ">own", "published", ">cells", ">wrong with 0", ">-1", ">zero-flux")
     with progress("templates", len(files), as_json=as_json) as steps:
         for entry in map(load_entry, files):
-            found = wrong_cells(entry.template, used)
-            if found is not None:
+            wrong = wrong_cells(entry.template, used)
+            if wrong is not None:
                 published = entry.about.published_boundary
-                output.record({**asdict(found), "published": published})
-                counts = map(str, found.wrong)
-                own = str(found.boundary)
-                shown.add_row(found.template, own, published, str(found.cells), *counts)
+                output.record({**asdict(wrong), "published": published})
+                counts = map(str, wrong.wrong)
+                own = str(wrong.boundary)
+                shown.add_row(wrong.template, own, published, str(wrong.cells), *counts)
             steps.advance(entry.template.name)
     output.show(shown)
 
@@ -98,12 +100,14 @@ def analyse(name: str, shape: tuple[int, int], as_json: bool) -> None:
     from cnnum.runs.analysis import step, text
 
     output = Output(as_json)
-    for one in _analysed(name, shape):
-        output.record(_record(one))
-        rows, cols = one.shape
-        output.show(facts([("template", f"{one.template} on {rows}×{cols}"), *text(one)]), "")
+    for analysis in _analysed(name, shape):
+        output.record(_record(analysis))
+        rows, cols = analysis.shape
+        output.show(
+            facts([("template", f"{analysis.template} on {rows}×{cols}"), *text(analysis)]), ""
+        )
         shown = table("Method", ">longest stable step")
-        for method, bound in one.bounds.items():
+        for method, bound in analysis.bounds.items():
             shown.add_row(method, step(bound, method))
         output.show(shown)
 

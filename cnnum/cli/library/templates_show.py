@@ -146,7 +146,7 @@ def _record(template: "Template") -> dict[str, object]:
         "initial": template.initial,
         "duration": template.duration,
         "output": template.output.name,
-        "nonlinear": [_coupling(each) for each in template.nonlinear],
+        "nonlinear": [_coupling(part) for part in template.nonlinear],
         "delayed": None
         if late is None
         else {"delay": late.delay, "A": late.A.tolist(), "B": late.B.tolist()},
@@ -216,15 +216,15 @@ def gallery(names: tuple[str, ...], out: Path, engine: str, force: bool, as_json
     from cnnum.templating.checks import run_check
     from cnnum.templating.files import load_entry
 
-    used, files, found = Engine(engine), chosen(names), list[Card]()
+    used, files, cards = Engine(engine), chosen(names), list[Card]()
     check = partial(run_check, engine=used, repeats=1)
     with progress("templates", len(files), as_json=as_json) as steps:
         for path in files:
             entry = load_entry(path)
             result = check(entry.template, measured=entry.measured)
             strip = filmstrip(entry.template, used)
-            found.append(Card(entry, path.parent.name, strip, result))
+            cards.append(Card(entry, path.parent.name, strip, result))
             steps.advance(entry.template.name)
-    write_whole(out, gallery_page(found), force=force)
-    done = {"templates": len(found), "file": str(out)}
-    Output(as_json).record(done, f"{len(found)} templates: {out}")
+    write_whole(out, gallery_page(cards), force=force)
+    done = {"templates": len(cards), "file": str(out)}
+    Output(as_json).record(done, f"{len(cards)} templates: {out}")

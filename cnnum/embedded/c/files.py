@@ -74,11 +74,11 @@ class Exported:
         """
         name, math, files = identifier(self.program.name), self.program.real, dict(self.files)
         rows, cols = self.program.shape
-        about = f"Program {name} on {rows} x {cols} cells, {self.facts.precision}."
-        made = package_files(kind, Source(name, about, math, files["vector.c"]))
+        summary = f"Program {name} on {rows} x {cols} cells, {self.facts.precision}."
+        made = package_files(kind, Source(name, summary, math, files["vector.c"]))
         if at := FOLDERS.get(kind, ""):
-            for one in (f"{name}.c", f"{name}.h"):
-                files[at + one] = files.pop(one)
+            for file in (f"{name}.c", f"{name}.h"):
+                files[at + file] = files.pop(file)
             files["Makefile"] = _makefile(name, at, math=math)
             manifest = json.loads(files[MANIFEST]) | {"source": f"{at}{name}.c"}
             files[MANIFEST] = json.dumps(manifest, indent=1, ensure_ascii=False) + "\n"
@@ -152,7 +152,7 @@ def is_export(folder: Path, program: str) -> bool:
 def _places(folder: Path, program: str) -> list[Path]:
     name = identifier(program)
     own = [f"{at}{name}.{end}" for at in ("", *FOLDERS.values()) for end in "ch"]
-    return [folder / one for one in (*own, *OTHERS)]
+    return [folder / file for file in (*own, *OTHERS)]
 
 
 def _is_there(place: Path) -> bool:
@@ -166,7 +166,7 @@ def _rule(name: str, at: str = "") -> str:
 def exported(
     program: IntegerProgram,
     streams: Frames,
-    about: Sequence[str],
+    remarks: Sequence[str],
     facts: Facts | None = None,
     channels: Mapping[str, str] | None = None,
 ) -> Exported:
@@ -184,8 +184,8 @@ def exported(
     channels : mapping of str to str, optional
         The arrays of all channels of a frame; those that are not read have none in the program.
     """
-    if facts is not None and not about:
-        about = (
+    if facts is not None and not remarks:
+        remarks = (
             f"Program '{program.name}' on {program.shape[0]} x {program.shape[1]} cells in "
             f"{facts.precision}, method {facts.method}.",
             f"Written by cnnum {__version__}.",
@@ -195,7 +195,7 @@ def exported(
     inputs, outputs = program.of_kind("input"), program.of_kind("output")
     header = _header(name, program, text.memory, inputs, outputs, text.tables, facts)
     source = [
-        "/* " + "\n   ".join(line.replace("*/", "") for line in about) + " */",
+        "/* " + "\n   ".join(line.replace("*/", "") for line in remarks) + " */",
         f'#include "{name}.h"',
         *(_LIBM if program.real else []),
         "",
@@ -383,9 +383,9 @@ def _manifest(
     parts = dict[str, object]()
     for kind in ("input", "output"):
         parts[f"{kind}s"] = [
-            _part(one, names.get(one.name, one.name)) for one in in_order(program.of_kind(kind))
+            _part(part, names.get(part.name, part.name)) for part in in_order(program.of_kind(kind))
         ]
-    about: dict[str, object] = {
+    manifest: dict[str, object] = {
         "program": program.name,
         "source": source,
         "shape": list(program.shape),
@@ -397,7 +397,7 @@ def _manifest(
         "version": __version__,
         **parts,
     }
-    return json.dumps(about, indent=1, ensure_ascii=False) + "\n"
+    return json.dumps(manifest, indent=1, ensure_ascii=False) + "\n"
 
 
 def _vector(name: str, program: IntegerProgram, vector: Vector) -> str:
@@ -433,7 +433,7 @@ def _vector(name: str, program: IntegerProgram, vector: Vector) -> str:
         "        }",
         *_each(inputs, lambda _: "input.{n}{i} = {n}_given[n]{at};"),
         f"        {name}_step(&memory, &input, &output);",
-        *_each(outputs, lambda one: _compared(one, vector)),
+        *_each(outputs, lambda part: _compared(part, vector)),
         "    }",
         "    return wrong != 0;",
         "}",

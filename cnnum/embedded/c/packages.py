@@ -115,7 +115,7 @@ void loop() {{
 
 
 def _platformio(source: Source) -> dict[str, str]:
-    about = {
+    library = {
         "name": source.target,
         "version": source.version,
         "description": f"{source.about} Written by {MARK}.",
@@ -129,7 +129,7 @@ def _platformio(source: Source) -> dict[str, str]:
             "srcFilter": ["-<*>", f"+<{source.name}.c>"],
         },
     }
-    return {"library.json": json.dumps(about, indent=2) + "\n"}
+    return {"library.json": json.dumps(library, indent=2) + "\n"}
 
 
 def _zephyr(source: Source) -> dict[str, str]:

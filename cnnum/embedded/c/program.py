@@ -173,12 +173,15 @@ def literal(array: Array, value: float) -> str:
 
 def members(arrays: Iterable[Array]) -> list[str]:
     """Return the members of a structure, the widest first, so that nothing is padded."""
-    return [f"    {element_type(one)} {declared(one)}; {comment(one)}" for one in in_order(arrays)]
+    return [
+        f"    {element_type(array)} {declared(array)}; {comment(array)}"
+        for array in in_order(arrays)
+    ]
 
 
 def in_order(arrays: Iterable[Array]) -> list[Array]:
     """Return the members of a structure in their order, the widest first."""
-    return sorted(arrays, key=lambda one: -WIDTHS[element_type(one)])
+    return sorted(arrays, key=lambda array: -WIDTHS[element_type(array)])
 
 
 def declared(array: Array) -> str:
@@ -225,7 +228,8 @@ def record_type(arrays: Sequence[Array], *, memory: bool = False) -> np.dtype[An
         Whether it is that of the memory, which begins with a flag.
     """
     members: list[Any] = [
-        (one.name, CODES[element_type(one)], (max(1, one.length),)) for one in in_order(arrays)
+        (array.name, CODES[element_type(array)], (max(1, array.length),))
+        for array in in_order(arrays)
     ]
     if memory:
         members = [("started", "<i4"), *members]

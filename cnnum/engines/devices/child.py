@@ -26,8 +26,8 @@ def build_failure(source: str, error: cl.Error, device: cl.Device) -> NotSupport
         Its text holds the compiler's log.
     device : pyopencl.Device
     """
-    about = f"{device.platform.name}, {device.name}, {device.driver_version}"
-    text = f"/*\n{about}\n\n{str(error).replace('*/', '* /')}\n*/\n{source}"
+    driver = f"{device.platform.name}, {device.name}, {device.driver_version}"
+    text = f"/*\n{driver}\n\n{str(error).replace('*/', '* /')}\n*/\n{source}"
     where = "no file could be written for its text and log"
     with suppress(OSError):
         # the user's to look at, so it stays

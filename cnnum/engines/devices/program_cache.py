@@ -94,9 +94,9 @@ def _built(program: cl.Program, options: Sequence[str]) -> cl.Program:
 
 def _name(device: cl.Device, source: str, options: Sequence[str]) -> str:
     here = processor()
-    about = [__version__, source, *options, device.platform.version, device.name, device.version]
-    about += [device.driver_version, here.name, here.family, here.model, *sorted(here.flags)]
-    return hashlib.sha256(json.dumps([str(part) for part in about]).encode()).hexdigest()[:32]
+    origin = [__version__, source, *options, device.platform.version, device.name, device.version]
+    origin += [device.driver_version, here.name, here.family, here.model, *sorted(here.flags)]
+    return hashlib.sha256(json.dumps([str(part) for part in origin]).encode()).hexdigest()[:32]
 
 
 def _build_binary(
@@ -135,7 +135,7 @@ def _build_in(
 def _folders(folder: Path) -> set[str]:
     """Return PoCL's folders of programs: the first letters of a checksum, and the others."""
     outer = [entry.path for entry in _entries(folder) if entry.is_dir()]
-    return {entry.path for each in outer for entry in _entries(each)}
+    return {entry.path for place in outer for entry in _entries(place)}
 
 
 def _entries(folder: str | Path) -> list[os.DirEntry[str]]:

@@ -83,13 +83,13 @@ def signs(
     real: Any = u.dtype.type
     numbers = (real(weights[-1]), *(real(level) for level in levels))
     seen, out = _around(u, places), np.empty(u.shape)
-    about: Any = (u.shape[1:], start.ravel(), _flat(where, seen), padded, numbers)
+    scene: Any = (u.shape[1:], start.ravel(), _flat(where, seen), padded, numbers)
     around: Any = (rim[0], real(rim[1]), seen.radius)
     into: Any = (around, seen.wide.ravel(), out.ravel())
     take: Any = _signs
 
     def rows(first: int, last: int) -> bool:
-        return bool(take(u.ravel(), *about, first, last, *into))
+        return bool(take(u.ravel(), *scene, first, last, *into))
 
     return (out, seen) if _by_cores(rows, u) else None
 
@@ -125,13 +125,13 @@ def ranks(
     seen, out = _around(u, places), np.empty(u.shape)
     begun = (0.0, 0) if start is None else (start, 1)
     steps: Any = comparisons(len(places), between)
-    about: Any = (u.shape[1:], begun, _flat(places, seen), *steps, between, shift)
+    scene: Any = (u.shape[1:], begun, _flat(places, seen), *steps, between, shift)
     around: Any = (rim[0], u.dtype.type(rim[1]), seen.radius)
     into: Any = (around, seen.wide.ravel(), out.ravel())
     take: Any = _ranks
 
     def rows(first: int, last: int) -> bool:
-        return bool(take(u.ravel(), *about, first, last, *into))
+        return bool(take(u.ravel(), *scene, first, last, *into))
 
     return (out, seen) if _by_cores(rows, u) else None
 
@@ -263,9 +263,9 @@ def _nine(
     inside = a0 >= 0 and a1 >= 0 and a2 >= 0 and a3 >= 0 and a4 >= 0 and a5 >= 0
     if inside and a6 >= 0 and a7 >= 0 and a8 >= 0:
         for c in range(count):
-            one = w0 * wide[a0 + c] + w1 * wide[a1 + c] + w2 * wide[a2 + c]
+            total = w0 * wide[a0 + c] + w1 * wide[a1 + c] + w2 * wide[a2 + c]
             two = w3 * wide[a3 + c] + w4 * wide[a4 + c] + w5 * wide[a5 + c]
-            sums[c] += one + two + (w6 * wide[a6 + c] + w7 * wide[a7 + c] + w8 * wide[a8 + c])
+            sums[c] += total + two + (w6 * wide[a6 + c] + w7 * wide[a7 + c] + w8 * wide[a8 + c])
 
 
 @compiled
@@ -353,9 +353,9 @@ def _taken_in_order(
     """Copy the lesser numbers of two rows to one place, and the greater ones to another."""
     if a >= 0 and b >= 0 and i >= 0 and j >= 0:
         for c in range(count):
-            one, two = wide[a + c], wide[b + c]
-            near[i + c] = one if one < two else two
-            near[j + c] = two if one < two else one
+            first, second = wide[a + c], wide[b + c]
+            near[i + c] = first if first < second else second
+            near[j + c] = second if first < second else first
 
 
 @compiled
@@ -363,9 +363,9 @@ def _in_order(near: NDArray[Real], i: int, j: int, count: int) -> None:
     """Bring the lesser numbers of two rows to the first one."""
     if i >= 0 and j >= 0:
         for c in range(count):
-            one, two = near[i + c], near[j + c]
-            near[i + c] = one if one < two else two
-            near[j + c] = two if one < two else one
+            first, second = near[i + c], near[j + c]
+            near[i + c] = first if first < second else second
+            near[j + c] = second if first < second else first
 
 
 @compiled
@@ -415,8 +415,8 @@ def _ranks(
     radius = rim[2]
     stride = cols + 2 * radius
     group = max(1, GROUP // stride)
-    each = group * stride
-    near = np.empty(places.size * each, u.dtype)
+    span = group * stride
+    near = np.empty(places.size * span, u.dtype)
     at = first
     while at < last:
         frame, begin = at // rows, at % rows
@@ -430,17 +430,17 @@ def _ranks(
             for k in range(pairs.shape[0]):
                 i, j = int(pairs[k, 0]), int(pairs[k, 1])
                 a, b = row + int(places[i]), row + int(places[j])
-                _taken_in_order(wide, a, b, near, i * each, j * each, length)
+                _taken_in_order(wide, a, b, near, i * span, j * span, length)
             for k in range(lone.size):
                 i = int(lone[k])
-                _copied(wide, row + int(places[i]), near, i * each, length)
+                _copied(wide, row + int(places[i]), near, i * span, length)
             for k in range(network.shape[0]):
-                _in_order(near, network[k, 0] * each, network[k, 1] * each, length)
+                _in_order(near, network[k, 0] * span, network[k, 1] * span, length)
             for n in range(together):
                 own = row + (radius + n) * stride + radius
                 place = (frame * rows + r + n) * cols
                 # a bound that is not there stays below 0
-                bounds = (between[0] * each + n * stride, between[1] * each + n * stride)
+                bounds = (between[0] * span + n * stride, between[1] * span + n * stride)
                 _between(wide, own, begun, near, bounds, shift, out, place, cols)
         at += end - begin
     return True

@@ -25,9 +25,12 @@ def tableaux(solver: Solver) -> Floats:
     """Return (layers or 1, rows, stages) numbers, whose rows `codes` names."""
     scheme = solver.scheme
     if isinstance(scheme, FixedSteps):
-        return np.array([_coefficients_fixed(one) for one in scheme.tableaux])
+        return np.array([_coefficients_fixed(tableau) for tableau in scheme.tableaux])
     if isinstance(scheme, AdaptiveSteps):
-        result = [_rows(one.a, errors=one.error, parts=one.truncation) for one in scheme.tableaux]
+        result = [
+            _rows(tableau.a, errors=tableau.error, parts=tableau.truncation)
+            for tableau in scheme.tableaux
+        ]
         return np.array(result)
     # one stage of no step gives the slopes
     return np.zeros((1, records.STAGES + 1, 2))

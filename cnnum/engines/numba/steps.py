@@ -132,9 +132,9 @@ def show(plan: Plan, state: Reals, output: Reals) -> None:
 
 
 @inlined
-def largest(found: Reals, column: Any) -> Any:
+def largest(errors: Reals, column: Any) -> Any:
     """Return the largest number of a column of the bands' findings."""
-    return found[:, column].max()
+    return errors[:, column].max()
 
 
 @inlined
@@ -310,7 +310,7 @@ def speed(plan: Plan, state: Reals, slope: Reals) -> Any:
 
 
 @inlined
-def _judge(plan: Plan, work: Reals, layer: Any, step: Any, lo: Any, hi: Any, found: Reals) -> None:
+def _judge(plan: Plan, work: Reals, layer: Any, step: Any, lo: Any, hi: Any, judged: Reals) -> None:
     """Find the error of a step from the state to the last stage, and change and rate there."""
     real, last = work.dtype.type, plan.settings[0].stages - 1
     worst = real(0)
@@ -332,8 +332,12 @@ def _judge(plan: Plan, work: Reals, layer: Any, step: Any, lo: Any, hi: Any, fou
     for i in range(errors.size):
         worst = max(worst, off[i] / (atol + rtol * max(abs(state[i]), abs(moved[i]))))
     added += real(plan.settings[0].rounding) * np.abs(moved)
-    found[0], found[1], found[3] = worst, added.max(), speed(plan, moved, slope)
-    found[2] = _change(plan, moved, slope)
+    judged[0], judged[1], judged[3] = (
+        worst,
+        added.max(),
+        speed(plan, moved, slope),
+    )
+    judged[2] = _change(plan, moved, slope)
 
 
 @inlined
@@ -427,8 +431,8 @@ def _set_gains(plan: Plan, gains: Reals, time: Any, begin: Any, step: Any) -> No
         gains[plan.gains[g].place] = 1
     for g in range(plan.gains.size):
         if plan.settings[0].lag and step > 0.0:
-            found = mean(plan, plan.gains[g].table, begin, begin + step)
-            gains[plan.gains[g].place] += gains.dtype.type(found - 1.0)
+            gain = mean(plan, plan.gains[g].table, begin, begin + step)
+            gains[plan.gains[g].place] += gains.dtype.type(gain - 1.0)
             continue
         at = time if plan.tables[plan.gains[g].table].linear else middle
         value = look_up(plan, plan.gains[g].table, gains.dtype.type(at))
@@ -727,10 +731,10 @@ def run_frames(
         figures = batch.figures[frame]
         gains = np.ones(settings.layers**2 + 1, batch.state.dtype)
         work = _prepare(plan, batch, frame, gains)
-        found = np.zeros((len(plan.bands), 4), work.dtype)
+        errors = np.zeros((len(plan.bands), 4), work.dtype)
         kept = np.zeros((2, work.shape[1] if batch.moments.size else 0), work.dtype)
         looks = (batch.moments, batch.seen[:, frame], batch.marks[:, frame])
-        now = Frame(work, gains, found, kept, looks[0], looks[1], looks[2])
+        now = Frame(work, gains, errors, kept, looks[0], looks[1], looks[2])
         if settings.scheme == records.FIXED:
             fixed(plan, now, spread, figures)
         elif settings.scheme in (records.ADAPTIVE, records.CHEBYSHEV):

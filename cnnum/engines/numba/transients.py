@@ -328,13 +328,13 @@ class TransientRunner:
         if not stretch.later:
             return
         numbers = seen[0].astype(np.float64), drive.astype(np.float64)
-        found, rounded = followed(Network(template, shape), *numbers, stretch.later)
-        seen[1:] = found
+        states, rounded = followed(Network(template, shape), *numbers, stretch.later)
+        seen[1:] = states
         # what is off then, and the roundings of the drive, grow no faster than states part
         eps, since = float(np.finfo(self.dtype).eps), np.array(stretch.later)[:, np.newaxis]
         driven = eps * _control(template) * _largest(drive) / float(template.tau.min())
         begun, along = grown(bounds(template)[1], since)
-        sizes = np.abs(found).max(axis=(2, 3, 4))
+        sizes = np.abs(states).max(axis=(2, 3, 4))
         errors[1:] = begun * errors[0] + along * driven + rounded + eps * sizes
 
     def _reach(self, end: ExactEnd, frames: Batch, start: int, stop: int, spread: bool) -> None:

@@ -168,8 +168,8 @@ class StateEquation:
             return lambda y: _correlated(kernels, y, boundary, edge)
         # all units at once, on an axis along which kernels have no neighbours
         units = np.eye(states).reshape(states, layers, *self.shape).swapaxes(0, 1)
-        each = _correlated(kernels[:, :, np.newaxis], units, boundary, 0.0)
-        matrix = each.swapaxes(0, 1).reshape(states, -1).T.copy()
+        responses = _correlated(kernels[:, :, np.newaxis], units, boundary, 0.0)
+        matrix = responses.swapaxes(0, 1).reshape(states, -1).T.copy()
         still = _correlated(kernels, np.zeros((layers, *self.shape)), boundary, edge)
         # half the time of `@` for matrices this small
         return lambda y: matrix.dot(y.ravel()).reshape(still.shape) + still

@@ -38,9 +38,9 @@ def march(equation: StateEquation, solver: Solver, scheme: FixedSteps) -> tuple[
             moved = limited(equation, x + step * weighted(rows, stages, x))
             at = time + c * step
             within = step if delayed else 0.0
-            about = (past, at, time + 0.5 * step, within)
+            interval = (past, at, time + 0.5 * step, within)
             # a cell that comes to its limit within the step is there at its end
-            stages.append(equation.rate(drive, moved, *about, outwards=bool(stages)))
+            stages.append(equation.rate(drive, moved, *interval, outwards=bool(stages)))
         change = np.abs(slowest * stages[0]) / (solver.atol + solver.rtol * np.abs(x))
         ahead = step * weighted([layer.b for layer in layers], stages, x)
         x = limited(equation, x + carried * (moved - x) + ahead)

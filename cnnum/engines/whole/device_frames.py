@@ -85,7 +85,7 @@ class DeviceFrames:
             If the device does not end the run.
         """
         refuse_after_fork()
-        batch = max([batch, *(len(one) for one in (*inputs.values(), *state.values()))])
+        batch = max([batch, *(len(part) for part in (*inputs.values(), *state.values()))])
         given = packed(self._inputs, inputs, batch)
         memory = packed(self._parts.memory, state, batch, memory=True)
         answers = np.zeros(batch, dtype=record_type(self._outputs))
@@ -93,7 +93,7 @@ class DeviceFrames:
             self._launch(given, answers, memory, first=first)
         except cl.Error as error:
             raise run_failure(error, self._queue) from error
-        kept = unpacked([one for one in self._parts.memory if one.name in state], memory)
+        kept = unpacked([part for part in self._parts.memory if part.name in state], memory)
         state.update(kept)
         return unpacked(self._outputs, answers)
 

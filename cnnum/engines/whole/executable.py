@@ -79,7 +79,7 @@ class WholeExecutable(OnHost):
     def held(self, memory: object, batch: int) -> tuple[NDArray[np.floating], ...]:
         """Return the whole numbers of memories."""
         assert isinstance(memory, WholeMemory)
-        return tuple(one.astype(np.float64) for one in (memory.state or {}).values())
+        return tuple(state.astype(np.float64) for state in (memory.state or {}).values())
 
     def restore(self, memory: object, numbers: Sequence[NDArray[np.floating]], batch: int) -> None:
         """Let memories hold a copy of these numbers."""

@@ -78,7 +78,7 @@ class Wanted:
     bounds: "Bounds"
 
     @classmethod
-    def of(cls, asked: Mapping[str, object]) -> "Wanted":
+    def of(cls, options: Mapping[str, object]) -> "Wanted":
         """Return the runs that options ask for.
 
         Raises
@@ -96,9 +96,9 @@ class Wanted:
         from cnnum.programs.library import get_program
 
         def names(key: str, usual: tuple[str, ...]) -> tuple[str, ...]:
-            return cast("tuple[str, ...]", asked[key]) or usual
+            return cast("tuple[str, ...]", options[key]) or usual
 
-        quick = bool(asked["quick"])
+        quick = bool(options["quick"])
         programs = names("programs", USUAL)
         precisions = names("precisions", PRECISIONS[:2] if quick else PRECISIONS)
         methods, cores = names("methods", ("auto",)), names("cores", ("m4",))
@@ -112,12 +112,12 @@ class Wanted:
                     raise name_error(kind, name, known)
         shapes = [shape_of(text) for text in names("shapes", ("8x8x3",))]
         bounds = Bounds(
-            cast("float | None", asked["max_error"]) or inf,
-            _amount("ram", asked, KIB, "") or inf,
-            _amount("flash", asked, KIB, "") or inf,
-            _amount("rate", asked, SUFFIXES, "hz"),
+            cast("float | None", options["max_error"]) or inf,
+            _amount("ram", options, KIB, "") or inf,
+            _amount("flash", options, KIB, "") or inf,
+            _amount("rate", options, SUFFIXES, "hz"),
         )
-        clock = _amount("clock", asked, SUFFIXES, "hz")
+        clock = _amount("clock", options, SUFFIXES, "hz")
         some_cases = cases(programs, shapes, precisions, methods, cores)
         return cls(some_cases, clock, 0 if quick else SCENES, bounds)
 
@@ -129,10 +129,10 @@ class Wanted:
 
 
 def _amount(
-    key: str, asked: Mapping[str, object], suffixes: Mapping[str, float], unit: str
+    key: str, options: Mapping[str, object], suffixes: Mapping[str, float], unit: str
 ) -> float:
     """Return a number with a suffix; 0 where none is given."""
-    given = asked[key]
+    given = options[key]
     if given is None:
         return 0.0
     text = str(given).strip().lower().removesuffix(unit or "b")
@@ -194,7 +194,7 @@ def run_all(
 
 def _invoke(ctx: click.Context, benchmark: click.Command, options: Mapping[str, object]) -> object:
     try:
-        taken = {one.name for one in benchmark.params}
+        taken = {parameter.name for parameter in benchmark.params}
         given = {name: value for name, value in options.items() if name in taken}
         return ctx.invoke(benchmark, **given)
     except KeyboardInterrupt:  # before its first row, or after its last
@@ -237,7 +237,7 @@ def _engine(device: str | None) -> "Engine":
 
 def _report(
     name: str,
-    found: Iterable[object],
+    results: Iterable[object],
     total: int | None,
     device: str,
     out: Path | None,
@@ -253,7 +253,7 @@ def _report(
     output, rows, left_out = Output(as_json), list[Mapping[str, object]](), list(omissions)
     if out is not None:
         _refuse(out, name, force=force)
-    stopped = not _collect(name, found, total, output, rows, left_out, out, force)
+    stopped = not _collect(name, results, total, output, rows, left_out, out, force)
     if stopped:
         left_out.append("It was stopped here: all later rows are missing.")
     output.record({"kind": "omissions", "bench": name, "omissions": left_out})
@@ -292,14 +292,14 @@ def _asked(name: str) -> str:
         unsaid = value in (None, False, ()) or value == option.default
         if unsaid or option.name in ("out", "force", "as_json"):
             continue
-        for one in cast("tuple[object, ...]", value) if option.multiple else (value,):
-            words += [option.opts[0]] if one is True else [option.opts[0], str(one)]
+        for item in cast("tuple[object, ...]", value) if option.multiple else (value,):
+            words += [option.opts[0]] if item is True else [option.opts[0], str(item)]
     return shlex.join(words)
 
 
 def _collect(
     name: str,
-    found: Iterable[object],
+    results: Iterable[object],
     total: int | None,
     output: Output,
     rows: list[Mapping[str, object]],
@@ -317,7 +317,7 @@ def _collect(
     with progress(name, total, as_json=output.as_json) as steps:
         try:
             with stoppable():
-                for item in found:
+                for item in results:
                     if isinstance(item, str):
                         left_out += [] if item in left_out else [item]
                     elif item is not None:
@@ -538,7 +538,7 @@ def design(device: str | None, quick: bool, out: Path | None, force: bool, as_js
 
 @command.command("embedded")
 @embedded_options
-def embedded(**asked: Any) -> int:
+def embedded(**options: Any) -> int:
     """Measure programs on a Cortex-M: instructions, RAM, flash, error and events.
 
     Instructions are counted; they are not cycles. With bounds, the command names the cheapest
@@ -546,15 +546,15 @@ def embedded(**asked: Any) -> int:
     """
     from cnnum.lab.embedded.costs import CostRow, answers, measure_costs
 
-    wanted, kept = Wanted.of(asked), list[CostRow]()
+    wanted, kept = Wanted.of(options), list[CostRow]()
 
     def rows() -> Iterator[CostRow | str]:
-        for one in measure_costs(wanted.cases, wanted.clock, wanted.scenes):
-            if isinstance(one, CostRow):
-                kept.append(one)
-            yield one
+        for row in measure_costs(wanted.cases, wanted.clock, wanted.scenes):
+            if isinstance(row, CostRow):
+                kept.append(row)
+            yield row
 
-    out, force, as_json = asked["out"], bool(asked["force"]), bool(asked["as_json"])
+    out, force, as_json = options["out"], bool(options["force"]), bool(options["as_json"])
     code = _report("embedded", rows(), len(wanted.cases), wanted.label, out, force, as_json)
     if wanted.bounds.asked and code == 0:
         sentences, output = answers(kept, wanted.bounds), Output(as_json)
@@ -581,6 +581,10 @@ def every(
     is written, and start no further one.
     """
     _engine(device)  # a wrong name shall not fail once a benchmark
-    benchmarks = {name: one for name, one in command.commands.items() if one is not ctx.command}
+    benchmarks = {
+        name: benchmark
+        for name, benchmark in command.commands.items()
+        if benchmark is not ctx.command
+    }
     given = {"device": device, "quick": quick, "out": out, "force": force, "as_json": as_json}
     return run_all(ctx, benchmarks, given, Output(as_json))

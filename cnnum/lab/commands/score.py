@@ -109,7 +109,7 @@ def command(
         _show_part(output, gathered.tables(used, request.programs))
         return stop.say(done, request.steps, "families and trials", as_json=as_json)
     _record(output, tables)
-    aimed, missed = (sum(getattr(each, name) for each in tables) for name in ("aimed", "missed"))
+    aimed, missed = (sum(getattr(table, name) for table in tables) for name in ("aimed", "missed"))
     output.show(*_parts(tables), f"{aimed - missed} of {aimed} aims reached.")
     if out is not None:
         _write(out, tables, request, str(used.device), force)
@@ -118,8 +118,8 @@ def command(
 
 
 def _record(output: Output, tables: "Sequence[Table]") -> None:
-    for each in tables:
-        for record in each.records():
+    for scores in tables:
+        for record in scores.records():
             output.record(record)
 
 
@@ -162,14 +162,16 @@ def _write(
 
 def _parts(tables: "Sequence[Table]") -> list[rich.table.Table | str]:
     parts: list[rich.table.Table | str] = []
-    for each in tables:
-        heads = [column.title for column in each.columns]
+    for scores in tables:
+        heads = [column.title for column in scores.columns]
         words = {
-            c.title for c in each.columns if any(isinstance(r.get(c.key), str) for r in each.rows)
+            c.title
+            for c in scores.columns
+            if any(isinstance(r.get(c.key), str) for r in scores.rows)
         }
-        made = table(*(h if h in words else f">{h}" for h in heads), title=each.title)
-        for row in each.rows:
-            cells = ((column, row.get(column.key)) for column in each.columns)
-            made.add_row(*(Text(c.text(v), style=STYLES[each.reached(c, row)]) for c, v in cells))
-        parts += [made, each.note]
+        made = table(*(h if h in words else f">{h}" for h in heads), title=scores.title)
+        for row in scores.rows:
+            cells = ((column, row.get(column.key)) for column in scores.columns)
+            made.add_row(*(Text(c.text(v), style=STYLES[scores.reached(c, row)]) for c, v in cells))
+        parts += [made, scores.note]
     return parts

@@ -143,7 +143,7 @@ class Board:
     def symbols(self) -> dict[str, int]:
         """Addresses by name."""
         table = self.sections.get_section_by_name(".symtab")
-        return {one.name: int(one["st_value"]) for one in table.iter_symbols()}
+        return {symbol.name: int(symbol["st_value"]) for symbol in table.iter_symbols()}
 
     def _bytes_of(self, *, written: bool) -> int:
         """Return the bytes of sections that are loaded: the writable ones, or the others."""

@@ -121,12 +121,12 @@ def loss(made: Made, shape: Shape) -> Loss:
 
 
 def _unlike(
-    found: Mapping[str, Floats], wanted: Mapping[str, Floats], names: Sequence[str]
+    answers: Mapping[str, Floats], wanted: Mapping[str, Floats], names: Sequence[str]
 ) -> float:
     """Return the share of the flags up in either that are not up in both; NaN if none is up."""
-    pairs = [(found[name] > 0, wanted[name] > 0) for name in names]
-    either = sum(int((one | other).sum()) for one, other in pairs)
-    both = sum(int((one & other).sum()) for one, other in pairs)
+    pairs = [(answers[name] > 0, wanted[name] > 0) for name in names]
+    either = sum(int((this | other).sum()) for this, other in pairs)
+    both = sum(int((this & other).sum()) for this, other in pairs)
     return 1.0 - both / either if either else nan
 
 
@@ -176,11 +176,11 @@ def _answers(made: Made, scenes: Sequence[Trial]) -> list[dict[str, Floats]]:
 def _exact_answers(name: str, shape: Shape, count: int) -> list[dict[str, Floats]]:
     """Return the reports of a program in float32 on the scenes that are scored."""
     result = _answers(made_program(name, shape, "float32"), trials(shape, OTHERS, count))
-    return [{key: one[key] for key in REPORTS if key in one} for one in result]
+    return [{key: frame[key] for key in REPORTS if key in frame} for frame in result]
 
 
 def _together(some: Sequence[Mapping[str, Floats]], names: Sequence[str]) -> dict[str, Floats]:
-    return {name: np.concatenate([one[name].ravel() for one in some]) for name in names}
+    return {name: np.concatenate([frame[name].ravel() for frame in some]) for name in names}
 
 
 def _share(some: Sequence[bool]) -> float:
@@ -298,9 +298,9 @@ def measure_costs(some: Sequence[Case], clock: float, scenes: int) -> Iterator[C
         try:
             if key not in known:
                 known.clear()
-                found = made(program, shape, precision, method)
-                scored = events(found, shape, scenes) if scenes else NO_EVENTS
-                known[key] = (found, loss(found, shape), scored)
+                export = made(program, shape, precision, method)
+                scored = events(export, shape, scenes) if scenes else NO_EVENTS
+                known[key] = (export, loss(export, shape), scored)
             yield _row(key, core, clock, known[key])
         except NotSupportedError as error:
             yield f"{program} on {shape[0]}×{shape[1]} in {precision} by {method}: {error}"
@@ -316,16 +316,16 @@ def _row(
     from cnnum.embedded.making import Made
     from cnnum.lab.embedded.costs import Events, Loss
 
-    found, lost, scored = known
-    assert isinstance(found, Made)
+    counts, lost, scored = known
+    assert isinstance(counts, Made)
     assert isinstance(lost, Loss)
     assert isinstance(scored, Events)
     program, shape, precision, method = key
     frames = vector_frames(shape, COUNTED)
-    counted = Board.built(found, frames[:1], core).run(frames)
+    counted = Board.built(counts, frames[:1], core).run(frames)
     gnu = None
-    if found.precision.integer and not missing_gnu_tools():
-        gnu = gnu_counted(found, frames, core)
+    if counts.precision.integer and not missing_gnu_tools():
+        gnu = gnu_counted(counts, frames, core)
     return CostRow(
         case=program,
         shape=shape,

@@ -132,7 +132,7 @@ def firmware(name: str, inputs: Sequence[bytes], outputs: Sequence[bytes], stack
 
 
 def _rows(some: Sequence[bytes]) -> str:
-    return ",\n".join("{" + ",".join(str(byte) for byte in one) + "}" for one in some)
+    return ",\n".join("{" + ",".join(str(byte) for byte in row) + "}" for row in some)
 
 
 COMPILER, SIZE, EMULATOR = "arm-none-eabi-gcc", "arm-none-eabi-size", "qemu-system-arm"
@@ -217,7 +217,9 @@ def gnu_counted(made: Made, frames: Floats, core: str) -> GnuCounted:
              "-kernel", "firmware.elf"],
             place,
         )  # fmt: skip
-    rows = [[int(one, 16) for one in line.split()] for line in said.splitlines() if line.strip()]
+    rows = [
+        [int(number, 16) for number in line.split()] for line in said.splitlines() if line.strip()
+    ]
     if len(rows) != len(frames):
         raise DeviceError(f"QEMU's {machine} gave {len(rows)} of {len(frames)} frames.")
     counts = tuple(round(ticks * tick) for ticks, _ in rows)

@@ -72,7 +72,7 @@ def judged(engine: Engine, known: Known, rtol: float, atol: float) -> Judged:
 
 def report(name: str, runs: Sequence[Judged]) -> str:
     """Return a line on all runs of an engine."""
-    stated, true, part = (np.concatenate(each) for each in zip(*runs, strict=True))
+    stated, true, part = (np.concatenate(column) for column in zip(*runs, strict=True))
     some = np.isfinite(stated) & (true > 1e-9)
     return (
         f"{name}: {part.size} frames, {np.mean(part > 1.0):.1%} off by more than the tolerance, by "

@@ -80,7 +80,7 @@ def _family(name: str, title: str, rows: Sequence[Row]) -> str:
         return ""
     body = "".join(_line(row) for row in mine)
     heads = ("case", "engine", "outcome", "error", "tolerance", "time", "")
-    head = "".join(f"<th>{each}</th>" for each in heads)
+    head = "".join(f"<th>{label}</th>" for label in heads)
     return (
         f'<section><h2>{title}</h2><div class="card"><div class="panels">{_picture(mine)}</div>'
         '<p class="caption">Error over tolerance, a row a case; right of 1 is wrong. A cross is a '

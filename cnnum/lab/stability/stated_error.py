@@ -40,11 +40,11 @@ Judged = tuple[str, Floats, Floats, Floats]
 def judged(engine: Engine, known: Known) -> Iterator[Judged]:
     """Yield the stated and the true errors of a batch, for its time and up to a rest."""
     input, state = known.maps["input"], known.maps["state"]
-    found = engine.run(known.template, input=input, state=state)
-    off = np.abs(found.state - known.truth.state)
-    kind = "without steps" if found.method == "propagator" else "by steps"
+    result = engine.run(known.template, input=input, state=state)
+    off = np.abs(result.state - known.truth.state)
+    kind = "without steps" if result.method == "propagator" else "by steps"
     wanted = ATOL + RTOL * np.abs(known.truth.state)
-    yield kind, found.error, _true(off, known.truth.error), _true(off / wanted, 0.0)
+    yield kind, result.error, _true(off, known.truth.error), _true(off / wanted, 0.0)
     if known.template.output.linear:
         return
     try:
@@ -99,7 +99,7 @@ def main(count: int, names: Sequence[str]) -> None:
         if names and name not in names:
             continue
         engine = Engine(name, precision=precision)
-        runs = [one for known in networks for one in judged(engine, known)]
+        runs = [run for known in networks for run in judged(engine, known)]
         for line in report(f"{name} {precision}", runs):
             print(line, flush=True)
 

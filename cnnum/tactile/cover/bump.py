@@ -252,8 +252,8 @@ class BumpCover:
         """Return the seven profiles at distances, unit force and radius, (7, ...)."""
         spread = 1 + self.relative_depth
         stretched = distance / spread
-        found = self._spline(np.minimum(stretched, STRETCH[-1])) / spread**2
-        near = np.moveaxis(found, -1, 0).copy()  # written to below, row by row
+        values = self._spline(np.minimum(stretched, STRETCH[-1])) / spread**2
+        near = np.moveaxis(values, -1, 0).copy()  # written to below, row by row
         beyond = stretched > STRETCH[-1]
         if self.rigid_base:
             return np.where(beyond, 0.0, near)

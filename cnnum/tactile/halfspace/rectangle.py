@@ -327,9 +327,9 @@ def rectangle_functions(
     for n in range(len(_GAUSS) + 1):
         where = tier == n
         if where.any():
-            found = _in_tier(n, names, (place[0][where], place[1][where], place[2][where]), half)
+            near = _in_tier(n, names, (place[0][where], place[1][where], place[2][where]), half)
             for name in names:
-                values[name][where] = found[name]
+                values[name][where] = near[name]
     return {name: _unfold(name, values[name], x, y) * scale ** _power(name) for name in names}
 
 

@@ -299,8 +299,8 @@ class LoadMap:
     def _spread(self) -> Array:
         """Return the noise of each row."""
         shear, normal = shear_and_normal(self.noise)
-        each = [normal if name == "normal" else shear for name in self.channels]
-        return np.tile(np.array(each), len(self.taxels))
+        spreads = [normal if name == "normal" else shear for name in self.channels]
+        return np.tile(np.array(spreads), len(self.taxels))
 
     def _influence(self) -> Array:
         """Return strain rows per traction of a cell (Love, Cerruti), both flat."""

@@ -272,11 +272,11 @@ def _starts(rows: Array, place: Array) -> Array:
     strongest = np.argsort(-strength, axis=-1)[:, :count]
     own = np.take_along_axis(rows, strongest[..., np.newaxis], axis=1)
     at = place[strongest]
-    found: list[Array] = []
+    places: list[Array] = []
     for sign in (1.0, -1.0):
         load = locate(sign * own, depth=1.0, youngs_modulus=1.0, taxel=at)
-        found.append(np.stack([load.x, load.y], axis=-1))
-    starts = np.concatenate([*found, at], axis=1)
+        places.append(np.stack([load.x, load.y], axis=-1))
+    starts = np.concatenate([*places, at], axis=1)
     middle, reach = place.mean(axis=0), 10.0 + np.ptp(place, axis=0).max()
     return np.asarray(middle + np.clip(starts - middle, -reach, reach), dtype=np.float64)
 

@@ -36,7 +36,7 @@ class Coupling:
     cross: Floats = field(default_factory=lambda: np.eye(3))
 
     def __post_init__(self) -> None:
-        if not all(is_real(one) and one > 0.0 for one in (self.shear, self.normal)):
+        if not all(is_real(value) and value > 0.0 for value in (self.shear, self.normal)):
             raise PhysicsError(
                 "A coupling needs positive finite stiffnesses, got "
                 f"shear {self.shear} and normal {self.normal}."

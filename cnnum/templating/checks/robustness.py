@@ -163,22 +163,22 @@ class Judge:
         except MethodError as error:
             self.reasons.append(str(error))
             return math.nan
-        found = np.asarray(getattr(result, self.form.compares), dtype=np.float64)
-        return float(np.mean(~(np.abs(found - self.expected) <= allowed)))
+        answer = np.asarray(getattr(result, self.form.compares), dtype=np.float64)
+        return float(np.mean(~(np.abs(answer - self.expected) <= allowed)))
 
     def shares(self, changed: Sequence[Template]) -> list[float]:
         """Return the share of wrong cells of many templates, in one run where that can be."""
         if self.form.compares != "output":
-            return [self.wrong(one) for one in changed]
+            return [self.wrong(cells) for cells in changed]
         batch = TemplateBatch.of(changed).spread()  # an axis for the pictures of the case
         try:
             result = run_case(batch, self.engine, self.case, self.form.rtol)
         except CnnumError:
-            return [self.wrong(one) for one in changed]  # one of them diverges, or fails
+            return [self.wrong(cells) for cells in changed]  # one of them diverges, or fails
         allowed = WRONG if self.form.digital else self.form.tolerance
-        found = np.asarray(result.output, dtype=np.float64)
-        wrong = ~(np.abs(found - self.expected) <= allowed)
-        return [float(one.mean()) for one in wrong]
+        outputs = np.asarray(result.output, dtype=np.float64)
+        wrong = ~(np.abs(outputs - self.expected) <= allowed)
+        return [float(cells.mean()) for cells in wrong]
 
 
 def _reach(job: Judge, part: str, array: Floats, index: tuple[int, ...], sign: float) -> float:

@@ -282,7 +282,7 @@ def narrow_neighbourhoods(template: Template, rng: np.random.Generator) -> Bools
         both_colours = [(holds, decided(template, holds=holds)) for holds in (True, False)]
     except TooTangledError:
         return np.zeros((0, SIDE, SIDE), dtype=np.bool_)
-    found = list[Floats]()
+    result = list[Floats]()
     for holds, cases in both_colours:
         sign = 1.0 if holds else -1.0
         for black in (False, True):
@@ -291,10 +291,10 @@ def narrow_neighbourhoods(template: Template, rng: np.random.Generator) -> Bools
             for _ in range(_OTHERS if cases else 0):
                 case = cases[rng.integers(len(cases))]
                 narrow.append(narrowest(case, rng.normal(size=CELLS + 1), fixed))
-            found += [each for each in narrow if each is not None]
-    if not found:
+            result += [pattern for pattern in narrow if pattern is not None]
+    if not result:
         return np.zeros((0, SIDE, SIDE), dtype=np.bool_)
-    cells = np.unique(np.stack(found)[:, :CELLS], axis=0)
+    cells = np.unique(np.stack(result)[:, :CELLS], axis=0)
     return cells.reshape(-1, SIDE, SIDE) > 0.5
 
 
@@ -346,8 +346,8 @@ def both(first: list[LinearCase], second: list[LinearCase]) -> list[LinearCase]:
     """Return the sets of inequalities that are true where both are, without impossible ones."""
     if len(first) * len(second) > _MOST:
         raise TooTangledError
-    joined = (one + other for one, other in itertools.product(first, second))
-    return [case for case in joined if all(each.most >= 0.0 for each in case)]
+    joined = (this + other for this, other in itertools.product(first, second))
+    return [case for case in joined if all(term.most >= 0.0 for term in case)]
 
 
 def narrowest(case: LinearCase, weights: Floats, fixed: dict[int, bool]) -> Floats | None:
@@ -370,7 +370,7 @@ def narrowest(case: LinearCase, weights: Floats, fixed: dict[int, bool]) -> Floa
     for cell, black in fixed.items():
         low[cell] = high[cell] = float(black)
     held = [
-        LinearConstraint(np.stack([each.weights for each in case]), [-s.constant for s in case])
+        LinearConstraint(np.stack([term.weights for term in case]), [-s.constant for s in case])
     ]
     result = milp(
         weights,
@@ -388,8 +388,8 @@ def _cases(node: ast.expr, holds: bool) -> list[LinearCase]:
             if isinstance(op, ast.And) != holds:
                 return list(itertools.chain.from_iterable(result))
             joined: list[LinearCase] = [()]
-            for each in result:
-                joined = both(joined, each)
+            for case in result:
+                joined = both(joined, case)
             return joined
         case ast.UnaryOp(op=ast.Not(), operand=part):
             return _cases(part, not holds)
@@ -427,7 +427,7 @@ def _compared(left: Sum, op: ast.cmpop, holds: bool) -> list[LinearCase]:
         ast.Gt: [(above,)],
         ast.GtE: [(left,)],
     }
-    return [case for case in cases[type(op)] if all(each.most >= 0.0 for each in case)]
+    return [case for case in cases[type(op)] if all(term.most >= 0.0 for term in case)]
 
 
 def _sum(node: ast.expr) -> Sum:
@@ -441,12 +441,12 @@ def _sum(node: ast.expr) -> Sum:
         case ast.BinOp(left=left, op=ast.Sub(), right=right):
             return _sum(left) + _sum(right).times(-1.0)
         case ast.BinOp(left=left, op=ast.Mult(), right=right):
-            one, other = _sum(left), _sum(right)
+            this, other = _sum(left), _sum(right)
             if other.weights.any():
-                one, other = other, one
+                this, other = other, this
             if other.weights.any():
                 raise TooTangledError
-            return one.times(other.constant)
+            return this.times(other.constant)
         case ast.Call(func=ast.Name(id="mismatch"), args=[ast.Constant(value=str(text))]):
             return _mismatch(text)
         case _:
@@ -582,14 +582,16 @@ def _planted(template: Template, rng: np.random.Generator, shape: Shape) -> Bool
     """
     if min(shape) < SIDE or template.inputs != 1:
         return np.zeros((0, *shape), dtype=np.bool_)
-    found = narrow_neighbourhoods(template, rng)
+    narrow = narrow_neighbourhoods(template, rng)
     top, left = (shape[0] - SIDE) // 2, (shape[1] - SIDE) // 2
     at = np.s_[:, top : top + SIDE, left : left + SIDE]
-    black, fixed = np.zeros((2, len(found), *shape), dtype=np.bool_)
-    black[at], fixed[at] = found, True
+    black, fixed = np.zeros((2, len(narrow), *shape), dtype=np.bool_)
+    black[at], fixed[at] = narrow, True
     crowded = black | ((rng.random(black.shape) < 0.4) & ~fixed)
     avoided = _avoided(template)
-    pictures = np.concatenate([steered(rng, each, avoided, fixed) for each in (black, crowded)])
+    pictures = np.concatenate(
+        [steered(rng, picture, avoided, fixed) for picture in (black, crowded)]
+    )
     return pictures[np.any(pictures, axis=(-2, -1))]
 
 

@@ -199,8 +199,8 @@ def wrong_at(
         return None if maps is None else np.concatenate([maps] * times)
 
     layers = (template.layers,) if template.layers > 1 else ()
-    each = np.repeat(biases, count).reshape(-1, *(1 for _ in layers), 1, 1)
-    offset = np.broadcast_to(each, (times * count, *layers, *expected.shape[-2:])).copy()
+    lifted = np.repeat(biases, count).reshape(-1, *(1 for _ in layers), 1, 1)
+    offset = np.broadcast_to(lifted, (times * count, *layers, *expected.shape[-2:])).copy()
     if case.bias is not None:
         offset += np.concatenate([case.bias] * times)
     many = replace(
@@ -211,9 +211,9 @@ def wrong_at(
         mask=repeated(case.mask),
         bias=offset,
     )
-    found = np.asarray(run_case(template, engine, many, form.rtol).output, dtype=np.float64)
-    apart = np.abs(found.reshape(times, *expected.shape) - expected)
-    return [bool(not (one <= WRONG).all()) for one in apart]
+    outputs = np.asarray(run_case(template, engine, many, form.rtol).output, dtype=np.float64)
+    apart = np.abs(outputs.reshape(times, *expected.shape) - expected)
+    return [bool(not (gap <= WRONG).all()) for gap in apart]
 
 
 def _margin(template: Template, engine: Engine, form: ClosedForm, case: Case) -> float:
@@ -485,6 +485,6 @@ def audit(template: Template, engine: Engine, shape: Shape = (12, 12)) -> Audit 
     for boundary in BOUNDARIES:
         rim = parse_boundary(boundary)
         other = replace(template, boundary=rim, input_boundary=rim)
-        found = np.asarray(run_case(other, engine, case, form.rtol).output, dtype=np.float64)
-        wrong.append(int((~(np.abs(found - expected) <= WRONG)).sum()))
+        outputs = np.asarray(run_case(other, engine, case, form.rtol).output, dtype=np.float64)
+        wrong.append(int((~(np.abs(outputs - expected) <= WRONG)).sum()))
     return Audit(template.name, template.boundary.name, expected.size, tuple(wrong))

@@ -17,7 +17,9 @@ from cnnum.templating.files.toml_format import TOML
 from cnnum.templating.files.unsaid import comments, unsaid, with_comments
 from cnnum.templating.template import Template
 
-_FORMATS: dict[str, FileFormat] = {each.suffix: each for each in (TOML, TEM, MATCNN, CNNSIM)}
+_FORMATS: dict[str, FileFormat] = {
+    file_format.suffix: file_format for file_format in (TOML, TEM, MATCNN, CNNSIM)
+}
 _SEVERAL = {TEM.suffix: tem_format.read_all, MATCNN.suffix: matcnn_format.read_all}
 
 __all__ = [

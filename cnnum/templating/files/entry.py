@@ -226,7 +226,7 @@ def _rows(value: object) -> list[object]:
 def _flip(file: str, key: str, value: object) -> FlipRate:
     if len(row := _rows(value)) != 5:
         raise wrong(file, key, "rows [mismatch, rate, low, high, draws]", row)
-    mismatch, rate, low, high = (number(file, key, one) for one in row[:4])
+    mismatch, rate, low, high = (number(file, key, item) for item in row[:4])
     return FlipRate(mismatch, rate, low, high, whole(file, key, row[4]))
 
 

@@ -221,7 +221,7 @@ def _python(entry: Entry, program: str, imports: list[str], body: str, output: s
         if duration
         else "    state = start\n"
     )
-    asked = (
+    wishes = (
         """    if state is None:
         raise SystemExit("This template needs two pictures: an input and a state.")
 """
@@ -246,7 +246,7 @@ z = {float(template.z[0])!r}
 
 def run(picture, state=None):
     """Return the output for an input picture, and an initial state: black is +1, white -1."""
-{asked}    start = {start} if state is None else state
+{wishes}    start = {start} if state is None else state
 {body.strip(chr(10))}
 
 {ending}    return {output}

@@ -146,10 +146,10 @@ def words(content: str, file: str) -> Words:
 
 
 def _of_line(code: str, number: int) -> Iterator[Token]:
-    found = [Token(word, number) for word in code.replace(":", " ").split()]
+    tokens = [Token(word, number) for word in code.replace(":", " ").split()]
     # the number of a layer may be followed by its name in words
-    keep = 2 if found and found[0].keyword == "LAYER" else len(found)
-    yield from found[:keep]
+    keep = 2 if tokens and tokens[0].keyword == "LAYER" else len(tokens)
+    yield from tokens[:keep]
 
 
 def _settings(comment: str) -> dict[str, str]:
@@ -518,11 +518,11 @@ def _square(text: Words, cells: Tokens, word: str) -> list[Tokens]:
 
 def _joined(text: Words, cells: Tokens, side: int) -> Tokens:
     lines = [token.line for token in cells]
-    for n, (one, other) in enumerate(pairwise(cells)):
-        crowded = one.line == other.line and lines.count(one.line) == side + 1
-        if crowded and one.text == other.text == "0":
+    for n, (cell, other) in enumerate(pairwise(cells)):
+        crowded = cell.line == other.line and lines.count(cell.line) == side + 1
+        if crowded and cell.text == other.text == "0":
             said = f"{len(cells)} numbers stand for {side**2}: '0 0' is taken for one 0"
-            text.guess("A, B", one.line, said)
+            text.guess("A, B", cell.line, said)
             return cells[:n] + cells[n + 1 :]
     return cells
 
@@ -648,8 +648,8 @@ def _start(text: Words) -> dict[str, Any]:
     """Return the initial state, and whether a run should be given one."""
     said, read = text.header.get("inistate", ""), text.header.get("input", "")
     for what, value, role in _maps(text.header):
-        asked = f"the header asks for the {what} '{value}', which no template holds"
-        text.guess(role, 0, f"{asked}: give it to each run, as '{role}='")
+        wish = f"the header asks for the {what} '{value}', which no template holds"
+        text.guess(role, 0, f"{wish}: give it to each run, as '{role}='")
     start = _initial(said)
     if start != "input":
         if not said.strip(" -"):
@@ -690,8 +690,8 @@ def _physics(text: Words, part: Part) -> dict[str, Any]:
         if block.source >= (kernels["A"] if block.part.endswith("A") else kernels["B"]).shape[1]:
             line = block.rows[0][0].line
             raise text.wrong(line, f"a layer from 1 to {layers}", f"{block.source + 1}")
-        weights, found = _split(text, part, to, block)
-        nonlinear += found
+        weights, terms = _split(text, part, to, block)
+        nonlinear += terms
         if block.part != "D":
             where = (to, block.source)
             if weights.any() and kernels[block.part][where].any():

@@ -81,12 +81,12 @@ class _Tables(Generic[T]):
 
     def one(self, file: str, key: str, value: object) -> T:
         """Return the coupling of a table."""
-        found = table(file, key, value)
-        refuse_unknown(file, found, self.readers, f"{key}.")
+        content = table(file, key, value)
+        refuse_unknown(file, content, self.readers, f"{key}.")
         for name in self.needed:
-            if name not in found:
+            if name not in content:
                 raise TemplateError(f"'{file}': the key '{key}.{name}' is missing.")
-        parts = {name: self.readers[name](file, f"{key}.{name}", found[name]) for name in found}
+        parts = {name: self.readers[name](file, f"{key}.{name}", content[name]) for name in content}
         try:
             return self.make(parts)
         except (TemplateError, ArrayError) as error:
@@ -298,11 +298,11 @@ def _read(content: str, file: str) -> Entry:
     except ValueError as error:
         raise TemplateError(f"'{file}' must be TOML, got an error: {error}.") from None
     aliases = names(file, "aliases", table.pop("aliases", []))
-    found, proved = table.pop("measured", None), table.pop("proof", None)
+    figures, proved = table.pop("measured", None), table.pop("proof", None)
     words = {key: read(file, key, table.pop(key)) for key, read in _ABOUT.items() if key in table}
     template = _template(file, table)
     try:
-        measured = None if found is None else read_measured(file, "measured", found)
+        measured = None if figures is None else read_measured(file, "measured", figures)
         proof = None if proved is None else read_proof(file, "proof", proved)
         return Entry(template, aliases, About(**words), measured, proof)
     except TemplateError as error:

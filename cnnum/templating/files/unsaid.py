@@ -90,8 +90,8 @@ def _value(value: object) -> str:
     if isinstance(value, str):
         return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
     if isinstance(value, list):
-        return "[" + ", ".join(_value(one) for one in cast("list[object]", value)) + "]"
+        return "[" + ", ".join(_value(item) for item in cast("list[object]", value)) + "]"
     if isinstance(value, dict):
         pairs = cast("dict[str, object]", value).items()
-        return "{" + ", ".join(f"{key} = {_value(one)}" for key, one in pairs) + "}"
+        return "{" + ", ".join(f"{key} = {_value(item)}" for key, item in pairs) + "}"
     return repr(value)

@@ -100,8 +100,8 @@ def _partial_slip(friction: float) -> Case:
     """At half of the sliding force the stick radius is a (1/2)^⅓, at any friction."""
 
     def value() -> Floats:
-        found = contact.hertz(1.0, 1e-2, E)
-        slip = contact.partial_slip(found, 1.0, 0.5 * friction, friction)
+        hertz = contact.hertz(1.0, 1e-2, E)
+        slip = contact.partial_slip(hertz, 1.0, 0.5 * friction, friction)
         return np.asarray(slip.stick_radius / slip.contact_radius)
 
     title = f"partial slip with a friction of {friction:g}"

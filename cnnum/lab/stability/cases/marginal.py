@@ -47,7 +47,7 @@ def _weakly(excess: float) -> Case:
 
     def solve(engine: Engine) -> Solved:
         start = np.full(SHAPE, 0.3)
-        runs = [engine.run(each, state=start) for each in (alone, together)]
+        runs = [engine.run(template, state=start) for template in (alone, together)]
         return Solved(np.stack([run.state for run in runs]))
 
     def truth() -> Floats:

@@ -51,7 +51,7 @@ def _fields(
 ) -> Floats:
     bound = get_program(name).bind(**options)
     out = engine.compile(bound, SHAPE, wanted)(_load())
-    return np.stack([np.asarray(out[each], dtype=np.float64) for each in wanted], axis=-1)
+    return np.stack([np.asarray(out[field], dtype=np.float64) for field in wanted], axis=-1)
 
 
 def _case(
@@ -100,7 +100,7 @@ def _rim_load() -> Case:
         bound = get_program("halfspace_stress").bind(thickness=1e-3, pitch=1e-3)
         wanted = [f"stress_{axis}" for axis in AXES]
         out = engine.compile(bound, SHAPE, wanted)(load)
-        result = np.stack([np.asarray(out[each], dtype=np.float64) for each in wanted], axis=-1)
+        result = np.stack([np.asarray(out[name], dtype=np.float64) for name in wanted], axis=-1)
         return Solved(result / size)
 
     return Case(

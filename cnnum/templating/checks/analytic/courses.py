@@ -249,7 +249,7 @@ RAMPS_FORMS = (
 )
 
 
-def symbol(template: Template, name: str, found: Modes) -> Floats:
+def symbol(template: Template, name: str, modes: Modes) -> Floats:
     """Return the eigenvalues of the kernel that a parameter gives by its quadrant; 0 without it.
 
     Raises
@@ -258,7 +258,7 @@ def symbol(template: Template, name: str, found: Modes) -> Floats:
         If the parameter is not rows of numbers.
     """
     if not has(template, name):
-        return np.zeros((found.cos_rows.size, found.cos_cols.size))
+        return np.zeros((modes.cos_rows.size, modes.cos_cols.size))
     try:
         rows = [[float(v) for v in row.split()] for row in text(template, name).split("/")]
     except ValueError:
@@ -266,11 +266,11 @@ def symbol(template: Template, name: str, found: Modes) -> Floats:
             f"Template '{template.name}': the parameter '{name}' of its check must be rows of "
             f"numbers parted by '/', got '{text(template, name)}'."
         ) from None
-    total = np.zeros((found.cos_rows.size, found.cos_cols.size))
+    total = np.zeros((modes.cos_rows.size, modes.cos_cols.size))
     for down, row in enumerate(rows):
         for east, weight in enumerate(row):
             both = (1.0 if down == 0 else 2.0) * (1.0 if east == 0 else 2.0)
-            total += both * weight * _cosine(found.cos_rows, down) * _cosine(found.cos_cols, east)
+            total += both * weight * _cosine(modes.cos_rows, down) * _cosine(modes.cos_cols, east)
     return total
 
 
@@ -299,15 +299,15 @@ def _grown(rate: Floats, time: float) -> Floats:
 
 
 def _course(template: Template, case: Case) -> Floats:
-    found, time = _modes(template, case.pictures), case.time(template)
-    rate = symbol(template, "feedback", found) - 1.0
+    modes, time = _modes(template, case.pictures), case.time(template)
+    rate = symbol(template, "feedback", modes) - 1.0
     start = np.broadcast_to(case.start(template), case.pictures.shape)
-    answer = found.apply(np.asarray(start), np.exp(rate * time))
-    answer = answer + found.apply(
-        case.pictures, symbol(template, "control", found) * _grown(rate, time)
+    answer = modes.apply(np.asarray(start), np.exp(rate * time))
+    answer = answer + modes.apply(
+        case.pictures, symbol(template, "control", modes) * _grown(rate, time)
     )
     if case.bias is not None:
-        answer = answer + found.apply(case.bias, _grown(rate, time))
+        answer = answer + modes.apply(case.bias, _grown(rate, time))
     return answer
 
 
@@ -323,16 +323,16 @@ def _late(template: Template, case: Case) -> Floats:
 
 def _pair(template: Template, case: Case) -> Floats:
     """Follow x' = −x + C∗u + K∗y, y' = x from rest: y'' + y' − Ky = Cu."""
-    found, time = _modes(template, case.pictures), case.time(template)
-    drive = symbol(template, "control", found)
-    back = symbol(template, "back", found).astype(complex)
+    modes, time = _modes(template, case.pictures), case.time(template)
+    drive = symbol(template, "control", modes)
+    back = symbol(template, "back", modes).astype(complex)
     root = np.sqrt(0.25 + back + 0j)
     root = np.where(np.abs(root) < 1e-9, 1e-9, root)
     fast, slow = -0.5 - root, -0.5 + root
     # of y'' + y' − Ky = 1: x = y' is (e^{slow t} − e^{fast t})/(slow − fast)
     speed = (np.exp(slow * time) - np.exp(fast * time)) / (slow - fast)
     place = (_rise(slow, time) - _rise(fast, time)) / (slow - fast)
-    both = [found.apply(case.pictures, drive * factor.real) for factor in (speed, place)]
+    both = [modes.apply(case.pictures, drive * factor.real) for factor in (speed, place)]
     return np.stack(both, axis=1)
 
 
@@ -394,10 +394,10 @@ _STEP = 0.002
 def _reference_run_case(template: Template, rng: np.random.Generator, shape: Shape) -> Case:
     pictures = gray(rng, shape, 0.9)
     state = np.repeat(pictures[:, np.newaxis], template.layers, axis=1)
-    one = template.layers == 1
+    single = template.layers == 1
     return Case(
         input=pictures if template.inputs else None,
-        state=0.5 * (state[:, 0] if one else state),
+        state=0.5 * (state[:, 0] if single else state),
         duration=number(template, "time") * float(template.tau.max()),
     )
 

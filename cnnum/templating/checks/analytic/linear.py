@@ -206,19 +206,19 @@ def _time(template: Template) -> float | None:
     return time * time_constant(template) if time > 0.0 else None
 
 
-def _diffusion_rates(template: Template, found: Modes) -> Floats:
+def _diffusion_rates(template: Template, modes: Modes) -> Floats:
     """Return λ of each mode where neighbours exchange, and nothing is made or lost."""
     edge, corner = number(template, "edge"), number(template, "corner", 0.0)
-    return found.symbol(edge, corner) - 4.0 * (edge + corner)
+    return modes.symbol(edge, corner) - 4.0 * (edge + corner)
 
 
 def _diffusion(template: Template, case: Case) -> Floats:
-    return _homogeneous(template, case, lambda found: _diffusion_rates(template, found))
+    return _homogeneous(template, case, lambda modes: _diffusion_rates(template, modes))
 
 
-def _coupled_rates(template: Template, found: Modes) -> Floats:
+def _coupled_rates(template: Template, modes: Modes) -> Floats:
     edge, corner = number(template, "edge"), number(template, "corner", 0.0)
-    return number(template, "centre") - 1.0 + found.symbol(edge, corner)
+    return number(template, "centre") - 1.0 + modes.symbol(edge, corner)
 
 
 def _coupled_case(template: Template, rng: np.random.Generator, shape: Shape) -> Case:
@@ -231,7 +231,7 @@ def _coupled_case(template: Template, rng: np.random.Generator, shape: Shape) ->
 
 
 def _coupled(template: Template, case: Case) -> Floats:
-    return _homogeneous(template, case, lambda found: _coupled_rates(template, found))
+    return _homogeneous(template, case, lambda modes: _coupled_rates(template, modes))
 
 
 def _homogeneous(template: Template, case: Case, rates: Callable[[Modes], Floats]) -> Floats:

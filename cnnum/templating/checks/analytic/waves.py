@@ -248,10 +248,10 @@ def layers_after(
     slope: Floats, boundary: Boundary, time: float, widths: Sequence[float], taus: Sequence[float]
 ) -> Floats:
     """Return all layers under ramps of a slope a cell, (..., 4, rows, cols)."""
-    found = modes(boundary, (slope.shape[-2], slope.shape[-1]))
-    values = np.asarray(found.laplacian)
+    basis = modes(boundary, (slope.shape[-2], slope.shape[-1]))
+    values = np.asarray(basis.laplacian)
     waves = np.array([wave_after(float(value), time, widths, taus) for value in values.ravel()])
-    parts = [found.apply(slope, waves[:, k].reshape(values.shape)) for k in range(LAYERS)]
+    parts = [basis.apply(slope, waves[:, k].reshape(values.shape)) for k in range(LAYERS)]
     return np.asarray(np.stack(parts, axis=-3))
 
 

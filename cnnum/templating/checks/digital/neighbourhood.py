@@ -360,8 +360,8 @@ def _flat(template: Template, case: Case) -> Floats:
 
 def _raised(template: Template, case: Case) -> Floats:
     """Return how many neighbours lie below by more than the threshold, less those above."""
-    beyond, each = number(template, "threshold"), differences(template, case)
-    lead = (each > beyond).sum(axis=0) - (each < -beyond).sum(axis=0)
+    beyond, gaps = number(template, "threshold"), differences(template, case)
+    lead = (gaps > beyond).sum(axis=0) - (gaps < -beyond).sum(axis=0)
     return _approached(template, case, lead / 8.0)
 
 

@@ -135,7 +135,7 @@ def _push(load: Floats, slabs: int, slab: float) -> Floats:
     q = [(load[..., a] + np.roll(load[..., a], -1, 1 - a)) / 2 for a in range(2)]
     push = np.zeros((3, slabs, *load.shape[:2]))
     push[0, 0], push[1, 0] = q
-    lifted = sum(each - np.roll(each, 1, 1 - a) for a, each in enumerate(q))
+    lifted = sum(component - np.roll(component, 1, 1 - a) for a, component in enumerate(q))
     push[2, 0] = load[..., 2] - slab / 2 * lifted
     return push.ravel()
 

@@ -93,8 +93,8 @@ def _correlations(rng: np.random.Generator, shape: Shape) -> ProgramCase:
     size = np.abs(frames).max()
     # frames at 100 Hz are straight lines between samples of the sine
     late = omega * DELAY
-    found = size**2 * np.sin(k) * late / (1.0 + late**2)
-    expected = _along("motion_map", np.full(shape, found), along)
+    correlation = size**2 * np.sin(k) * late / (1.0 + late**2)
+    expected = _along("motion_map", np.full(shape, correlation), along)
     expected["motion_map_x"][:, -1] = expected["motion_map_y"][-1] = 0.0
     settings = {
         "rate": MOVING_PATTERNS_RATE,
@@ -114,8 +114,8 @@ def _along(name: str, answer: Floats, x: bool) -> dict[str, Floats]:
 def _off(case: ProgramCase, outputs: Outputs, rim: int = 0) -> float:
     """Return the largest error of a map, but for its rim, over the largest answer."""
     inner = (slice(rim, -rim or None),) * 2
-    largest = max(np.abs(each).max() for each in case.expected.values())
-    gaps = [np.abs(outputs[name] - each)[inner].max() for name, each in case.expected.items()]
+    largest = max(np.abs(truth).max() for truth in case.expected.values())
+    gaps = [np.abs(outputs[name] - truth)[inner].max() for name, truth in case.expected.items()]
     return float(max(gaps) / largest)
 
 

@@ -199,7 +199,7 @@ class MovingContact:
     ) -> NDArray[np.bool_]:
         """Return the cells that stick: loose ones grow over all that change half as clearly."""
         contact = z > TOUCHED * z.max()
-        change, held = (np.abs(each["x"]) + np.abs(each["y"]) for each in (rests, around))
+        change, held = (np.abs(shears["x"]) + np.abs(shears["y"]) for shears in (rests, around))
         least = LOOSE * held + STIRS * z
         may = contact & (change > least / 2.0)
         begins = may & ((change > least) | self.loose)
@@ -324,8 +324,8 @@ def streams(rng: np.random.Generator, shape: Shape) -> Floats:
 
 def _case(rng: np.random.Generator, shape: Shape) -> ProgramCase:
     frames = streams(rng, shape)
-    each = [played(frames[:, number], SETTINGS) for number in range(frames.shape[1])]
-    expected = {name: np.stack([one[name] for one in each], axis=1) for name in OUTPUTS}
+    results = [played(frames[:, number], SETTINGS) for number in range(frames.shape[1])]
+    expected = {name: np.stack([result[name] for result in results], axis=1) for name in OUTPUTS}
     return ProgramCase(frames, expected, {"rate": SETTINGS.rate})
 
 

@@ -203,8 +203,8 @@ def _seen(shape: Shape, sphere: Sphere, moved: Iterator[Floats]) -> Floats:
     fine = (FINER * shape[0], FINER * shape[1])
     cover = SurfaceToDepth(fine, 1.0 / FINER, DEPTH, youngs_modulus=MODULUS)
     middle = slice(FINER // 2, None, FINER)
-    maps = (sharpened(each, (0, 1)) for each in chain(_touch(shape, sphere), moved))
-    return frozen([cover(each)[middle, middle] for each in maps])
+    maps = (sharpened(step, (0, 1)) for step in chain(_touch(shape, sphere), moved))
+    return frozen([cover(step)[middle, middle] for step in maps])
 
 
 def _touch(shape: Shape, sphere: Sphere) -> Iterator[Floats]:
