@@ -91,7 +91,7 @@ class OrderWatch:
             order = None if order == Order() or value < SURE else order
             self._agreed = self._agreed + 1 if order is not None and order == self._order else 0
             if order is not None and self._agreed >= AGREE - 1:
-                from cnnum.drivers.own_data.proposal import toml_text
+                from cnnum.drivers.own_data.proposed_shape import toml_text
 
                 self.said = True
                 said, _, cure = sentence_of(order, value, present)

@@ -90,6 +90,6 @@ def _of_scene(finding: "Finding") -> "Finding":
 
 
 def _toml(value: object) -> str:
-    from cnnum.drivers.own_data.proposal import toml_text
+    from cnnum.drivers.own_data.proposed_shape import toml_text
 
     return toml_text(value)

@@ -1,0 +1,365 @@
+"""What the numbers of a file are: shape, channels and order, by axes and names of columns."""
+
+import json
+import math
+import re
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import cast
+
+import numpy as np
+
+from cnnum.arrays import Floats
+from cnnum.errors import CodecError
+
+WORDS: Mapping[str, tuple[str, ...]] = {
+    "x": (
+        "x",
+        "fx",
+        "bx",
+        "tx",
+        "sx",
+        "gx",
+        "shearx",
+        "forcex",
+        "tangx",
+        "tangentialx",
+        "lateralx",
+    ),
+    "y": (
+        "y",
+        "fy",
+        "by",
+        "ty",
+        "sy",
+        "gy",
+        "sheary",
+        "forcey",
+        "tangy",
+        "tangentialy",
+        "lateraly",
+    ),
+    "z": ("z", "fz", "bz", "tz", "sz", "gz", "normal", "pressure", "forcez", "fn"),
+}
+"""Words for the three axes of a taxel in the names of columns."""
+
+CLEARLY = 4
+"""Times the other axes from which one is clearly the longest."""
+
+CROSS = 5
+"""Magnetometers of an AnySkin."""
+
+KNOWN_SHAPES: Mapping[int, tuple[int, int]] = {24: (4, 6), 384: (12, 32), 5: (1, 5)}
+"""Rows and columns by the number of taxels where these are no square: XELA's uSPa46, FlexiTac's
+12×32, AnySkin's five magnetometers."""
+
+
+@dataclass(slots=True)
+class Proposal:
+    """A layout, and what is not known of it.
+
+    Attributes
+    ----------
+    table : dict of str to object
+        The keys of the layout.
+    undecided : list of str
+        Sentences on what the file does not show, and what is taken.
+    seen : list of str
+        Sentences on what it shows.
+    """
+
+    table: dict[str, object] = field(default_factory=dict[str, object])
+    undecided: list[str] = field(default_factory=list[str])
+    seen: list[str] = field(default_factory=list[str])
+
+    def text(self) -> str:
+        """Return the layout as TOML."""
+        lines = [f"# {line}" for line in self.undecided]
+        lines += [f"{key} = {toml_text(value)}" for key, value in self.table.items()]
+        if "rate" not in self.table and not {"time", "topic", "protocol"} & set(self.table):
+            lines.append("# rate = (frames a second: the file does not say it)")
+        return "\n".join(lines) + "\n"
+
+
+def toml_text(value: object) -> str:
+    """Return a value as TOML."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False)
+    if isinstance(value, tuple | list):
+        items = cast("Iterable[object]", value)
+        return "[" + ", ".join(toml_text(item) for item in items) + "]"
+    return repr(value)
+
+
+def shape_of(proposal: Proposal, taxels: int, sure: bool = False) -> tuple[int, int]:
+    """Return rows and columns of taxels that only their number is known of."""
+    root = math.isqrt(taxels)
+    if root * root == taxels:
+        shape = root, root
+    elif taxels in KNOWN_SHAPES:
+        shape = KNOWN_SHAPES[taxels]
+    else:
+        rows = max(n for n in range(1, root + 1) if taxels % n == 0)
+        shape = rows, taxels // rows
+    if taxels == CROSS:
+        proposal.undecided.append(
+            "positions: five taxels are taken as a line; AnySkin's lie on a cross, which is "
+            "positions = [[0, 0], [-7, 0], [7, 0], [0, -7], [0, 7]]"
+        )
+    if taxels > 1 and not sure:
+        proposal.undecided.append(
+            f"shape: {taxels} taxels are taken as {shape[0]} rows of {shape[1]}, from left to right"
+        )
+    return shape
+
+
+def channels_of(proposal: Proposal, numbers: int) -> int:
+    """Return how many numbers a taxel has."""
+    root = math.isqrt(numbers)
+    third = numbers // 3
+    if (numbers % 3 == 0 and (math.isqrt(third) ** 2 == third or third in KNOWN_SHAPES)) or (
+        numbers % 3 == 0 and root * root != numbers and numbers not in KNOWN_SHAPES
+    ):
+        count = 3
+    else:
+        count = 1
+    proposal.undecided.append(
+        f"channels: {numbers} numbers a frame are taken as {numbers // count} taxels of {count}"
+    )
+    return count
+
+
+def name_channels(proposal: Proposal, count: int) -> None:
+    """Set the names of so many channels, and say what is not known of them."""
+    if count == 3:
+        proposal.table["channels"] = ("x", "y", "z")
+        proposal.undecided.append(
+            "channels: the three numbers of a taxel are taken as x (shear to the right), y (shear "
+            "downwards) and z (normal): 'cnnum check' looks whether a press agrees"
+        )
+    elif count == 1:
+        proposal.table["channels"] = ("z",)
+    else:
+        proposal.table["channels"] = tuple(f"c{n}" for n in range(count))
+        proposal.undecided.append(f"channels: {count} numbers a taxel, whose names are not known")
+
+
+def take_axes(proposal: Proposal, shape: Sequence[int]) -> list[str]:
+    """Set shape and channels by the axes of a frame, and return what each long axis is."""
+    axes = [size for size in shape if size > 1] or [1]
+    few = (2, 3, 4, 6)
+    if len(axes) == 3 and (axes[0] in few or axes[2] in few):
+        last = axes[2] == 3 or (axes[2] in few and axes[0] != 3)
+        count = axes[2] if last else axes[0]
+        proposal.table["shape"] = tuple(axes[:2] if last else axes[1:])
+        names = ["rows", "cols", "channels"] if last else ["channels", "rows", "cols"]
+        if axes[0] in few and axes[2] in few and axes[2] != 3:
+            proposal.undecided.append(
+                f"order: {axes[0]} channels of {axes[1]}×{axes[2]} taxels fit, and {axes[2]} "
+                f"channels of {axes[0]}×{axes[1]}, too"
+            )
+    elif len(axes) == 2 and 3 in axes and axes != [3, 3]:
+        count, last = 3, axes[1] == 3
+        proposal.table["shape"] = shape_of(proposal, axes[0] if last else axes[1])
+        names = ["taxels", "channels"] if last else ["channels", "taxels"]
+    elif len(axes) == 2:
+        proposal.table["shape"], count = tuple(axes), 1
+        names = ["rows", "cols channels"]
+    elif len(axes) == 1:
+        count = channels_of(proposal, axes[0])
+        proposal.table["shape"] = shape_of(proposal, axes[0] // count)
+        names = ["rows cols channels"]
+    else:
+        raise CodecError(
+            f"A frame of the shape {tuple(shape)} does not consist of rows, columns and channels."
+        )
+    name_channels(proposal, count)
+    return names
+
+
+def take_order(proposal: Proposal, names: list[str], before: int) -> None:
+    """Set the order of axes, where the first `before` names come before the frames."""
+    order = " ".join([*names[:before], "frames", *names[before:]])
+    if order == "frames channels rows cols":
+        order = "channels-first"
+    if before or names[0] == "channels":
+        proposal.table["order"] = order
+
+
+def frames_axis(
+    proposal: Proposal, shape: Sequence[int], timed: Collection[int], values: Callable[[], Floats]
+) -> int:
+    """Return which axis of an array counts its frames.
+
+    It is one as long as the times. Without times it is the first, unless another is `CLEARLY`
+    longer than each of the rest; of two axes the numbers of a frame must fit a known shape, and
+    where both do, time is the axis along which the values change less.
+    """
+    if len(clocked := [n for n, size in enumerate(shape) if size in timed]) == 1:
+        return clocked[0]
+    if clocked:  # two fit: the first, or the last of Fortran's order
+        last = 0 not in clocked or (len(shape) > 2 and max(shape) == shape[-1] > 8 * shape[0])
+        return clocked[-1] if last else 0
+    longest = max(range(len(shape)), key=lambda n: shape[n])
+    rest = max(size for n, size in enumerate(shape) if n != longest)
+    if longest == 0 or shape[longest] < CLEARLY * rest:
+        return 0
+    result = longest
+    if len(shape) == 2 and _usual(shape[1]):
+        if not _usual(shape[0]):
+            result = 0
+        else:
+            held = values()
+            steps = [_mean_step(held, axis) for axis in (0, 1)]
+            result = 0 if steps[0] < steps[1] else longest
+    other = 0 if result else longest
+    proposal.undecided.append(
+        f"order: of {tuple(shape)} the axis of {shape[result]} is taken as the frames, not that of "
+        f"{shape[other]}"
+    )
+    return result
+
+
+def _mean_step(values: Floats, axis: int) -> float:
+    held = np.where(np.isfinite(values), values, np.nan)
+    steps = np.abs(np.diff(held, axis=axis))
+    steps = steps[np.isfinite(steps)]
+    return float(steps.mean()) if steps.size else math.inf
+
+
+def _usual(numbers: int) -> bool:
+    """Return whether a frame of a square or known array has this count of numbers."""
+    counts = {numbers, numbers // 3} if numbers % 3 == 0 else {numbers}
+    return any(math.isqrt(n) ** 2 == n or n in KNOWN_SHAPES for n in counts)
+
+
+_PART = re.compile(
+    r"\d+|(?:shear|tangential|lateral|force)[ _-]?[xyz](?![^\W\d_])|[^\W\d_]+|[\W_]+", re.IGNORECASE
+)
+"""Parts of a name: numbers, words, and what stands between; "shear_x" is one word, as "normal"."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Name:
+    """A column's name, taken apart: its kind, its numbers, and the word for an axis."""
+
+    kind: tuple[str, ...]
+    numbers: tuple[int, ...]
+    axis: str
+    word: str
+
+
+def _taken_apart(name: str) -> _Name:
+    parts = _PART.findall(name)
+    # units in brackets are no words for an axis, and of several words the last is
+    end = next((n for n, part in enumerate(parts) if "(" in part or "[" in part), len(parts))
+    end = end or len(parts)
+    result = [
+        (n, axis)
+        for n, part in enumerate(parts[:end])
+        for axis, words in WORDS.items()
+        if re.sub("[ _-]", "", part.lower()) in words
+    ]
+    at, axis = result[-1] if result else (-1, "")
+    kind = ["#" if part.isdigit() else "*" if n == at else part for n, part in enumerate(parts)]
+    numbers = tuple(int(part) for part in parts if part.isdigit())
+    return _Name(tuple(kind), numbers, axis, parts[at] if result else "")
+
+
+def family_of(names: Sequence[str]) -> list[str]:
+    """Return the largest set of columns whose names differ in numbers and an axis alone."""
+    sets: dict[tuple[str, ...], list[str]] = {}
+    for name in names:
+        sets.setdefault(_taken_apart(name).kind, []).append(name)
+    if not sets:
+        raise CodecError("The table has no columns of numbers besides its times.")
+    best = max(sets.values(), key=len)
+    return best if len(best) > 1 else list(names)
+
+
+def name_columns(proposal: Proposal, family: list[str], others: list[str], *, listed: bool) -> None:
+    """Set shape, channels and values by the columns of the taxels."""
+    left = [name for name in others if name not in set(family)]
+    if left:
+        proposal.seen.append(f"left out: {', '.join(left[:8])}{' …' if len(left) > 8 else ''}")
+    taken = [_taken_apart(name) for name in family]
+    places = [one.numbers for one in taken]
+    axes = list(dict.fromkeys(one.axis for one in taken))
+    words = list(dict.fromkeys(one.word for one in taken))
+    count = len(axes) if all(axes) else 1
+    same = len({len(place) for place in places}) == 1 and len({one.kind for one in taken}) == 1
+    width = len(places[0])
+    varying = [n for n in range(width) if len({place[n] for place in places}) > 1] if same else []
+    taxels = len(family) // count
+    whole = same and len(set(zip(places, words and [t.axis for t in taken], strict=True))) == len(
+        family
+    )
+    if not (whole and len(varying) in (1, 2) and taxels * count == len(family)):
+        if count != 3 or taxels * 3 != len(family):
+            count = channels_of(proposal, len(family))
+        proposal.table["shape"] = shape_of(proposal, len(family) // count)
+        if not (count > 1 and all(axes)):
+            name_channels(proposal, count)
+        else:
+            proposal.table["channels"] = tuple(axes)
+        if "header" not in proposal.table:
+            proposal.table["values"] = tuple(family)
+        return
+    first = min(place[varying[0]] for place in places)
+    if len(varying) == 2:
+        highs = [max(place[n] for place in places) for n in varying]
+        lows = [min(place[n] for place in places) for n in varying]
+        shape = (highs[0] - lows[0] + 1, highs[1] - lows[1] + 1)
+        if shape[0] * shape[1] != taxels or lows[0] != lows[1]:
+            proposal.table["shape"] = shape_of(proposal, taxels)
+            _axes_by_name(proposal, axes, words, count)
+            proposal.table["values"] = tuple(family)
+            return
+        proposal.table["shape"] = shape
+    else:
+        if count == 1:
+            split = channels_of(proposal, taxels)
+            if split > 1:
+                proposal.table["shape"] = shape_of(proposal, taxels // split)
+                name_channels(proposal, split)
+                proposal.table["values"] = tuple(family)
+                return
+        proposal.table["shape"] = shape_of(proposal, taxels)
+    _axes_by_name(proposal, axes, words, count)
+    if listed:
+        by_place = sorted(
+            family, key=lambda n: (_taken_apart(n).numbers, axes.index(_taken_apart(n).axis))
+        )
+        proposal.table["values"] = tuple(by_place)
+        return
+    pattern = _pattern(family[0], varying)
+    if first:
+        proposal.table["first"] = first
+    proposal.table["values"] = pattern if len(family) > 1 else tuple(family)
+
+
+def _axes_by_name(proposal: Proposal, axes: list[str], words: list[str], count: int) -> None:
+    if count > 1:
+        proposal.table["channels"] = tuple(axes)
+        if words != axes:
+            proposal.table["names"] = tuple(words)
+    else:
+        proposal.table["channels"] = ("z",) if axes in ([""], ["z"]) else tuple(axes)
+        if axes != [""] and words != axes:
+            proposal.table["names"] = tuple(words)
+
+
+def _pattern(name: str, varying: list[int]) -> str:
+    """Return the pattern of a family by one of its names."""
+    taken = _taken_apart(name)
+    places = ("{row}", "{col}") if len(varying) == 2 else ("{n}",)
+    made, number = list[str](), 0
+    for part, kind in zip(_PART.findall(name), taken.kind, strict=True):
+        if kind == "#":
+            made.append(places[varying.index(number)] if number in varying else part)
+            number += 1
+        else:
+            made.append("{channel}" if kind == "*" else part)
+    return "".join(made)
