@@ -89,7 +89,8 @@ frames a second, so that ms read as s are a thousand times as far apart."""
 UNITS = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 """Units of times other than s, in s."""
 
-TimeUnit = Literal["s", "ms", "us", "ns"]
+TimeUnit = Literal["", "s", "ms", "us", "ns"]
+"""Unit of the times of a file or recording; "" for seconds that nobody has named."""
 
 
 def differ(rate: float, other: float) -> bool:
@@ -142,7 +143,7 @@ def time_unit_of(times: NDArray[np.float64]) -> str:
 
 
 def unit_fault(times: NDArray[np.float64]) -> str:
-    """Return in words that times seem to be in another unit than s; empty where they do not.
+    """Return in words that times may be in another unit than s; empty where they are not.
 
     Parameters
     ----------
@@ -150,9 +151,12 @@ def unit_fault(times: NDArray[np.float64]) -> str:
     """
     middle = _middle_step(times)
     if unit := time_unit_of(times):
-        return f"{middle:g} s from frame to frame: times in {unit} need time_unit = '{unit}'"
+        return (
+            f"{middle:g} s from frame to frame: if they are in {unit}, set time_unit = '{unit}' in "
+            "the layout, and if in s, time_unit = 's'"
+        )
     if 0.0 < middle < FASTEST_STEP:
-        return f"{middle:g} s from frame to frame: is the unit of the times a larger one?"
+        return f"{middle:g} s from frame to frame: is their unit a larger one?"
     return ""
 
 

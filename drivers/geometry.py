@@ -40,6 +40,10 @@ FINER = (1, 2)
 """Cells to the distance of the taxels that are tried for one with all taxels on cells. Between
 hexagons there is none, and the last one is taken."""
 
+NEAREST, CELLS_APART = 0.1, 8.0
+"""mm a taxel of a side below which positions are taken for metres, and cells between neighbours up
+to which a pitch agrees with them."""
+
 ON = 1e-3
 """Part of a cell within which a taxel lies on it."""
 
@@ -84,7 +88,7 @@ class Grid:
         pitch: float | None = None,
         dead: Sequence[tuple[int, int]] = (),
     ) -> None:
-        places = checked_positions(positions, taxels[0] * taxels[1])
+        places = checked_positions(positions, taxels[0] * taxels[1], pitch)
         gone = {row * taxels[1] + col for row, col in dead}
         lives = np.array([n not in gone for n in range(len(places))])
         self.taxels = taxels
@@ -120,13 +124,16 @@ class Grid:
         return float(x), float(y)
 
 
-def checked_positions(positions: Sequence[tuple[float, float]], taxels: int) -> Floats:
+def checked_positions(
+    positions: Sequence[tuple[float, float]], taxels: int, pitch: float | None = None
+) -> Floats:
     """Return positions as (taxels, 2), mm.
 
     Raises
     ------
     SceneError
-        If there are more or fewer than taxels, one is not finite, or two are the same.
+        If there are more or fewer than taxels, one is not finite, two are the same, or they seem to
+        be in metres and no pitch, m, says otherwise.
     """
     places = np.asarray(positions, dtype=np.float64).reshape(-1, 2)
     if len(places) != taxels:
@@ -145,6 +152,15 @@ def checked_positions(positions: Sequence[tuple[float, float]], taxels: int) -> 
         raise SceneError(
             f"'positions': the taxels {first} and {second} lie at one place, "
             f"{places[first].tolist()} mm: give each its own."
+        )
+    distance = float(np.median(near))
+    known = pitch is not None and 1e3 * pitch <= CELLS_APART * distance
+    # by the whole array, as two taxels may lie close
+    if float(np.ptp(places, axis=0).max()) < NEAREST * taxels**0.5 and not known and taxels > 1:
+        raise SceneError(
+            f"'positions' are in mm, and these lie {distance:.3g} mm apart, closer than taxels "
+            f"are: if they are in metres, multiply them by 1000; if not, say so by 'pitch', as in "
+            f"pitch = {1e-3 * distance:.3g} (m)."
         )
     return places
 
@@ -245,14 +261,14 @@ class Reading:
     unit : str
         Unit of the numbers; "" where it is the one that the source names.
     time_unit : "s", "ms", "us" or "ns"
-        Unit of the times of a recording that were taken for seconds.
+        Unit of the times of a recording that were taken for seconds; "" where none is named.
     """
 
     channels: tuple[str, ...] = ()
     order: str = ""
     flip: tuple[Literal["rows", "cols"], ...] = ()
     unit: str = ""
-    time_unit: TimeUnit = "s"
+    time_unit: TimeUnit = ""
 
     def __post_init__(self) -> None:
         if self.unit:
@@ -265,7 +281,7 @@ class Reading:
         require("order", holds, said, self.order)
 
     def __bool__(self) -> bool:
-        return bool(self.channels or self.order or self.flip or self.unit or self.scale != 1.0)
+        return bool(self.channels or self.order or self.flip or self.unit or self.time_unit)
 
     @property
     def scale(self) -> float:
@@ -344,6 +360,7 @@ class Reordered(Closing):
         self.channels = reading.names(driver.channels)
         known = getattr(driver, "limits", None)
         self.limits = reading.limits(known, len(driver.channels))
+        self.timed = bool(reading.time_unit) or bool(getattr(driver, "timed", False))
 
     @property
     def shape(self) -> Shape:

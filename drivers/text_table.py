@@ -4,12 +4,14 @@ import csv
 import json
 import math
 import re
+import warnings
 from array import array
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from difflib import get_close_matches
+from functools import cache
 from io import TextIOWrapper
 from pathlib import Path
 from typing import IO
@@ -18,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cnnum.arrays import Floats
-from cnnum.errors import CodecError, RecordingError, unreadable
+from cnnum.errors import CodecError, RecordingError, RecordingWarning, unreadable
 from cnnum.safety.reading import MEGABYTE, open_regular
 from cnnum.safety.values import host_bytes, shown
 
@@ -168,6 +170,8 @@ class TextForm:
         Lines before it.
     comment : str
         A line that begins with this is none of the table, unless it is the header.
+    thousands : str
+        The sign between groups of three digits, as in "16,300"; "" for none.
     """
 
     separator: str = ","
@@ -175,12 +179,33 @@ class TextForm:
     header: bool = True
     skip: int = 0
     comment: str = "#"
+    thousands: str = ""
 
     def plain(self, fields: list[str]) -> list[str]:
-        """Return the fields of a line, with points in numbers."""
+        """Return the fields of a line, with points in numbers, and no sign between thousands."""
+        if sign := self.thousands:
+            fields = [
+                text.replace(sign, "") if groups(text, sign, self.decimal) else text
+                for text in fields
+            ]
         if self.decimal == ".":
             return fields
         return [text.replace(self.decimal, ".") for text in fields]
+
+
+THOUSANDS = (",", ".", "'", "\u2019", " ", "\u00a0", "\u202f")
+"""Signs between groups of three digits: of English, German, Swiss, French and ISO."""
+
+
+@cache
+def _grouped(sign: str, decimal: str) -> re.Pattern[str]:
+    part = re.escape(decimal)
+    return re.compile(rf"\s*[+-]?\d{{1,3}}(?:{re.escape(sign)}\d{{3}})+(?:{part}\d*)?\s*")
+
+
+def groups(text: str, sign: str, decimal: str = ".") -> bool:
+    """Return whether a number has this sign between its groups of three digits."""
+    return _grouped(sign, decimal).fullmatch(text) is not None
 
 
 PLAIN = TextForm()
@@ -241,7 +266,9 @@ class Head:
             value = math.nan
         if value is None or (finite and not math.isfinite(value)):
             kind = "a finite number" if finite else "a number"
-            hint = "; a layout can set decimal = ','" if _POINTED.fullmatch(text) else ""
+            keys = ["decimal = ','"] if _POINTED.fullmatch(text) else []
+            keys += [f"thousands = {sign!r}" for sign in THOUSANDS if groups(text, sign)]
+            hint = f"; a layout can set {' or '.join(keys)}" if keys else ""
             raise CodecError(
                 f"'{self.path}', line {line}: expected {kind} in the column '{column}', got "
                 f"{shown(text)}{hint}."
@@ -577,6 +604,14 @@ def _rows(path: Path, form: TextForm, text: TextIOWrapper) -> Iterator[tuple[int
     for number, row in _chained(rest, content):
         while len(row) > len(names) and not row[-1].strip():
             row.pop()
+        if len(row) < len(names) and lines.torn:
+            warnings.warn(
+                f"'{path}' ends within line {number}, which is left out: whatever wrote it was "
+                "stopped.",
+                RecordingWarning,
+                stacklevel=2,
+            )
+            break
         if len(row) != len(names):
             raise CodecError(
                 f"'{path}', line {number}: expected {len(names)} fields as in line {line}, got "
@@ -626,13 +661,15 @@ class _Lines:
         The last comment before the first line of the table.
     commented : int
         Its number.
+    torn : bool
+        Whether the line that was read last has no end, as the last one of a file may have none.
     """
 
     def __init__(self, path: Path, form: TextForm, text: TextIOWrapper) -> None:
         self._path, self._text = path, text
         self._comment, self._separator = form.comment, form.separator
         self.number = self.commented = 0
-        self.comment, self._begun = "", False
+        self.comment, self._begun, self.torn = "", False, False
         for _ in range(form.skip):
             self._next()
 
@@ -656,6 +693,7 @@ class _Lines:
     def _next(self) -> str:
         line = self._text.readline(LONGEST_LINE)
         self.number += bool(line)
+        self.torn = self.torn if not line else line[-1] not in "\r\n"
         if len(line) >= LONGEST_LINE:
             raise CodecError(
                 f"'{self._path}', line {self.number}: expected a row of numbers, got a line of "

@@ -363,7 +363,7 @@ class Finding:
     cure: Mapping[str, object] = field(default_factory=dict[str, object])
 
 
-def checked(recording: Recording, pads: int = 1) -> list[Finding]:
+def checked(recording: Recording, pads: int = 1, *, timed: bool = False) -> list[Finding]:
     """Return what a recording shows, faults first.
 
     Parameters
@@ -371,6 +371,8 @@ def checked(recording: Recording, pads: int = 1) -> list[Finding]:
     recording : Recording
     pads : int
         Pads side by side in its columns: each has presses of its own.
+    timed : bool
+        Whether the unit of its times is beyond doubt.
     """
     if set(recording.channels) == set(FORCE_AXES):  # in any order, as a cure may have them
         places = [recording.channels.index(name) for name in FORCE_AXES]
@@ -378,7 +380,7 @@ def checked(recording: Recording, pads: int = 1) -> list[Finding]:
             recording = _in_order(recording, places)
     good = recording.quality & int(Quality.CORRUPT | Quality.REPEATED) == 0
     good &= np.isfinite(recording.values).all(axis=(1, 2, 3))
-    result = [*_counted(recording, good), *_rates(recording)]
+    result = [*_counted(recording, good), *_rates(recording, timed=timed)]
     values, times = recording.values[good], recording.times[good]
     if len(values) < 2 * LEAST:
         few = f"{len(values)} good frames are too few to look at."
@@ -437,13 +439,16 @@ def _counted(recording: Recording, good: NDArray[np.bool_]) -> list[Finding]:
     return result
 
 
-def _rates(recording: Recording) -> list[Finding]:
+def _rates(recording: Recording, *, timed: bool) -> list[Finding]:
     new = recording.quality & int(Quality.REPEATED) == 0
     rate = rate_of(recording.times[new])
     if not rate:
         return [Finding("rate", "The times of the frames give no rate.")]
-    if unit := time_unit_of(recording.times[new]):
-        said = f"The rate is {rate:.4g} Hz by the times, which seem to be in {unit} instead of s."
+    if unit := "" if timed else time_unit_of(recording.times[new]):
+        said = (
+            f"The rate is {rate:.4g} Hz by the times: they seem to be in {unit} instead of s. If "
+            "it is right, time_unit = 's' says so."
+        )
         return [Finding("rate", said, cure={"time_unit": unit})]
     if abs(rate - recording.rate) > APART * rate:
         said = f"The rate is {recording.rate:g} Hz, and {rate:.4g} Hz by the times."

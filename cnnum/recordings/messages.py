@@ -3,6 +3,7 @@
 import json
 import warnings
 from codecs import BOM_UTF8
+from collections import Counter
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, suppress
 from dataclasses import dataclass, fields, is_dataclass
@@ -52,6 +53,9 @@ STAMPS = (("sec", "nanosec"), ("secs", "nsecs"), ("seconds", "nanos"))
 """Fields of a time in messages of ROS 2, ROS 1 and Protobuf."""
 
 FEW = 12
+
+SPOILT = 0.5
+"""Part of the messages without a field from which the field is the wrong one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -404,14 +408,19 @@ def field_arrays(path: Path, topic: str, names: Sequence[str]) -> dict[str, NDAr
     -------
     dict of str to array
         Times of messages are s; the others have the shape of the field. The messages are sorted by
-        their log times; "order" is False where they did not stand so.
+        their log times; "order" is False where they did not stand so. Where a few messages lack a
+        field, or have it in another shape, it is NaN; those that lack a time are left out. Both are
+        said.
 
     Raises
     ------
     CodecError
-        If there is no such topic or field, or its shape changes; else as `messages`.
+        If there is no such topic or field, or most messages have it in no shape that they share;
+        else as `messages`.
     """
     rows: list[tuple[int, list[Any]]] = []
+    faults: list[CodecError] = []
+    count = 0
     kinds: set[str] = set()
     held, room = 0, host_bytes()
     with closing(messages(path, topic)) as every:
@@ -421,12 +430,25 @@ def field_arrays(path: Path, topic: str, names: Sequence[str]) -> dict[str, NDAr
                 raise CodecError(
                     f"'{path}' has several topics: name one by 'topic', as in {_few(kinds)}."
                 )
-            content = message.content()
-            row = [_value(path, message, content, name) for name in names]
+            count += 1
+            row: list[Any] = []
+            try:
+                content = message.content()
+            except CodecError as error:
+                faults.append(error)
+                continue
+            for name in names:
+                try:
+                    row.append(_value(path, message, content, name))
+                except CodecError as error:
+                    faults.append(error)
+                    row.append(None)
             rows.append((message.log_time, row))
             held += sum(getattr(part, "nbytes", 8) for part in row)
             if room is not None and 2 * held > room:
                 raise RecordingError(f"'{path}' holds more numbers than this machine has memory.")
+    if faults and len(faults) >= SPOILT * count:
+        raise faults[0]
     if not rows:
         there = ", ".join(f"'{name}'" for name in list(topics(path))[:FEW]) or "none"
         raise CodecError(f"'{path}' has no message of the topic {shown(topic)}; it has {there}.")
@@ -434,19 +456,41 @@ def field_arrays(path: Path, topic: str, names: Sequence[str]) -> dict[str, NDAr
     ordered = all(b >= a for a, b in pairwise(times))
     if not ordered:
         rows.sort(key=lambda row: row[0])
+    for place in range(len(names)):  # without its time a message has no place
+        if any(isinstance(row[place], int) for _, row in rows):
+            rows = [(when, row) for when, row in rows if row[place] is not None]
     result: dict[str, NDArray[Any]] = {"order": np.array(ordered)}
     for place, name in enumerate(names):
         column = [row[place] for _, row in rows]
         if name in (LOG_TIME, PUBLISH_TIME) or isinstance(column[0], int):
             result[name] = 1e-9 * (np.array(column, np.int64) - column[0])
             continue
-        shapes = {part.shape for part in column}
-        if len(shapes) > 1:
+        shapes = Counter(part.shape for part in column if part is not None)
+        (usual, often), *others = shapes.most_common()
+        if others and len(column) - often >= SPOILT * len(column):
             raise CodecError(
-                f"'{path}': the field '{name}' has {len(shapes)} shapes, as {_few(shapes)}; "
+                f"'{path}': the field '{name}' has {len(shapes)} shapes, as {_few(set(shapes))}; "
                 "expected one."
             )
-        result[name] = np.stack(column)
+        faults += [
+            CodecError(
+                f"'{path}': the field '{name}' of a message has the shape {part.shape}, expected "
+                f"{usual}."
+            )
+            for part in column
+            if part is not None and part.shape != usual
+        ]
+        missing = np.full(usual, np.nan)
+        result[name] = np.stack(
+            [missing if part is None or part.shape != usual else part for part in column]
+        )
+    if faults:
+        warnings.warn(
+            f"{len(faults)} of {count} messages are bad, and their frames are missing or hold "
+            f"no numbers; the first: {faults[0]}",
+            RecordingWarning,
+            stacklevel=2,
+        )
     return result
 
 

@@ -696,9 +696,12 @@ def get_scene(name: str, *, engine: Engine | None = None) -> Scene:
 
 def _cure_of_times(driver: Driver, times: Floats) -> str:
     """Return a sentence on times of a recording that seem to be no seconds; "" for others."""
-    unit = "" if getattr(driver, "live", False) else time_unit_of(times)
+    sure = getattr(driver, "live", False) or getattr(driver, "timed", False)
+    unit = "" if sure else time_unit_of(times)
     place = "[frames] of the scene" if getattr(driver, "layout", None) is None else "the layout"
-    return f" They seem to be in {unit}: set time_unit = '{unit}' in {place}." if unit else ""
+    if not unit:
+        return ""
+    return f" They seem to be in {unit}: set time_unit = '{unit}' in {place}, or 's' if not."
 
 
 def _refuse_slow(spec: SceneSpec, driver: Driver) -> None:

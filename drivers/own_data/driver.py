@@ -16,8 +16,9 @@ from cnnum.drivers.codecs.wire import Asked, wire
 from cnnum.drivers.driver import Counters, Counting, Driver, lost_before
 from cnnum.drivers.npz_file import NpzOptions, rate_that_counts
 from cnnum.drivers.own_data.hdf5_file import list_hdf5, read_hdf5
-from cnnum.drivers.own_data.layout import EXAMPLE, SECONDS, DataLayout, read_layout
+from cnnum.drivers.own_data.layout import EXAMPLE, DataLayout, read_layout
 from cnnum.drivers.own_data.sources import (
+    DATED,
     HDF5,
     LINES,
     NUMBERS,
@@ -321,7 +322,9 @@ class DataFileOptions:
                     return McapOptions(path).open()
             layout = read_layout(self._layout())
             layout = replace(layout, topic=self.topic) if self.topic else layout
-            return DataFile(recording_by(path, layout), layout)
+            held = held_by(path, layout)
+            timed = DATED in held or bool(layout.rate or layout.time_unit)
+            return DataFile(_laid_out(path, layout, held), layout, timed=timed)
         except ArrayError as error:
             raise CodecError(f"'{path}': {error}") from None
         except OSError as error:
@@ -358,7 +361,10 @@ def recording_by(path: Path, layout: DataLayout) -> Recording:
     CnnumError
         If the file cannot be read, or does not fit the layout.
     """
-    held = held_by(path, layout)
+    return _laid_out(path, layout, held_by(path, layout))
+
+
+def _laid_out(path: Path, layout: DataLayout, held: Arrays) -> Recording:
     values = shaped(path, layout, held[VALUES])
     times, back = None, np.zeros(0, np.int64)
     name = layout.time or next((name for name in (LOG_TIME,) if name in held), "")
@@ -404,7 +410,10 @@ def _times(
             f"'{path}': the times '{name}' must be one number per frame, ({frames},), got "
             f"{found.shape} of the type '{found.dtype}'."
         )
-    times = found.reshape(-1).astype(float) * SECONDS[layout.time_unit]
+    whole = found.reshape(-1)
+    if whole.dtype.kind in "iu":  # ns since 1970 have more digits than a float
+        whole = (whole.astype(np.int64) - int(whole[0])) if len(whole) else whole
+    times = whole.astype(float) * layout.second
     times -= times[0]
     if not np.isfinite(times).all():
         raise CodecError(f"'{path}': the times '{name}' must be finite.")
@@ -413,11 +422,11 @@ def _times(
             f"'{path}': the times '{name}' are all equal, so they give no rate: set 'rate', "
             "and leave out 'time'."
         )
-    fault = unit_fault(times)
+    dated = DATED in held
+    fault = "" if dated or layout.rate or layout.time_unit else unit_fault(times)
     if fault:
         logging.getLogger("cnnum").warning(
-            "'%s', %s: the times '%s' cannot be right, %s.",
-            path, _where(held, 1), layout.time, fault,
+            "'%s', %s: the times '%s' are %s.", path, _where(held, 1), layout.time, fault,
         )  # fmt: skip
     back = np.flatnonzero(np.diff(times) < 0.0) + 1
     if len(back) > MOST_SHARE_BACK * frames:
@@ -459,6 +468,8 @@ class DataFile(Counting):
         Highest frequency of loads, where the layout has it.
     positions : sequence of (x, y), mm
         Positions of the taxels, where the layout has them; empty where not.
+    timed : bool
+        Whether the unit of the times is beyond doubt: dates, or a unit or rate that is stated.
     calibration, total_frames
         As in `cnnum.drivers.recording_file.McapFile`.
     """
@@ -468,9 +479,12 @@ class DataFile(Counting):
         recording: Recording,
         layout: DataLayout | None = None,
         calibration: Calibration | None = None,
+        *,
+        timed: bool = False,
     ) -> None:
         super().__init__()
         self.recording = recording
+        self.timed = timed
         self.shape: Shape = recording.shape
         self.channels = recording.channels
         self.unit = recording.unit

@@ -17,6 +17,10 @@ from pathlib import Path
 from typing import Any
 
 NUMBERS = "fiub"
+STAMPED = ("timestamp", "duration")
+NANOSECONDS = {"s": 10**9, "ms": 10**6, "us": 1000, "ns": 1}
+"""Types of columns that are times, and their units; they are handed on in ns."""
+
 LISTED = 12
 MOST_LISTED, LONGEST_TEXT = 1024, 1 << 16
 """Arrays and letters of an attribute, where all are asked for."""
@@ -34,9 +38,12 @@ def of_parquet(file: Any, wanted: list[str], most: int) -> tuple[dict[str, Any],
         some: Any = next(opened.iter_batches(batch_size=1), None) if rows else None
         shapes: dict[str, Any] = {}
         for name in names[:MOST_LISTED]:
-            first: Any = some.column(name)[0].as_py() if some is not None else None
+            kind = str(opened.schema_arrow.field(name).type)
+            # times of a zone would be objects of pandas
+            whole = some is None or kind.startswith(STAMPED)
+            first: Any = None if whole else some.column(name)[0].as_py()
             shape = list(np.shape(first)) if first is not None else []
-            shapes[name] = [[rows, *shape], str(opened.schema_arrow.field(name).type)]
+            shapes[name] = [[rows, *shape], kind]
         return {"names": names, "shapes": shapes, "attributes": {}}, []
     if any(name not in names for name in wanted):
         return {"names": names[:LISTED]}, []
@@ -47,6 +54,10 @@ def of_parquet(file: Any, wanted: list[str], most: int) -> tuple[dict[str, Any],
     held: list[Any] = []
     for name in wanted:
         column: Any = table.column(name).combine_chunks()
+        scale = 1
+        if str(column.type).startswith(STAMPED):
+            scale = NANOSECONDS[column.type.unit]
+            column = column.cast("int64")
         shape = [rows]
         while hasattr(column, "flatten") and hasattr(column, "values"):
             inner: Any = column.flatten()
@@ -56,11 +67,9 @@ def of_parquet(file: Any, wanted: list[str], most: int) -> tuple[dict[str, Any],
             shape.append(width)
             column = inner
         array = np.asarray(column.to_numpy(zero_copy_only=False))
-        if array.dtype.kind == "M":
-            array = array.astype("datetime64[ns]").astype(np.int64)
         if array.dtype.kind not in NUMBERS:
             raise ValueError(f"the column '{name}' must hold numbers, got '{array.dtype}'")
-        held.append(array.reshape(shape))
+        held.append(array.reshape(shape) * scale)
     head = [[array.dtype.newbyteorder("<").str, list(array.shape)] for array in held]
     return {"names": names[:LISTED] + wanted, "arrays": head}, held
 

@@ -14,9 +14,9 @@ from cnnum.drivers.options import (
     require_channels,
     require_limits,
 )
-from cnnum.drivers.text_table import TextForm
+from cnnum.drivers.text_table import THOUSANDS, TextForm
 from cnnum.errors import SceneError
-from cnnum.frame import Limits, limits_of
+from cnnum.frame import Limits, TimeUnit, limits_of
 from cnnum.recordings.recording import channel_names
 from cnnum.recordings.times import FASTEST
 
@@ -73,6 +73,7 @@ class DataLayout:
         Column, array or field of the times; empty where there is none. In text files these may be
         dates and times of day, too.
     time_unit : "s", "ms", "us" or "ns"
+        Seconds unless given; then frames that are seconds apart are not questioned.
     time_format : str
         Format of dates that are not in a usual form: as `datetime.strptime` takes it.
     truth : tuple of str
@@ -93,6 +94,8 @@ class DataLayout:
         Between the fields of a table.
     decimal : "." or ","
         In the numbers of a table.
+    thousands : str
+        Between groups of three digits in the numbers of a table, as in "16,300"; "" for none.
     header : bool
         Whether the first line of a table names the columns; if not, they are "1", "2", …
     skip : int
@@ -123,7 +126,7 @@ class DataLayout:
     unit: str = "count"
     rate: float | None = None
     time: str = ""
-    time_unit: Literal["s", "ms", "us", "ns"] = "s"
+    time_unit: TimeUnit = ""
     time_format: str = ""
     truth: tuple[str, ...] = ()
     pads: int = 1
@@ -133,6 +136,7 @@ class DataLayout:
     bandwidth: float | None = None
     separator: str = ","
     decimal: Literal[".", ","] = "."
+    thousands: str = ""
     header: bool = True
     skip: int = 0
     comment: str = "#"
@@ -152,11 +156,13 @@ class DataLayout:
         holds = self.pitch is None or 1e-7 <= self.pitch <= 1.0
         require("pitch", holds, "1e-7 to 1 m", self.pitch)
         if self.positions:
-            checked_positions(self.positions, rows * cols)
+            checked_positions(self.positions, rows * cols, self.pitch)
             require("pads", self.pads == 1, "1 with 'positions', which place all", self.pads)
         # numbers with decimal commas between commas stand in quotes
         holds = len(self.separator) == 1 and self.separator not in '\r\n".'
         require("separator", holds, "one sign, which no number has", self.separator)
+        holds = self.thousands in ("", *THOUSANDS) and self.thousands != self.decimal
+        require("thousands", holds, "',', '.', \"'\" or ' ', other than 'decimal'", self.thousands)
         require("skip", 0 <= self.skip <= MOST_SKIPPED, f"0 to {MOST_SKIPPED}", self.skip)
         require_channels(self.plain)
         require_limits(self.limits, len(self.channels))
@@ -197,6 +203,11 @@ class DataLayout:
         return channel_names(self.plain, len(self.channels))
 
     @property
+    def second(self) -> float:
+        """The unit of the times, s."""
+        return SECONDS[self.time_unit or "s"]
+
+    @property
     def numbers(self) -> int:
         """Numbers of a frame."""
         return self.shape[0] * self.shape[1] * len(self.channels)
@@ -204,7 +215,9 @@ class DataLayout:
     @property
     def form(self) -> TextForm:
         """Form of a table."""
-        return TextForm(self.separator, self.decimal, self.header, self.skip, self.comment)
+        return TextForm(
+            self.separator, self.decimal, self.header, self.skip, self.comment, self.thousands
+        )
 
     def columns(self, header: tuple[str, ...]) -> tuple[str, ...]:
         """Return the columns of a CSV file, row by row, the channels of a taxel together.

@@ -3,8 +3,8 @@
 import math
 import re
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import closing
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import closing, suppress
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -47,11 +47,15 @@ from cnnum.recordings.messages import (
 )
 from cnnum.safety.reading import open_regular
 
-LOOKED_AT, LOOKED_BYTES = 400, 1 << 20
-"""Messages that are looked at, and bytes that are tried with a protocol."""
+LOOKED_AT, SOME, LOOKED_BYTES = 400, 5, 1 << 20
+"""Messages that are looked at, those of a topic whose fields are, and bytes that are tried with a
+protocol."""
 
 PAD = re.compile(r"shape = \[(\d+), (\d+)\]")
 """The shape that a decoder asks for where it finds pads of several."""
+
+STAMPED = re.compile(r"timestamp|duration")
+"""Types of columns of Parquet that are times; they are read in ns."""
 
 LIKELY = re.compile(r"tact|taxel|touch|skin|press|force|sensor|xela|values|data|grid", re.I)
 
@@ -105,18 +109,22 @@ def _of_arrays(
     path: Path, shapes: Mapping[str, tuple[tuple[int, ...], str]], asked: str
 ) -> Proposal:
     proposal = Proposal()
+    stamped = {name for name, (_, kind) in shapes.items() if STAMPED.match(kind)}
     numeric = {
         name: shape
         for name, (shape, kind) in shapes.items()
-        if re.search(r"int|float|double|halffloat|uint|bool|list|[<>|=]?[fiub]\d", kind)
-        and "string" not in kind
+        if name in stamped
+        or (
+            re.search(r"int|float|double|halffloat|uint|bool|list|[<>|=]?[fiub]\d", kind)
+            and "string" not in kind
+        )
     }
     clocks = {n: s for n, s in numeric.items() if max(s, default=0) == math.prod(s) and s}
     frames = {n: s for n, s in numeric.items() if len(s) > 1 and n not in clocks}
     if not frames:
         flat = [name for name in clocks if not TIME.search(name.rpartition("/")[2])]
         if path.suffix.lower() == PARQUET and len(flat) > 1:
-            return _of_columns(path, list(shapes), numeric, asked)
+            return _of_columns(path, list(shapes), numeric, stamped, asked)
         raise CodecError(
             f"'{path}' has no array of frames; its arrays are "
             f"{', '.join(f'{n} {s}' for n, (s, _) in list(shapes.items())[:12]) or 'none'}."
@@ -144,11 +152,11 @@ def _of_arrays(
         proposal.table = {"values": name, **proposal.table}
     proposal.seen.append(f"{count} frames in '{name}' {shape}" if name else f"{count} frames")
     times = [n for n, s in clocks.items() if math.prod(s) == count]
-    times.sort(key=lambda n: (not TIME.search(n.rpartition("/")[2]), len(n)))
-    known = [n for n in times if TIME.search(n.rpartition("/")[2])]
+    times.sort(key=lambda n: (n not in stamped, not TIME.search(n.rpartition("/")[2]), len(n)))
+    known = [n for n in times if n in stamped or TIME.search(n.rpartition("/")[2])]
     others = [n for n in times if not COUNTER.search(n.rpartition("/")[2])]
     if not asked or asked in clocks:
-        take_clock(proposal, asked, known[:1], others[:8], lambda n: _one_array(path, n))
+        take_clock(proposal, asked, known[:1], others[:8], lambda n: _one_array(path, n), stamped)
     take_unit(proposal, (name,), "int" in shapes[name][1] or "u" in shapes[name][1][:2])
     return proposal
 
@@ -168,15 +176,20 @@ def _one_array(path: Path, name: str) -> Floats:
 
 
 def _of_columns(
-    path: Path, names: list[str], numeric: Mapping[str, tuple[int, ...]], asked: str
+    path: Path,
+    names: list[str],
+    numeric: Mapping[str, tuple[int, ...]],
+    stamped: Collection[str],
+    asked: str,
 ) -> Proposal:
     """Return the layout of a Parquet file with a column a number, as of a table in text."""
     proposal = Proposal()
     columns = [name for name in names if name in numeric]
-    known = [name for name in columns if TIME.search(name)]
+    known = [name for name in columns if name in stamped or TIME.search(name)]
+    known.sort(key=lambda name: name not in stamped)
     others = [name for name in columns[:1] if not COUNTER.search(name)]
     asked = asked if asked in columns else ""
-    clock = take_clock(proposal, asked, known, others, lambda name: _one_array(path, name))
+    clock = take_clock(proposal, asked, known, others, lambda name: _one_array(path, name), stamped)
     rest = [name for name in columns if name != clock and not COUNTER.search(name)]
     rest = [name for name in rest if name not in known]
     family = family_of(rest)
@@ -190,17 +203,24 @@ def _of_columns(
 
 def _of_messages(path: Path, topic: str, asked: str) -> Proposal:
     proposal = Proposal()
-    found: dict[str, list[tuple[str, tuple[int, ...]]]] = {}
+    seen: dict[str, list[list[tuple[str, tuple[int, ...]]]]] = {}
+    faults: dict[str, CnnumError] = {}
     with closing(messages(path, topic)) as every:
         for message in islice(every, LOOKED_AT):
-            if message.topic not in found:
+            some = seen.setdefault(message.topic, [])
+            if len(some) < SOME:
                 try:
-                    found[message.topic] = list(numeric_fields(message.content()))
+                    some.append(list(numeric_fields(message.content())))
                 except CnnumError as error:
-                    if path.suffix.lower() in LINES:
-                        raise
-                    found[message.topic] = []
-                    proposal.undecided.append(f"topic '{message.topic}': {error}")
+                    some.append([])
+                    faults.setdefault(message.topic, error)
+    # of the first messages the one with the most fields: another may lack some
+    found = {name: max(some, key=len) for name, some in seen.items()}
+    for name, fields in found.items():
+        if name in faults and not fields:
+            if path.suffix.lower() in LINES:
+                raise faults[name]
+            proposal.undecided.append(f"topic '{name}': {faults[name]}")
     ranked = [
         (LIKELY.search(f"{name}.{part}") is not None, math.prod(shape), -len(part), name, part)
         for name, parts in found.items()
@@ -228,7 +248,10 @@ def _of_messages(path: Path, topic: str, asked: str) -> Proposal:
 
 def _line_times(path: Path, proposal: Proposal, asked: str) -> None:
     with closing(messages(path, "")) as every:
-        some = [message.content() for message in islice(every, LOOKED_AT)]
+        some = list[Any]()
+        for message in islice(every, LOOKED_AT):
+            with suppress(CodecError):  # its reader counts it
+                some.append(message.content())
     stamps = [set(pair) for pair in STAMPS]
     for name in _paths(some[0]):
         if asked in ("", name) and set(names_of(part_of(some[0], name))) in stamps:

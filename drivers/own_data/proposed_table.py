@@ -3,6 +3,7 @@
 import re
 from collections import Counter
 from collections.abc import Mapping
+from dataclasses import replace
 from io import TextIOWrapper
 from pathlib import Path
 
@@ -21,7 +22,14 @@ from cnnum.drivers.own_data.proposed_times import (
     unit_of_times,
 )
 from cnnum.drivers.own_data.sources import stamp
-from cnnum.drivers.text_table import MISSING, SEPARATORS, TextForm, fields_of, nanoseconds
+from cnnum.drivers.text_table import (
+    MISSING,
+    SEPARATORS,
+    TextForm,
+    fields_of,
+    groups,
+    nanoseconds,
+)
 from cnnum.errors import CodecError, RecordingError, unreadable
 from cnnum.safety.reading import open_regular
 
@@ -53,7 +61,16 @@ def first_lines(path: Path) -> list[str] | None:
         return None
 
 
-def _number(text: str, decimal: str) -> bool:
+GROUPED = (
+    (".", ","), (",", "."), (".", "'"), (".", "\u2019"), (".", " "), (",", " "), (".", "\u00a0"),
+    (",", "\u00a0"), (",", "\u202f"),
+)  # fmt: skip
+"""Signs in numbers and between their thousands that are tried where numbers are none without."""
+
+
+def _number(text: str, decimal: str, thousands: str = "") -> bool:
+    if thousands and groups(text, thousands, decimal):
+        return True
     try:
         float(text.strip().replace(decimal, "."))
     except ValueError:
@@ -66,7 +83,7 @@ def of_text(path: Path, lines: list[str], asked: str) -> Proposal:
     begins = {c: sum(x.lstrip().startswith(c) for x in lines) for c in ("#", "%", "//", ";")}
     begins[";"] *= 2 * begins[";"] < len(lines)  # else it stands before an empty first field
     comment = next((c for c, count in begins.items() if count), "#")
-    best: tuple[float, int, str, str] = (0.0, 0, ",", ".")
+    best = (0.0, 0, ",", ".", "")
     content = [line for line in lines if line.strip() and not line.lstrip().startswith(comment)]
     if sum(MONITOR.match(line) is not None for line in content) > MOSTLY * len(content):
         raise CodecError(
@@ -78,17 +95,19 @@ def of_text(path: Path, lines: list[str], asked: str) -> Proposal:
         rows = [_stripped(fields) for fields in rows]
         width, often = Counter(map(len, rows)).most_common(1)[0] if rows else (0, 0)
         wide = [fields for fields in rows if len(fields) == width]
-        for decimal in (".", ","):
+        for decimal, thousands in ((".", ""), (",", ""), *GROUPED):
+            if thousands and (best[0] > 0.999 or thousands == separator == " "):
+                break
             numbers = sum(
-                _number(text, decimal) or nanoseconds(text) is not None
+                _number(text, decimal, thousands) or nanoseconds(text) is not None
                 for fields in wide
                 for text in fields
             )
             share = numbers / max(1, width * len(wide)) * often / max(1, len(rows))
             # equal shares: the more fields the better, and the point before the comma
             if width > 1 and (round(share, 3), width) > (round(best[0], 3), best[1]):
-                best = share, width, separator, decimal
-    share, width, separator, decimal = best
+                best = share, width, separator, decimal, thousands
+    share, width, separator, decimal, thousands = best
     if not width:
         width = 1
     block = _block(lines, separator, decimal)
@@ -96,7 +115,35 @@ def of_text(path: Path, lines: list[str], asked: str) -> Proposal:
         return block
     if share < 0.5:
         raise _no_table(path)
-    return _of_table(path, lines, TextForm(separator, decimal, comment=comment), width, asked)
+    form = TextForm(separator, decimal, comment=comment, thousands=thousands)
+    proposal = Proposal()
+    form = _with_thousands(proposal, content, form)
+    return _of_table(path, lines, proposal, form, width, asked)
+
+
+def _with_thousands(proposal: Proposal, content: list[str], form: TextForm) -> TextForm:
+    """Return a form in which commas before three digits are those of thousands, where they are."""
+    if form.decimal != "," or form.thousands:
+        return form
+    fields = [text.strip() for row in fields_of(content, form) for text in row]
+    parts = [text for text in fields if text[:1] in tuple("+-0123456789") and ":" not in text]
+    commas = [text for text in parts if "," in text]
+    plain = [text.lstrip("+-") for text in parts if text.lstrip("+-").isdigit()]
+    if not commas or not all(groups(text, ",") for text in commas):
+        return form
+    if any(text.lstrip("+-").startswith("0") for text in commas):
+        return form  # 0,123
+    if not any(len(text) < 4 for text in plain):
+        taken = ("", ",") if form.separator != "," else (",", "")
+        shown = commas[0].replace(",", "" if taken[0] else ".")
+        proposal.undecided.append(
+            f"thousands: {commas[0]!r} is taken as {shown}, and may be "
+            f"{commas[0].replace(',', '.' if taken[0] else '')}: then set thousands = "
+            f"'{taken[1]}' and decimal = '{',' if taken[0] else '.'}'"
+        )
+        if not taken[0]:
+            return form
+    return replace(form, decimal=".", thousands=",")
 
 
 def _stripped(fields: list[str]) -> list[str]:
@@ -112,8 +159,9 @@ def _no_table(path: Path) -> CodecError:
     )
 
 
-def _of_table(path: Path, lines: list[str], form: TextForm, width: int, asked: str) -> Proposal:
-    proposal = Proposal()
+def _of_table(
+    path: Path, lines: list[str], proposal: Proposal, form: TextForm, width: int, asked: str
+) -> Proposal:
     numeric = 0
     rows: list[list[str]] = []
     header, skip, said = "", 0, False
@@ -121,7 +169,7 @@ def _of_table(path: Path, lines: list[str], form: TextForm, width: int, asked: s
         is_comment = line.lstrip().startswith(form.comment)
         bare = line.lstrip().removeprefix(form.comment) if is_comment else line
         fields = _stripped(next(iter(fields_of([bare], form)), [""]))
-        numbers = [_number(text, form.decimal) for text in fields]
+        numbers = [_number(text, form.decimal, form.thousands) for text in fields]
         fits = len(fields) in (width, width + 1) and not is_comment
         # the times may be dates
         clocks = [
@@ -160,6 +208,7 @@ def _of_table(path: Path, lines: list[str], form: TextForm, width: int, asked: s
     for key, value, usual in (
         ("separator", form.separator, ","),
         ("decimal", form.decimal, "."),
+        ("thousands", form.thousands, ""),
         ("comment", form.comment, "#"),
     ):
         if value != usual:
@@ -168,7 +217,7 @@ def _of_table(path: Path, lines: list[str], form: TextForm, width: int, asked: s
     if not whole:
         raise _no_table(path)
     columns = {name: [fields[n] for fields in whole] for n, name in enumerate(names)}
-    _columns(proposal, columns, form.decimal, bool(header), asked)
+    _columns(proposal, columns, form, bool(header), asked)
     proposal.seen.append(f"a table of {len(names)} columns")
     return proposal
 
@@ -199,18 +248,16 @@ def _refuse_long(
 
 
 def _columns(
-    proposal: Proposal, columns: Mapping[str, list[str]], decimal: str, named: bool, asked: str
+    proposal: Proposal, columns: Mapping[str, list[str]], form: TextForm, named: bool, asked: str
 ) -> None:
     values: dict[str, Floats] = {}
     clock = ""
     for name, texts in columns.items():
-        known = [_number(text, decimal) for text in texts]
+        known = [_number(text, form.decimal, form.thousands) for text in texts]
         if sum(known) > MOSTLY * len(texts):  # its reader names the line of another word
             made = [
-                np.nan
-                if not good or text.strip().lower() in (*MISSING, "")
-                else float(text.replace(decimal, "."))
-                for text, good in zip(texts, known, strict=True)
+                np.nan if not good or text.strip().lower() in (*MISSING, "") else float(text)
+                for text, good in zip(form.plain(texts), known, strict=True)
             ]
             numbers = np.array(made)
             values[name] = np.where(np.isfinite(numbers), numbers, np.nan)

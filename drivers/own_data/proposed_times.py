@@ -1,7 +1,7 @@
 """The times and the units of a file: which numbers are times, in which unit, and of what."""
 
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
 from itertools import product
 
 import numpy as np
@@ -27,7 +27,11 @@ UNIT_WORDS = {
 }
 """Words for units in the names of times."""
 
-COUNTER = re.compile(r"^(?:|index|frame|frame.?(?:no|nr|id|index|number)|seq|sequence|n|#)$", re.I)
+COUNTER = re.compile(
+    r"^(?:|__index_level_\d+__|unnamed: ?\d+|index|frame|frame.?(?:no|nr|id|index|number)|seq"
+    r"|sequence|n|#)$",
+    re.IGNORECASE,
+)
 UNITS = {"N": "N", "n": "N", "kpa": "kPa", "pa": "Pa", "v": "V", "mv": "mV", "psi": "psi"}
 TIME_UNITS = ("s", "ms", "us", "ns")
 SCALE = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
@@ -60,9 +64,11 @@ def take_clock(
     named: Iterable[str],
     others: Iterable[str],
     read: Callable[[str], Floats],
+    stamped: Collection[str] = (),
 ) -> str:
     """Set the time and its unit by the first column that fits, and return its name.
 
+    Those that are `stamped` are times by their type, in ns.
     Without one it is said why those that are named as times do not, or which of the others rises.
     """
     why = ""
@@ -72,7 +78,8 @@ def take_clock(
             missing = f"'{name}' has rows without a time: fill them, or"
             why = why or missing
             continue
-        if unit := unit_of_times(name, values, asked=bool(asked)):
+        unit = unit_of_times(name, values, asked=bool(asked))
+        if unit := "ns" if unit and name in stamped else unit:
             proposal.table |= {"time": name, "time_unit": unit}
             return name
         steps = np.diff(values)

@@ -16,7 +16,7 @@ from cnnum.drivers.codecs.stream import Scan
 from cnnum.drivers.codecs.wire import Asked, wire
 from cnnum.drivers.npz_file import read_arrays
 from cnnum.drivers.own_data.hdf5_file import PARQUET, read_hdf5
-from cnnum.drivers.own_data.layout import AXES, ORDERS, SECONDS, DataLayout
+from cnnum.drivers.own_data.layout import AXES, ORDERS, DataLayout
 from cnnum.drivers.text_table import LONGEST_LINE, Head, Wanted, nanoseconds, read_columns
 from cnnum.errors import CodecError, RecordingError, RecordingWarning, unreadable
 from cnnum.recordings.messages import (
@@ -40,6 +40,9 @@ VALUES = "values"
 TEXTS = (".csv", ".txt", ".tsv", ".dat", ".asc")
 """Suffixes of tables in text files."""
 
+DATED = "dates"
+"""Name of an array that is there where the times of a text file are dates or times of day."""
+
 LINES = "line of the file"
 """Name of the numbers of the rows' lines, of text files."""
 
@@ -59,7 +62,8 @@ def csv_columns(path: Path, layout: DataLayout) -> Arrays:
     arrays: dict[str, NDArray[Any]] = {VALUES: held.cells, LINES: held.lines}
     arrays |= {name: held.facts[:, place] for place, name in enumerate(layout.truth)}
     if held.clock is not None:
-        arrays[layout.time] = held.clock / (SECONDS[layout.time_unit] if held.dated else 1.0)
+        arrays[layout.time] = held.clock / (layout.second if held.dated else 1.0)
+        arrays |= {DATED: np.ones(1)} if held.dated else {}
     return arrays
 
 
@@ -123,7 +127,10 @@ def message_fields(path: Path, layout: DataLayout) -> Arrays:
     arrays = {VALUES: main, **{name: held[name] for name in layout.truth}}
     if times:
         stamped = times in (LOG_TIME, PUBLISH_TIME)
-        arrays[times] = held[times] / (SECONDS[layout.time_unit] if stamped else 1.0)
+        arrays[times] = held[times] / (layout.second if stamped else 1.0)
+        if np.isnan(arrays[times]).any():  # said with the messages that lack it
+            timed = ~np.isnan(arrays[times].reshape(len(main), -1)).any(axis=1)
+            arrays = {name: part[timed] for name, part in arrays.items()}
     return arrays
 
 
@@ -157,7 +164,7 @@ def sent_scans(path: Path, layout: DataLayout) -> Arrays:
         wrap = scans[0].time_wrap
         steps[steps < -(wrap // 2)] += wrap if wrap < 1 << 62 else 0
         seconds = 1e-6 * np.concatenate([[0], np.cumsum(steps)])
-        arrays[layout.time or LOG_TIME] = seconds / SECONDS[layout.time_unit]
+        arrays[layout.time or LOG_TIME] = seconds / layout.second
     elif not layout.rate:
         raise CodecError(
             f"'{path}': the protocol '{layout.protocol}' has no times: set 'rate' in the layout."

@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import cnnum
+from cnnum.drivers.own_data.proposal import propose
 from cnnum.drivers.text_table import by_format, nanoseconds
 from cnnum.errors import CnnumError, RecordingWarning
 
@@ -76,6 +77,60 @@ def test_decimal_commas_in_quotes(separator, tmp_path):
     text = f'a{separator}b\n"1,5"{separator}"2,0"\n"3,25"{separator}"4,0"\n'
     layout = LAYOUT + f'rate = 10.0\ndecimal = ","\nseparator = {json.dumps(separator)}\n'
     assert load(tmp_path, text, layout).values.ravel().tolist() == [1.5, 2.0, 3.25, 4.0]
+
+
+NUMBERS = {  # how 16300.5 and 950 are written, the separator, and keys of the layout
+    "English": ("16,300.5", "950", ",", {"thousands": ","}),
+    "English without parts": ("16,300", "950", ",", {"thousands": ","}),
+    "German": ("16.300,5", "950", ";", {"thousands": ".", "decimal": ",", "separator": ";"}),
+    "Swiss": ("16'300.5", "950", ";", {"thousands": "'", "separator": ";"}),
+    "French": ("16\u202f300,5", "950", "\t", {"decimal": ",", "separator": "\t"}),
+    "ISO": ("16 300.5", "950", ";", {"thousands": " ", "separator": ";"}),
+    "millions": ("1,016,300", "1,000,950", ",", {"thousands": ","}),
+    "decimal commas": ("16,30", "9,5", ",", {"decimal": ","}),
+    "decimal commas of three digits": ("0,163", "0,950", ";", {"decimal": ",", "separator": ";"}),
+}
+
+
+@pytest.mark.parametrize("name", NUMBERS)
+def test_signs_between_thousands_are_read_and_proposed(name, tmp_path):
+    """In quotes they looked like decimal commas: 16,300 became 16.3."""
+    large, small, separator, keys = NUMBERS[name]
+    rows = [(f"{n / 50:.2f}", *([large, small, small, large])) for n in range(40)]
+    comma = keys.get("decimal") == ","
+    rows = [(row[0].replace(".", ",") if comma else row[0], *row[1:]) for row in rows]
+    path = tmp_path / "a.csv"
+    quoted = [separator.join(f'"{text}"' for text in row) for row in rows]
+    path.write_text("\n".join([separator.join(["t", "p0", "p1", "p2", "p3"]), *quoted]) + "\n")
+    proposal = propose(path)
+    assert {key: proposal.table.get(key) for key in keys} == keys
+    assert not [said for said in proposal.undecided if "thousands" in said]
+    path.with_suffix(".toml").write_text(proposal.text())
+    sign, part = proposal.table.get("thousands", ""), proposal.table.get("decimal", ".")
+    expected = [
+        float((text.replace(sign, "") if sign else text).replace(part, "."))
+        for text in (large, small, small, large)
+    ]
+    values = cnnum.load_recording(path).values
+    assert values[5].ravel().tolist() == expected
+    assert max(expected) > 1000.0 or name.startswith("decimal")
+
+
+def test_thousands_that_may_be_decimals_are_said(tmp_path):
+    rows = "\n".join(f'{n / 50:.2f},"16,{300 + n}","17,{100 + n}"' for n in range(40))
+    (tmp_path / "a.csv").write_text(f"t,p0,p1\n{rows}\n")
+    proposal = propose(tmp_path / "a.csv")
+    assert proposal.table["thousands"] == ","
+    with pytest.raises(CnnumError, match=r"set decimal = ',' or thousands = ','"):
+        load(tmp_path, 'a,b\n"16,300","17,100"\n', 'shape = [1, 2]\nchannels=["z"]\nrate=9.0\n'
+             'values=["a", "b"]\n')  # fmt: skip
+
+
+def test_a_row_that_its_writer_did_not_end_is_left_out_and_said(tmp_path):
+    text = "t,a,b\n0,1,2\n0.1,3,4\n0.2,5"
+    with pytest.warns(RecordingWarning, match="ends within line 4, which is left out"):
+        assert len(load(tmp_path, text, TIMED)) == 2
+    assert len(load(tmp_path, text + ",6", TIMED)) == 3
 
 
 TIMES = {

@@ -14,8 +14,10 @@ import pytest
 from scipy.signal import lfilter
 
 import cnnum
+from cnnum.drivers import open_driver
 from cnnum.errors import ArrayError, ProgramError, SceneError
 from cnnum.frame import contradicted, unit_fault
+from cnnum.recordings.checking import checked
 from cnnum.scenes.events import EVENT_RULES, EventDetector, rules_that_fit
 from cnnum.tactile.indenters import Touch, readings
 
@@ -430,4 +432,31 @@ def test_a_file_whose_times_cannot_be_right_says_the_line(tmp_path, caplog):
     )
     with caplog.at_level(logging.WARNING, "cnnum"):
         cnnum.load_recording(tmp_path / "a.csv")
-    assert "a.csv', line 3: the times 't' cannot be right" in caplog.text
+    assert "a.csv', line 3: the times 't' are 16.7 s from frame to frame" in caplog.text
+    assert "if they are in ms, set time_unit = 'ms'" in caplog.text
+
+
+SLOW = {  # an honest 0.1 Hz: what of a file says that its unit is s
+    "a unit": (lambda n: f"{10 * n}", 'time_unit = "s"'),
+    "a rate": (lambda n: f"{10 * n}", "rate = 0.1"),
+    "times of day": (lambda n: f"12:{n // 6:02d}:{n % 6}0", ""),
+}
+
+
+@pytest.mark.parametrize("said_by", SLOW)
+def test_a_slow_stream_whose_unit_is_said_is_not_questioned(said_by, tmp_path, caplog):
+    time, key = SLOW[said_by]
+    loads = np.random.default_rng(0).integers(0, 99, (40, 4))
+    rows = "\n".join(f"{time(n)},{','.join(map(str, row))}" for n, row in enumerate(loads))
+    (tmp_path / "a.csv").write_text(f"t,p0,p1,p2,p3\n{rows}\n")
+    layout = 'shape = [2, 2]\nchannels = ["z"]\nvalues = "p{n}"\ntime = "t"\n'
+    (tmp_path / "a.toml").write_text(layout + key)
+    with open_driver("file", {"path": str(tmp_path / "a.csv")}) as driver:
+        found = checked(driver.recording, timed=driver.timed)
+    (rate,) = (finding for finding in found if finding.what == "rate")
+    assert (rate.wrong, driver.rate) == (False, pytest.approx(0.1))
+    assert caplog.text == ""
+    (tmp_path / "a.toml").write_text(layout)
+    with open_driver("file", {"path": str(tmp_path / "a.csv")}) as driver:
+        assert driver.timed == (key == "")
+    assert ("time_unit = 'ms'" in caplog.text) == bool(key)

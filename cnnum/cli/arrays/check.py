@@ -42,10 +42,14 @@ def command(recording: Path, topic: str, as_json: bool) -> int:
         pads = getattr(driver, "pads", None) or 1
         laid_out = getattr(driver, "layout", None) is not None
         positions = getattr(driver, "positions", ())
-    findings = checked(held, pads)
+        pitch = getattr(driver, "pitch", None)
+        timed = getattr(driver, "timed", False)
+    findings = checked(held, pads, timed=timed)
     if positions:
         findings = [finding for finding in findings if finding.what != "order"]
-        findings += [one for one in checked(_on_grid(held, positions)) if one.what == "order"]
+        findings += [
+            one for one in checked(_on_grid(held, positions, pitch)) if one.what == "order"
+        ]
     findings = [finding if laid_out else _of_scene(finding) for finding in findings]
     if not as_json:
         click.echo(visible(f"{recording}: {held!r}"))
@@ -65,12 +69,12 @@ def command(recording: Path, topic: str, as_json: bool) -> int:
     return FAULTS if any(finding.wrong for finding in findings) else 0
 
 
-def _on_grid(recording: "Recording", positions: "Positions") -> "Recording":
+def _on_grid(recording: "Recording", positions: "Positions", pitch: float | None) -> "Recording":
     """Return a recording of taxels at known places on a grid, for their order."""
     from cnnum.drivers.geometry import Grid
     from cnnum.recordings.recording import Recording
 
-    grid = Grid(positions, recording.shape)
+    grid = Grid(positions, recording.shape, pitch)
     values = np.stack([grid.maps(frame) for frame in recording.values])
     facts: dict[str, Any] = {
         "rate": recording.rate,

@@ -390,6 +390,53 @@ def test_words_and_times_that_come_often_are_no_fault(call, tmp_path):
     assert "shape = [2, 2]" in done.stdout
 
 
+def frames_of_pandas(path, index, name):
+    """What `to_parquet` makes of a frame with such an index."""
+    pd = pytest.importorskip("pandas")
+    pytest.importorskip("pyarrow")
+    values = press(4, 4, offset=1000)
+    names = [f"taxel{n}_{axis}" for n in range(16) for axis in "xyz"]
+    frame = pd.DataFrame(values.reshape(FRAMES, -1), columns=names, index=index(pd))
+    frame.index.name = name
+    frame.to_parquet(path)
+    return values
+
+
+STEP = 10_000_000  # ns
+INDICES = {
+    "dates": lambda pd: pd.date_range("2024-05-03", periods=FRAMES, freq="10ms"),
+    "dates of a zone": lambda pd: pd.date_range(
+        "2024-05-03", periods=FRAMES, freq="10ms", tz="Europe/Budapest"
+    ),
+    "dates in ms": lambda pd: pd.date_range("2024-05-03", periods=FRAMES, freq="10ms").as_unit(
+        "ms"
+    ),
+    "differences of times": lambda pd: pd.to_timedelta(np.arange(FRAMES) * STEP, unit="ns"),
+}
+
+
+@pytest.mark.parametrize("name", [None, "when", "time_ms"])
+@pytest.mark.parametrize("index", INDICES)
+def test_parquet_of_pandas_is_read_with_the_times_of_its_index(index, name, call, tmp_path):
+    path = tmp_path / "a.parquet"
+    values = frames_of_pandas(path, INDICES[index], name)
+    done = call("layout", path, "--write")
+    assert done.exit_code == 0, done.stdout + done.stderr
+    recording = cnnum.load_recording(path)
+    np.testing.assert_array_equal(recording.values, values)
+    assert recording.times == pytest.approx(np.arange(FRAMES) / RATE, abs=1e-9)
+
+
+def test_parquet_without_its_library_names_the_extra(call, tmp_path, monkeypatch):
+    from cnnum.drivers.own_data import hdf5_file
+
+    (tmp_path / "a.parquet").write_bytes(b"PAR1" + bytes(40) + b"PAR1")
+    monkeypatch.setattr(hdf5_file, "find_spec", lambda _: None)
+    done = call("layout", tmp_path / "a.parquet")
+    assert (done.exit_code, done.stderr.count("\n")) == (2, 1)
+    assert "lerobot" in done.stderr
+
+
 AXES = {
     "taxels of a square last": ((4, 4, 1), lambda v: v[..., 0].transpose(1, 2, 0), 500),
     "numbers before frames": ((4, 4, 3), lambda v: v.reshape(500, 48).T, 500),

@@ -53,6 +53,31 @@ def bump(places, centre, distance):
     return np.exp(-((places - centre) ** 2).sum(axis=-1) / (2.0 * (1.2 * distance) ** 2))
 
 
+@pytest.mark.parametrize("pitch", [2.0, 1.0, 20.0])
+def test_positions_in_metres_are_asked_about_and_small_ones_can_be_said(pitch, tmp_path):
+    """In layouts, scenes and descriptors they are mm; of an array of 0.05 mm its pitch says so."""
+    places = pitch * np.array([(c, r) for r in range(3) for c in range(4)], float)
+    Grid(places, (3, 4))
+    with pytest.raises(SceneError, match=r"closer than taxels are: if they are in metres"):
+        Grid(1e-3 * places, (3, 4))
+    with pytest.raises(SceneError, match="if they are in metres"):
+        Grid(1e-3 * places, (3, 4), pitch=1e-3 * pitch)
+    tiny = 0.05 * places / pitch
+    assert Grid(tiny, (3, 4), pitch=0.05e-3).shape == (3, 4)
+    np.save(tmp_path / "a.npy", np.zeros((9, 3, 4, 3)))
+    text = f"shape = [3, 4]\nrate = 50.0\npositions = {(1e-3 * places).tolist()}\n"
+    (tmp_path / "a.toml").write_text(text)
+    with pytest.raises(SceneError, match="if they are in metres"):
+        cnnum.load_recording(tmp_path / "a.npy")
+    (tmp_path / "a.toml").write_text(
+        text.replace(str((1e-3 * places).tolist()), str(tiny.tolist()))
+    )
+    with pytest.raises(SceneError, match="as in pitch = 5e-05"):
+        cnnum.load_recording(tmp_path / "a.npy")
+    (tmp_path / "a.toml").write_text((tmp_path / "a.toml").read_text() + "pitch = 5e-05\n")
+    assert len(cnnum.load_recording(tmp_path / "a.npy")) == 9
+
+
 @skins
 def test_a_linear_load_is_exact_and_taxels_on_cells_keep_their_values(skin):
     shape, places, *_ = SKINS[skin]

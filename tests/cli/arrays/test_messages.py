@@ -1,6 +1,7 @@
 """Messages in MCAP files and bags: of others by a layout, and our own after other programs."""
 
 import json
+import re
 import warnings
 import zlib
 
@@ -11,6 +12,7 @@ from mcap.writer import CompressionType, Writer
 
 import cnnum
 from cnnum.drivers import open_driver
+from cnnum.drivers.own_data.proposal import propose
 from cnnum.errors import CnnumError, RecordingWarning
 from cnnum.recordings.reader import look
 
@@ -64,6 +66,64 @@ def test_json_in_every_form_of_mcap(form, tmp_path):
         recording = read(path, LAYOUT + 'values = "data"\n' + time)
         assert np.array_equal(recording.values, VALUES)
         assert recording.times == pytest.approx(np.arange(60) / 100.0, abs=1e-9)
+
+
+SPOILT = {
+    "a field that is missing": (lambda one: {"header": one["header"]}, "has no field 'data'"),
+    "a list that is cut off": (lambda one: one | {"data": [1.0]}, "has the shape (1,)"),
+    "a word": (lambda one: one | {"data": "none"}, "holds no numbers of one shape"),
+    "null": (lambda one: one | {"data": None}, "has the shape ()"),
+    "a time that is missing": (lambda one: {"data": one["data"]}, "no 'header'"),
+}
+
+
+@pytest.mark.parametrize("suffix", [".mcap", ".jsonl"])
+@pytest.mark.parametrize("what", SPOILT)
+@pytest.mark.parametrize("bad", [(0,), (7, 8, 30)])
+def test_messages_without_their_field_are_bad_frames_that_are_said(what, suffix, bad, tmp_path):
+    """One such message refused the whole file."""
+    spoil, said = SPOILT[what]
+    lines = [
+        {"header": {"stamp": {"sec": 5, "nanosec": n * NS}}, "data": VALUES[n].tolist()}
+        for n in range(60)
+    ]
+    lines = [spoil(one) if n in bad else one for n, one in enumerate(lines)]
+    path = tmp_path / f"a{suffix}"
+    if suffix == ".jsonl":
+        path.write_text("\n".join(map(json.dumps, lines)) + "\n")
+    else:
+
+        def fill(writer):
+            schema = writer.register_schema("Touch", "jsonschema", b"{}")
+            channel = writer.register_channel("/skin", "json", schema)
+            return lambda n, at: writer.add_message(channel, at, json.dumps(lines[n]).encode(), at)
+
+        made(path, fill)
+    proposal = propose(path)
+    assert proposal.table["values"] == "data"
+    assert proposal.table["shape"] == (2, 2)
+    layout = LAYOUT if suffix == ".mcap" else LAYOUT.replace('topic = "/skin"\n', "")
+    pattern = rf"^{len(bad)} of 60 messages are bad.*{re.escape(said)}"
+    with pytest.warns(RecordingWarning, match=pattern):
+        recording = read(path, layout + 'values = "data"\ntime = "header.stamp"\n')
+    good = [n for n in range(60) if n not in bad]
+    if "time" in what:
+        np.testing.assert_array_equal(recording.values, VALUES[good])
+    else:
+        assert np.isnan(recording.values).all(axis=(1, 2, 3)).nonzero()[0].tolist() == list(bad)
+        np.testing.assert_array_equal(recording.values[good], VALUES[good])
+    assert recording.rate == pytest.approx(100.0)
+
+
+def test_lines_of_json_that_are_cut_off_or_torn_are_said(tmp_path):
+    lines = [json.dumps({"t": n / 100.0, "data": VALUES[n].tolist()}) for n in range(60)]
+    lines[20] = lines[20][:40]
+    path = tmp_path / "a.jsonl"
+    path.write_text("\n".join(lines)[:-30])
+    assert propose(path).table["time"] == "t"
+    with pytest.warns(RecordingWarning, match=r"2 of 60 messages are bad.*line 21: expected JSON"):
+        recording = read(path, LAYOUT.replace('topic = "/skin"\n', 'values = "data"\ntime = "t"\n'))
+    np.testing.assert_array_equal(recording.values, np.delete(VALUES[:59], 20, axis=0))
 
 
 def test_any_order_is_sorted_and_said(tmp_path):
