@@ -31,7 +31,7 @@ from cnnum.drivers.driver import Counters, Counting
 from cnnum.errors import CalibrationError, CodecError, RecordingError, unreadable
 from cnnum.frame import Frame, Quality, Truth, contradicted
 from cnnum.recordings.chunks import untimed
-from cnnum.recordings.export import CALIBRATION, CAME, FRAMES, KIND, MARKS
+from cnnum.recordings.export import CALIBRATION, CAME, FRAMES, KIND, MARKS, PADS
 from cnnum.safety.reading import DAMAGE, MEGABYTE, open_regular
 from cnnum.safety.values import host_bytes, shown
 from cnnum.tactile.taxel import Calibration
@@ -279,16 +279,16 @@ _FLAGS = int(~Quality.GOOD)
 _NUMBERS, _WHOLE, _TEXT = "fiub", "iub", "U"
 _KINDS = {
     **dict.fromkeys(("kind", "channels", "unit", "truths"), _TEXT),
-    **dict.fromkeys(("sequence", "quality", CAME), _WHOLE),
+    **dict.fromkeys(("sequence", "quality", CAME, PADS), _WHOLE),
 }
 _HELD = (*CALIBRATION, "depth", "heat")
 _PARTS = tuple(f"calibration_{name}" for name in _HELD)
 _SINGLE = tuple(f"calibration_{name}" for name in ("alpha_normal", "beta_ns", "limit", "depth"))
 _AXES = {
-    **dict.fromkeys(("kind", "unit", "rate", *_SINGLE), 0),
+    **dict.fromkeys(("kind", "unit", "rate", PADS, *_SINGLE), 0),
     **dict.fromkeys(("channels", "truths", "calibration_heat"), 1),
 }
-_WANTED = frozenset((*_KEYS, MARKS, CAME, *_PARTS))
+_WANTED = frozenset((*_KEYS, MARKS, CAME, PADS, *_PARTS))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -311,6 +311,8 @@ class Archive:
         Taxels at an end of their range; None in archives of earlier versions.
     came : (frames,) int or None
         When each came by the time of day, ns; None in archives of earlier versions.
+    pads : int or None
+        Pads side by side in the columns, where that is known.
     """
 
     values: Floats
@@ -325,6 +327,7 @@ class Archive:
     calibration: Calibration | None
     saturated: NDArray[np.bool_] | None = None
     came: NDArray[np.int64] | None = None
+    pads: int | None = None
 
     def __post_init__(self) -> None:
         frames = len(self.values)
@@ -343,6 +346,8 @@ class Archive:
             )
         if self.came is not None and self.came.shape != (frames,):
             raise CodecError(f"'{CAME}' must be {(frames,)}, got {self.came.shape}.")
+        if self.pads is not None and (self.pads < 1 or self.values.shape[2] % self.pads):
+            raise CodecError(f"{self.pads} pads do not share {self.values.shape[2]} columns.")
         if not frames:
             raise CodecError("it holds no frame.")
 
@@ -416,6 +421,7 @@ def _recording(held: Mapping[str, NDArray[Any]]) -> Archive:
         calibration=_calibration(held),
         saturated=held[MARKS] != 0 if MARKS in held else None,
         came=held[CAME].astype(np.int64, copy=False) if CAME in held else None,
+        pads=int(held[PADS]) if PADS in held else None,
     )
 
 
@@ -512,6 +518,7 @@ class NpzFile(Counting):
         self.channels = recording.channels
         self.unit = recording.unit
         self.rate = rate_that_counts(recording.rate, recording.time)
+        self.pads = recording.pads
         self.calibration = recording.calibration
         self.total_frames = len(recording.values)
 

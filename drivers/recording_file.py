@@ -4,9 +4,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
 from cnnum.arrays import Shape
 from cnnum.drivers.driver import Counters, Counting, lost_before
 from cnnum.drivers.options import require
@@ -17,7 +14,6 @@ from cnnum.frame import Frame, Quality
 from cnnum.recordings.messages import holds_frames, is_bag, topics
 from cnnum.recordings.reader import Contents, look
 from cnnum.recordings.recording import Recording
-from cnnum.recordings.times import rate_of
 from cnnum.safety.reading import DAMAGE, names_something, open_regular
 from cnnum.safety.values import as_path, shown
 
@@ -71,6 +67,7 @@ class McapFile(Counting):
         self.channels = layout.channels
         self.unit = layout.unit
         self.rate = layout.rate
+        self.pads = layout.pads
         self.calibration = layout.calibrated(contents.path)
         self.total_frames = contents.frames
 
@@ -111,6 +108,7 @@ class RecordingDriver(Counting):
         self.channels = recording.channels
         self.unit = recording.unit
         self.rate = recording.rate
+        self.pads = recording.pads
         self.total_frames = len(recording)
 
     def frames(self) -> Iterator[Frame]:
@@ -242,34 +240,7 @@ def load_recording(path: str | Path, *, budget: float = 1.0, topic: str = "") ->
         table["budget"] = budget
     with open_driver(str(table.pop("driver")), table) as driver:
         frames = list(driver.frames())
-        channels, unit, rate = driver.channels, driver.unit, driver.rate
+        rate, pads = driver.rate, getattr(driver, "pads", None)
     if not frames:
         raise RecordingError(f"'{path}' holds no frame.")
-    times = np.array([frame.time for frame in frames])
-    names = dict.fromkeys(name for f in frames if f.truth for name in f.truth.values)
-    return Recording(
-        np.stack([frame.values for frame in frames]),
-        rate=rate or rate_of(times) or 1.0,
-        unit=unit,
-        channels=channels,
-        times=times,
-        truth={n: [f.truth.get(n, np.nan) if f.truth else np.nan for f in frames] for n in names},
-        quality=[int(frame.quality) for frame in frames],
-        saturated=_saturated(frames),
-        sequence=[frame.sequence for frame in frames],
-        wall_ns=_wall(frames),
-    )
-
-
-def _wall(frames: list[Frame]) -> list[int] | None:
-    """Return when all frames came; None where one does not say."""
-    came = [frame.wall_ns for frame in frames if frame.wall_ns is not None]
-    return came if len(came) == len(frames) else None
-
-
-def _saturated(frames: list[Frame]) -> NDArray[np.bool_] | None:
-    """Return the marks of all frames, None where there is none."""
-    if all(frame.saturated is None for frame in frames):
-        return None
-    none = np.zeros(frames[0].shape, np.bool_)
-    return np.stack([none if frame.saturated is None else frame.saturated for frame in frames])
+    return Recording.from_frames(frames, rate=rate or None, pads=pads)

@@ -236,6 +236,9 @@ CSV_MARKS = "saturated"
 CSV_CAME, RATE = "log time (ns)", "rate (Hz)"
 """The last columns: when a frame came, by the time of day; and the rate, the same in all rows."""
 
+PADS = "pads"
+"""A column after them, the same in all rows, where the pads are known."""
+
 
 def write_table(file: IO[bytes], contents: Contents) -> None:
     """Write sequence, time, flags, then every cell's channels, the ground truth, marks and more.
@@ -270,14 +273,16 @@ def _header(layout: Layout) -> list[str]:
         CSV_MARKS,
         CSV_CAME,
         RATE,
+        *([PADS] if layout.pads is not None else []),
     ]
 
 
 def _rows(contents: Contents) -> Iterator[list[object]]:
-    rate = repr(contents.layout.rate)
+    rate, pads = repr(contents.layout.rate), contents.layout.pads
+    last = [rate] if pads is None else [rate, pads]
     for frame, came in contents.stored():
         head = [frame.sequence, repr(frame.time), int(frame.quality)]
-        yield [*head, *_cells(frame), came, rate]
+        yield [*head, *_cells(frame), came, *last]
 
 
 def marked_text(marks: NDArray[np.bool_] | None) -> str:
@@ -338,6 +343,8 @@ def _facts(contents: Contents) -> dict[str, Any]:
         "rate": layout.rate,
         "truths": np.array(layout.truths, dtype=np.str_),
     }
+    if layout.pads is not None:
+        facts[PADS] = layout.pads
     known = layout.calibrated(contents.path)
     if known is not None:
         parts: dict[str, Any] = {name: getattr(known, name) for name in CALIBRATION}
@@ -411,6 +418,8 @@ def write_hdf5(file: IO[bytes], contents: Contents) -> None:
                 "calibration": layout.calibration,
             }
         )
+        if layout.pads is not None:
+            target.attrs[PADS] = layout.pads
         sets = _sets(target, contents)
         at = 0
         for rows in contents.chunks():

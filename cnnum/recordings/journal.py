@@ -148,11 +148,12 @@ class Journal:
         rate: float,
         calibration: Calibration | None,
         held: Sequence[Held] = (),
+        pads: int | None = None,
     ) -> None:
         self.path = path
         self.came = self.stored = 0
         self.failure: OSError | None = None
-        self._rate, self._calibration = rate, calibration
+        self._rate, self._calibration, self._pads = rate, calibration, pads
         self._file = ChunkFile(path, held)
         self._maker: ChunkMaker | None = None
         self._raw = RawMaker()
@@ -216,7 +217,7 @@ class Journal:
             self.failure = self.failure or error
 
     def _begin(self, frame: Frame) -> ChunkMaker:
-        self._maker = ChunkMaker(Layout.of(frame, self._rate, self._calibration))
+        self._maker = ChunkMaker(Layout.of(frame, self._rate, self._calibration, self._pads))
         return self._maker
 
     def _write(self) -> None:

@@ -132,6 +132,8 @@ class Layout:
     marks : bool
         Whether the frames say which taxels stand at an end of their range; those of earlier
         versions do not.
+    pads : int or None
+        Pads side by side in the columns, where that is known.
 
     Raises
     ------
@@ -146,15 +148,24 @@ class Layout:
     truths: tuple[str, ...] = ()
     calibration: str = ""
     marks: bool = True
+    pads: int | None = None
 
     def __post_init__(self) -> None:
         if min(*self.shape, len(self.channels)) < 1:
             raise CodecError(f"a frame needs rows, columns and channels, got {self.whole}.")
         if self.values > MOST_VALUES or len(self.truths) > MOST_VALUES:
             raise CodecError(f"a frame has at most {MOST_VALUES} numbers, got {self.whole}.")
+        if self.pads is not None and (self.pads < 1 or self.shape[1] % self.pads):
+            raise CodecError(f"{self.pads} pads do not share {self.shape[1]} columns equally.")
 
     @classmethod
-    def of(cls, frame: Frame, rate: float, calibration: Calibration | None) -> "Layout":
+    def of(
+        cls,
+        frame: Frame,
+        rate: float,
+        calibration: Calibration | None,
+        pads: int | None = None,
+    ) -> "Layout":
         """Return the layout of an array's frames, by the first of them."""
         return cls(
             shape=frame.shape,
@@ -163,6 +174,7 @@ class Layout:
             rate=float(rate),
             truths=tuple(frame.truth.values) if frame.truth else (),
             calibration="" if calibration is None else calibration.to_text(),
+            pads=pads,
         )
 
     @property
@@ -209,7 +221,8 @@ class Layout:
     def metadata(self) -> dict[str, str]:
         """Return the layout as the metadata of an MCAP channel."""
         rows, cols = self.shape
-        return {
+        known = {} if self.pads is None else {"pads": str(self.pads)}
+        return known | {
             "kind": KIND,
             "rows": str(rows),
             "cols": str(cols),
@@ -241,6 +254,7 @@ class Layout:
                 truths=_names(held["truths"]),
                 calibration=held["calibration"],
                 marks=held.get("marks", "false") == "true",
+                pads=int(held["pads"]) if "pads" in held else None,
             )
         except KeyError as error:
             raise CodecError(f"it has no {error}.") from None

@@ -4,7 +4,7 @@ from __future__ import annotations  # signatures that `help` shows as they are w
 
 import re
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -23,7 +23,7 @@ from cnnum.recordings.reader import look
 from cnnum.recordings.times import FASTEST, numbered, rate_of
 from cnnum.renamed import renamed, warn_of
 from cnnum.safety.files import refuse_target, written
-from cnnum.safety.values import checked_name, is_real, shown
+from cnnum.safety.values import as_path, checked_name, is_real, shown
 from cnnum.tactile.array_calibration import ArrayCalibration
 from cnnum.values import ByContent, read_only
 
@@ -37,7 +37,7 @@ MARKED = re.compile(r"\br(\d{1,4})_c(\d{1,4})\b")
 """A taxel at an end of its range, as `marked_text` writes it."""
 
 TRUTH = "truth "
-KNOWN = {"time", "sequence", "quality", "saturated", "log time (ns)", "rate (Hz)", "unit"}
+KNOWN = {"time", "sequence", "quality", "saturated", "log time (ns)", "rate (Hz)", "unit", "pads"}
 """Columns of a data frame that are none of a taxel."""
 
 
@@ -49,7 +49,8 @@ class Recording(ByContent):
     ----------
     values : (frames, rows, cols, channels) or (frames, rows, cols) float
         A frame with NaN or infinity is a bad frame when it is replayed. Without a last axis there
-        is one channel.
+        is one channel. Values of (frames, pads, rows, cols, channels) are kept with the columns
+        of all pads side by side.
     rate : float, Hz, optional
         The default follows from the usual step of the times.
     unit : str
@@ -70,6 +71,8 @@ class Recording(ByContent):
         are missing, the number jumps, and the frame has the flag `Quality.DROPPED_BEFORE`.
     wall_ns : (frames,) int, optional
         Time of day at which the frames came, ns since 1970.
+    pads : int, optional
+        Pads side by side in the columns; of values with five axes their second.
 
     Raises
     ------
@@ -87,6 +90,7 @@ class Recording(ByContent):
     saturated: NDArray[np.bool_] | None = None
     sequence: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
     wall_ns: NDArray[np.int64] | None = None
+    pads: int | None = None
 
     @renamed(axes="channels")
     def __init__(
@@ -102,13 +106,25 @@ class Recording(ByContent):
         saturated: ArrayLike | None = None,
         sequence: ArrayLike | None = None,
         wall_ns: ArrayLike | None = None,
+        pads: int | None = None,
     ) -> None:
         array = numbers("values", values)
         array = array[..., np.newaxis] if array.ndim == 3 else array
-        if array.ndim != 4 or 0 in array.shape:
+        if array.ndim not in (4, 5) or 0 in array.shape:
             raise ArrayError(
-                "The values of a recording must be (frames, rows, cols, channels), with at "
-                f"least one of each, got {array.shape}."
+                "The values of a recording must be (frames, rows, cols, channels), or with pads "
+                f"(frames, pads, rows, cols, channels), at least one of each, got {array.shape}."
+            )
+        if array.ndim == 5:
+            pads = array.shape[1] if pads is None else pads
+            if pads != array.shape[1]:
+                raise ArrayError(f"'pads' is {pads!r}, but the values have {array.shape[1]} pads.")
+            array = side_by_side(array)
+            if saturated is not None and np.ndim(saturated) == 4:
+                saturated = side_by_side(np.asarray(saturated))
+        if pads is not None and (type(pads) is not int or pads < 1 or array.shape[2] % pads):
+            raise ArrayError(
+                f"'pads' must share the {array.shape[2]} columns equally, got {shown(pads)}."
             )
         if rate is None:
             rate = _rate(times, len(array))
@@ -154,9 +170,76 @@ class Recording(ByContent):
             "saturated": marks,
             "sequence": read_only(scans),
             "wall_ns": None if wall_ns is None else _whole("wall_ns", wall_ns, frames),
+            "pads": pads,
         }
         for name, value in parts.items():
             object.__setattr__(self, name, value)
+
+    @classmethod
+    def from_frames(
+        cls, frames: Iterable[Frame], *, rate: float | None = None, pads: int | None = None
+    ) -> Recording:
+        """Return the recording of frames as a driver yields them, flags, marks and truth included.
+
+        Parameters
+        ----------
+        frames : iterable of Frame
+            Of one array.
+        rate : float, Hz, optional
+            The default is that of the times, and 1 Hz if they have none.
+        pads : int, optional
+            Pads side by side in the columns.
+
+        Raises
+        ------
+        ArrayError
+            If there is no frame, or they are not of one array.
+        """
+        held = list(frames)
+        arrays = {(frame.shape, tuple(frame.channels), frame.unit) for frame in held}
+        if len(arrays) != 1:
+            raise ArrayError(
+                "The frames of a recording must have one shape, one unit and the same channels, "
+                f"got {len(arrays)} kinds of {len(held)} frames."
+            )
+        times = np.array([frame.time for frame in held])
+        known = [frame.truth.values if frame.truth else {} for frame in held]
+        truths = dict.fromkeys(name for truth in known for name in truth)
+        came = [frame.wall_ns for frame in held if frame.wall_ns is not None]
+        marks = None
+        if any(frame.saturated is not None for frame in held):
+            none = np.zeros(held[0].shape, np.bool_)
+            marks = np.stack([none if f.saturated is None else f.saturated for f in held])
+        return cls(
+            np.stack([frame.values for frame in held]),
+            rate=rate or rate_of(times) or 1.0,
+            unit=held[0].unit,
+            channels=held[0].channels,
+            times=times,
+            truth={name: [truth.get(name, np.nan) for truth in known] for name in truths},
+            quality=[int(frame.quality) for frame in held],
+            saturated=marks,
+            sequence=[frame.sequence for frame in held],
+            wall_ns=came if len(came) == len(held) else None,
+            pads=pads,
+        )
+
+    @classmethod
+    def from_mcap(cls, path: str | Path) -> Recording:
+        """Return the recording in an MCAP file of `cnnum record`, which may be cut off or damaged.
+
+        `cnnum.load_recording` reads every kind of file, messages of other programs included.
+
+        Raises
+        ------
+        RecordingError, CodecError
+            If it cannot be read, or is not a recording of cnnum.
+        """
+        contents = look(as_path(path, RecordingError))
+        contents.warn()
+        layout = contents.layout
+        frames = (frame for frame, _ in contents.stored())
+        return cls.from_frames(frames, rate=layout.rate, pads=layout.pads)
 
     @classmethod
     def from_xarray(cls, dataset: Any) -> Recording:
@@ -165,17 +248,19 @@ class Recording(ByContent):
         Parameters
         ----------
         dataset : xarray.Dataset
-            With "values" on the axes time, row, col and axis. The coordinates time (s) and axis
-            (names of channels), the variables "quality" and "saturated", and the attributes
-            "rate" and "unit" are taken where they are there; other variables on the axis time are
-            truths.
+            With "values" on the axes time, row, col and axis, and possibly pad. The coordinates
+            time (s) and axis (names of channels), the variables "quality" and "saturated", and the
+            attributes "rate", "unit" and "pads" are taken where they are there; other variables on
+            the axis time are truths.
 
         Raises
         ------
         ArrayError
             If it has no such values, or the parts do not fit together.
         """
-        sizes = ("time", "row", "col", "axis")
+        sizes: tuple[str, ...] = ("time", "row", "col", "axis")
+        if "values" in dataset and "pad" in dataset["values"].dims:
+            sizes = ("time", "pad", *sizes[1:])
         if "values" not in dataset or set(dataset["values"].dims) != set(sizes):
             raise ArrayError(
                 "A dataset of a recording has 'values' on the axes time, row, col and axis, got "
@@ -191,7 +276,12 @@ class Recording(ByContent):
             channels=[str(n) for n in values["axis"].values] if "axis" in values.coords else None,
             times=values["time"].values if "time" in values.coords else None,
             truth=truth,
-            **{name: dataset[name].values for name in own[1:] if name in dataset},
+            pads=int(dataset.attrs["pads"]) if "pads" in dataset.attrs else None,
+            **{
+                name: dataset[name].transpose(*sizes[:-1], missing_dims="ignore").values
+                for name in own[1:]
+                if name in dataset
+            },
         )
 
     @classmethod
@@ -205,7 +295,8 @@ class Recording(ByContent):
         frame : pandas.DataFrame
             A row for each frame, and a column for each taxel and channel: "z[0, 3]" is channel z
             at row 0, column 3. "time" (s), "sequence", "quality", "saturated", "log time (ns)",
-            "truth …", "rate (Hz)" and "unit" are taken where they are there; others are refused.
+            "truth …", "rate (Hz)", "unit" and "pads" are taken where they are there; others are
+            refused.
         rate : float, Hz, optional
         unit : str, optional
             Both override those of the data frame.
@@ -241,7 +332,7 @@ class Recording(ByContent):
                 for found in MARKED.finditer(text if isinstance(text, str) else ""):
                     marks[number, int(found[1]), int(found[2])] = True
         whole = {"sequence": "sequence", "quality": "quality", "wall_ns": "log time (ns)"}
-        said = {key: columns[key].iloc[0] for key in ("rate (Hz)", "unit") if key in columns}
+        said = {k: columns[k].iloc[0] for k in ("rate (Hz)", "unit", "pads") if k in columns}
         return cls(
             values.reshape(len(frame), len(names), rows, cols).transpose(0, 2, 3, 1),
             rate=said.get("rate (Hz)") if rate is None else rate,
@@ -254,6 +345,7 @@ class Recording(ByContent):
                 if name.startswith(TRUTH)
             },
             saturated=marks,
+            pads=int(said["pads"]) if "pads" in said else None,
             **{key: np.asarray(columns[name]) for key, name in whole.items() if name in columns},
         )
 
@@ -302,7 +394,8 @@ class Recording(ByContent):
             variables["saturated"] = (("time", "row", "col"), self.saturated)
         variables |= {name: (("time",), values) for name, values in self.truth.items()}
         coordinates = {"time": (("time",), self.times), "axis": (("axis",), list(self.channels))}
-        return sharing.dataset(variables, coordinates, {"unit": self.unit, "rate": self.rate})
+        facts: dict[str, object] = {"unit": self.unit, "rate": self.rate}
+        return sharing.dataset(variables, coordinates, facts | self._known_pads())
 
     def to_dataframe(self) -> Any:
         """Return a `pandas.DataFrame` with one row per frame (extra `tables`).
@@ -321,7 +414,11 @@ class Recording(ByContent):
             columns["saturated"] = [marked_text(marks) for marks in self.saturated]
         if self.wall_ns is not None:
             columns["log time (ns)"] = self.wall_ns
-        return sharing.data_frame(columns | {"rate (Hz)": self.rate, "unit": self.unit})
+        facts = {"rate (Hz)": self.rate, "unit": self.unit} | self._known_pads()
+        return sharing.data_frame(columns | facts)
+
+    def _known_pads(self) -> dict[str, object]:
+        return {} if self.pads is None else {"pads": self.pads}
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -382,6 +479,7 @@ class Recording(ByContent):
             saturated=self.saturated,
             sequence=self.sequence,
             wall_ns=self.wall_ns,
+            pads=self.pads,
         )
 
     def save(self, path: str | Path, *, force: bool = False) -> Path:
@@ -414,7 +512,7 @@ class Recording(ByContent):
         """Write all frames in chunks."""
         with written(path, error=RecordingError) as file:
             file.write(beginning())
-            layout = Layout.of(next(self.frames()), self.rate, None)
+            layout = Layout.of(next(self.frames()), self.rate, None, self.pads)
             maker = ChunkMaker(layout)
             for frame in self.frames():
                 maker.add(frame, untimed(frame.time) if frame.wall_ns is None else frame.wall_ns)
@@ -423,6 +521,12 @@ class Recording(ByContent):
             if maker.count:
                 file.write(maker.end())
             write_index(file, layout)
+
+
+def side_by_side(values: NDArray[Any]) -> NDArray[Any]:
+    """Return (frames, pads, rows, cols, …) values as (frames, rows, pads · cols, …)."""
+    frames, pads, rows, cols, *more = values.shape
+    return np.swapaxes(values, 1, 2).reshape(frames, rows, pads * cols, *more)
 
 
 def channel_names(names: Sequence[str] | None, count: int) -> tuple[str, ...]:

@@ -190,6 +190,9 @@ class EventList(list[Event]):
 
 FIELD_AXES = ("row", "col")
 
+SHOWN = 6
+"""Fields that a short description names."""
+
 SPIKES = ("_spikes", "_spike_time", "_spike_gap")
 """Endings of the outputs of a channel that its spikes are made of."""
 
@@ -260,7 +263,9 @@ class SceneRecord:
         return hash((self.names, tuple(self._times), tuple(self._numbers)))
 
     def __repr__(self) -> str:
-        fields = ", ".join(self.names) or "no field"
+        some = ", ".join(self.names[:SHOWN]) or "no field"
+        more = len(self.names) - SHOWN
+        fields = f"{some} and {more} more" if more > 0 else some
         return f"SceneRecord({len(self)} frames with {fields}; {self.events!r})"
 
     def __getitem__(self, name: str) -> Floats:

@@ -45,7 +45,14 @@ from cnnum.errors import (
 )
 from cnnum.frame import Frame, Quality, unit_fault
 from cnnum.recordings.chunks import untimed
-from cnnum.recordings.export import CSV_CAME, CSV_MARKS, HDF5_KIND, RATE, calibration_of
+from cnnum.recordings.export import (
+    CSV_CAME,
+    CSV_MARKS,
+    HDF5_KIND,
+    PADS,
+    RATE,
+    calibration_of,
+)
 from cnnum.recordings.messages import LOG_TIME, holds_frames, is_bag
 from cnnum.recordings.recording import Recording
 from cnnum.recordings.times import rate_of
@@ -120,6 +127,7 @@ def read_own_csv(path: Path) -> Recording:
         saturated=_saturated(held, own.shape),
         sequence=held.whole["sequence"],
         wall_ns=_came(held.whole.get(CSV_CAME), times),
+        pads=int(held.whole[PADS][0]) if PADS in held.whole else None,
     )
 
 
@@ -173,6 +181,7 @@ def _recording(
         saturated=held.get(CSV_MARKS),
         sequence=held["sequence"],
         wall_ns=_came(held.get("log_time"), times),
+        pads=int(attributes[PADS]) if PADS in attributes else None,
     )
 
 
@@ -220,7 +229,7 @@ class _Form:
         )
         facts = ["time" if framed else HEAD[1], *([RATE] if RATE in head.names else [])]
         texts = [*([CSV_MARKS] if CSV_MARKS in head.names else []), *([UNIT] if framed else [])]
-        marked = [CSV_CAME] if CSV_CAME in head.names else []
+        marked = [name for name in (CSV_CAME, PADS) if name in head.names]
         self.wanted = Wanted(
             cells=[*in_order, *truths],
             facts=facts,
@@ -458,7 +467,7 @@ class DataFile(Counting):
     Attributes
     ----------
     pads : int or None
-        Pads side by side, where the layout says so.
+        Pads side by side, where the layout or the recording says so.
     pitch : float or None
         Distance of the taxels, m, where the layout says so.
     layout : DataLayout or None
@@ -491,7 +500,7 @@ class DataFile(Counting):
         self.rate = recording.rate
         self.calibration = calibration
         self.layout = layout
-        self.pads = None if layout is None else layout.pads
+        self.pads = recording.pads if layout is None else layout.pads
         self.pitch = None if layout is None else layout.pitch
         self.limits = None if layout is None else layout.sound
         self.bandwidth = None if layout is None else layout.bandwidth

@@ -35,7 +35,11 @@ ORDERS = {
     "channels-last": "frames rows cols channels",
     "channels-first": "frames channels rows cols",
 }
-AXES = (("frames", "rows", "cols", "channels"), ("frames", "taxels", "channels"))
+AXES = (
+    ("frames", "rows", "cols", "channels"),
+    ("frames", "taxels", "channels"),
+    ("frames", "rows", "pads", "cols", "channels"),
+)
 """Names of the axes of an array."""
 
 _PLACE = re.compile(r"\{(row|col|n|channel|axis)\}")
@@ -79,7 +83,7 @@ class DataLayout:
     truth : tuple of str
         Columns or arrays of the ground truth of every frame.
     pads : int
-        Pads that lie side by side in the columns.
+        Pads that lie side by side in the columns; an array may have an axis "pads" of its own.
     pitch : float, optional
         Distance of the taxels, m; of taxels at positions, the size of a cell of their grid.
     limits : (low, high), or a pair a channel, optional
@@ -153,6 +157,8 @@ class DataLayout:
         timed = bool(self.time or self.topic or self.protocol)
         require("rate", self.rate is not None or timed, "given, or 'time'", self.rate)
         require("pads", 1 <= self.pads <= cols, f"1 to the {cols} columns", self.pads)
+        holds = "pads" not in self.order or cols % self.pads == 0
+        require("pads", holds, f"a divisor of the {cols} columns, as 'order' has them", self.pads)
         holds = self.pitch is None or 1e-7 <= self.pitch <= 1.0
         require("pitch", holds, "1e-7 to 1 m", self.pitch)
         if self.positions:

@@ -325,6 +325,9 @@ GUESSED = (
 )
 """Orders of axes that are tried in turn; the first is meant where several fit."""
 
+PADDED = ("frames pads rows cols channels", "frames pads channels rows cols")
+"""Those of five axes, where the layout has several pads."""
+
 
 def shaped(path: Path, layout: DataLayout, held: NDArray[Any]) -> Floats:
     """Return values as (frames, rows, cols, channels), with the signs of the channels.
@@ -336,7 +339,8 @@ def shaped(path: Path, layout: DataLayout, held: NDArray[Any]) -> Floats:
     """
     if held.dtype.kind not in NUMBERS:
         raise CodecError(f"'{path}' must hold numbers, got the type '{held.dtype}'.")
-    orders = (ORDERS.get(layout.order, layout.order),) if layout.order else GUESSED
+    guessed = PADDED if layout.pads > 1 and held.ndim == len(AXES[2]) else GUESSED
+    orders = (ORDERS.get(layout.order, layout.order),) if layout.order else guessed
     said = bool(layout.order)
     fitting = [o for o in orders if _fits(held.shape, _sizes(layout, held, o), said=said)]
     if not fitting or not held.size:
@@ -347,7 +351,7 @@ def shaped(path: Path, layout: DataLayout, held: NDArray[Any]) -> Floats:
             f"{f' in the order {layout.order!r}' if layout.order else ''} by its layout, or the "
             f"same in another order of the axes, got {held.shape}."
         )
-    if fitting[0] != GUESSED[0] and len(fitting) > 1:
+    if fitting[0] != guessed[0] and len(fitting) > 1:
         raise CodecError(
             f"'{path}' holds {held.shape} values, which are of the layout's shape in several "
             f"orders: set 'order' to one of {', '.join(map(repr, fitting))}."
@@ -359,11 +363,13 @@ def arranged(layout: DataLayout, held: NDArray[Any], order: str) -> Floats:
     """Return values in an order of axes that fits as (frames, rows, cols, channels)."""
     sizes = _sizes(layout, held, order)
     axes = list(sizes)
-    wanted = AXES[1] if "taxels" in axes else AXES[0]
+    wanted = next(known for known in AXES if set(known) == set(axes))
     values = held.reshape(list(sizes.values())).transpose([axes.index(name) for name in wanted])
-    values = values.reshape(len(values), *layout.shape, len(layout.channels))
-    back = tuple(axis + 1 for axis, name in enumerate(("rows", "cols")) if name in layout.flip)
-    numbers: Floats = np.flip(values, back).astype(np.float64)
+    whole = len(values), *layout.shape, len(layout.channels)
+    if "taxels" in wanted:
+        values, wanted = values.reshape(whole), AXES[0]
+    back = tuple(wanted.index(name) for name in layout.flip)  # each pad by itself
+    numbers: Floats = np.flip(values, back).reshape(whole).astype(np.float64)
     return np.asarray(numbers * np.array(layout.signs))
 
 
@@ -372,6 +378,8 @@ def _sizes(layout: DataLayout, held: NDArray[Any], order: str) -> dict[str, int]
     rows, cols = layout.shape
     known = {"rows": rows, "cols": cols, "taxels": rows * cols, "channels": len(layout.channels)}
     known["frames"] = held.size // layout.numbers
+    if "pads" in order:
+        known |= {"pads": layout.pads, "cols": cols // layout.pads}
     return {name: known[name] for name in order.split()}
 
 

@@ -4,7 +4,11 @@ import numpy as np
 import pytest
 
 import cnnum
+from cnnum.drivers.recording_file import RecordingDriver
 from cnnum.errors import ArrayError
+from cnnum.scenes.arrangement import bound, program_of
+from cnnum.scenes.scene_file import read_scene
+from cnnum.scenes.scene_record import SceneRecord
 
 pd = pytest.importorskip("pandas")
 
@@ -70,6 +74,81 @@ def test_tables_that_are_none_are_refused():
         cnnum.Recording.from_dataframe(pd.DataFrame({"time": [0.0, 1.0]}))
 
 
+@pytest.mark.parametrize("kind", ["mcap", "npz", "csv", "h5", "frames", "table", "set"])
+def test_pads_side_by_side_stay_so(tmp_path, kind):
+    rng = np.random.default_rng(7)
+    values = rng.normal(size=(9, 2, 3, 4, 3))  # frames, pads, rows, cols, channels
+    marks = rng.random((9, 2, 3, 4)) < 0.1
+    made = cnnum.Recording(values, rate=50.0, saturated=marks)
+    assert (made.shape, made.pads) == ((3, 8), 2)
+    # closed form: column c of pad p is column 4 p + c
+    for pad, row, col in np.ndindex(2, 3, 4):
+        np.testing.assert_array_equal(made.values[:, row, 4 * pad + col], values[:, pad, row, col])
+        np.testing.assert_array_equal(
+            made.saturated[:, row, 4 * pad + col], marks[:, pad, row, col]
+        )
+    if kind == "frames":
+        again = cnnum.Recording.from_frames(made.frames(), rate=50.0, pads=2)
+    elif kind == "table":
+        again = cnnum.Recording.from_dataframe(made.to_dataframe())
+    elif kind == "set":
+        again = cnnum.Recording.from_xarray(made.to_xarray())
+    elif kind == "mcap":
+        again = cnnum.Recording.from_mcap(made.save(tmp_path / "pads.mcap"))
+        assert again == cnnum.load_recording(tmp_path / "pads.mcap")
+    else:
+        if kind == "h5":
+            pytest.importorskip("h5py")
+        again = cnnum.load_recording(made.save(tmp_path / f"pads.{kind}"))
+    for name in ("values", "pads", "saturated", "times"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(made, name))
+
+
+def test_a_dataset_may_have_an_axis_of_pads():
+    xarray = pytest.importorskip("xarray")
+    values = np.random.default_rng(8).normal(size=(3, 5, 2, 2, 4))
+    dims = ("axis", "time", "pad", "row", "col")
+    found = cnnum.Recording.from_xarray(
+        xarray.Dataset({"values": (dims, values)}, attrs={"rate": 9.0})
+    )
+    expected = cnnum.Recording(np.moveaxis(values, 0, -1), rate=9.0)
+    assert found == expected
+    assert found.pads == 2
+
+
+def test_pads_that_do_not_fit_are_refused():
+    with pytest.raises(ArrayError, match="'pads' must share the 4 columns equally, got 3"):
+        cnnum.Recording(np.zeros((3, 2, 4, 3)), rate=1.0, pads=3)
+    with pytest.raises(ArrayError, match="'pads' is 3, but the values have 2 pads"):
+        cnnum.Recording(np.zeros((3, 2, 4, 4, 3)), rate=1.0, pads=3)
+    halves = [cnnum.Recording(np.zeros((2, 1, n, 1)), rate=9.0) for n in (1, 2)]
+    with pytest.raises(ArrayError, match="got 2 kinds of 4 frames"):
+        cnnum.Recording.from_frames(f for half in halves for f in half.frames())
+
+
+def test_a_file_of_five_axes_is_read_by_its_pads(tmp_path):
+    values = np.random.default_rng(9).normal(size=(7, 2, 3, 4, 3))
+    layout = 'shape = [3, 8]\nrate = 50.0\nunit = "N"\npads = 2\n'
+    for name, held, more in (
+        ("plain", values, ""),
+        ("flipped", values[:, :, :, ::-1], 'flip = ["cols"]\n'),
+        ("said", np.moveaxis(values, 0, 1), 'order = "pads frames rows cols channels"\n'),
+    ):
+        np.save(tmp_path / f"{name}.npy", held)
+        (tmp_path / f"{name}.toml").write_text(layout + more)
+        found = cnnum.load_recording(tmp_path / f"{name}.npy")
+        np.testing.assert_array_equal(found.values, cnnum.Recording(values, rate=50.0).values)
+        assert found.pads == 2
+
+
+def test_the_pads_of_a_recording_reach_the_program():
+    spec = read_scene("contact")
+    for pads in (1, 2):
+        driver = RecordingDriver(cnnum.Recording(np.zeros((3, pads, 4, 4, 3)), rate=100.0))
+        program = bound(program_of(spec), spec, driver, None, "count")
+        assert dict(program.parameters)["pads"] == pads
+
+
 def pressed():
     """Return counts of a skin that is pressed from 0.6 to 0.9 s."""
     rng = np.random.default_rng(4)
@@ -113,3 +192,5 @@ def test_a_record_draws_itself():
     axes = record.plot()
     assert axes.get_xlabel() == "time (s)"
     assert len(axes.get_lines()) == len(record.names) > 1
+    many = SceneRecord([f"field_{number}" for number in range(90)])
+    assert "field_5 and 84 more" in repr(many)

@@ -98,7 +98,9 @@ class Recorder:
         calibration = getattr(driver, "calibration", None)
         try:
             held = _held(calibration, scene)
-            self._journal = Journal(path, driver.rate, calibration, held)
+            self._journal = Journal(
+                path, driver.rate, calibration, held, getattr(driver, "pads", None)
+            )
         except FileExistsError:
             raise taken(path, RecordingError) if direct else _unfinished(path, target) from None
         except OSError as error:
