@@ -1,6 +1,7 @@
 """Friction and roughness of a surface sliding over taxels, frame by frame (dissertation 6.5)."""
 
 from collections.abc import Mapping
+from math import ceil
 from typing import Literal, get_args
 
 import numpy as np
@@ -15,7 +16,8 @@ from cnnum.templates.tactile.localize import DEPTH, PITCH, SHARE, near_the_end, 
 from cnnum.templates.tactile.shared.loads import PUSH, loads_of
 
 SAMPLES, APART = 128, 0.015
-"""T of the dissertation: 128 samples, 15 ms apart. Slower arrays give one a frame, and fewer."""
+"""T of the dissertation: 128 samples, 15 ms apart; a frame is one where the time of it lies within.
+Slower arrays give one a frame, and fewer."""
 
 Rubbed = Literal["load", "strain", "stress"]
 """What the taxels read: a load as it is, or the strain or stress below a bump."""
@@ -29,11 +31,14 @@ MOVES = 1.5
 """Change of the load's pattern from a sample to the next, over its noise, from which a surface
 moves over the taxels: noise of sixteen taxels alone reaches 1.5 in a sample of 500, of 64 never."""
 
-STEADY = 0.05
-"""Difference of the ratio from half to half of the window, over its mean, from which a surface is
-not sliding yet: the way from rest to friction's limit."""
+STEADY, END = 0.05, 8
+"""Share by which the ratio in the first or last eighth of a window differs from the whole's where
+not all of it slides, as before friction's limit or in a release. What passes is 0.6 % of a mean."""
 
 NOTHING = 1e-30
+
+TIE = 1e-3
+"""Frames by which a sample may be early: every engine rounds its time."""
 
 
 @program
@@ -60,8 +65,8 @@ def texture(
     push : float
         −1 for strain and stress, +1 for signals that rise under a push.
     window : int
-        T: the samples of the last T times 15 ms count, one every 15 ms; of slower arrays the
-        frames of that time. Each takes two memories a taxel.
+        T: the samples of the last T times 15 ms count, one every 15 ms in the mean; of slower
+        arrays the frames of that time. Each takes two memories a taxel.
     taxels : "load", "strain" or "stress"
         "load" for signals that read shear and normal forces alike. Strain and stress below bumps do
         not, and feel the neighbours' bumps as well: they are turned into each bump's own load, as
@@ -77,10 +82,11 @@ def texture(
         `texture_friction` (map: mean of |T|/|S_n|, (6.3); 0 where not known, as
         where the taxel was at an end of its range within the window), `texture_roughness`
         (map: 100 times its standard deviation over its mean, (6.4)), `texture_frames` (map: samples
-        in contact, T + 1 at most), `friction`, `roughness` (means over the taxels that know
+        of this touch, T + 1 at most), `friction`, `roughness` (means over the taxels that know
         theirs), `texture_known` (flag: any does), `texture_rubs` (flag: the pattern of the normal
-        load has moved in all frames of the window and both of its halves have one ratio, which is
-        then friction's; a surface that sticks, or is too smooth to be seen to move, has none).
+        load has moved in all frames of the window and its ends have its ratio, which is then
+        friction's; a surface that sticks, or is too smooth to be seen to move, has none). After it
+        friction and roughness stay those of the last such window until it is touched anew.
 
     Raises
     ------
@@ -98,7 +104,8 @@ def texture(
             f"'window' must be 1 frame or more and 'ratio' above 0, got {window} and {ratio}."
         )
     refuse_outside(window=(window, 1, 10_000), ratio=(ratio, 1e-30, 1e30))
-    window = max(1, round(window * min(1.0, APART * frame.rate)))
+    apart = max(1.0, APART * frame.rate)
+    window = max(1, round(window * APART * frame.rate / apart))
     loads = frame.once(loads_of, push=push)
     x, y, normal = loads.shear_x / ratio, loads.shear_y / ratio, loads.normal
     least, noise = CLEAR * sqrt(loads.normal_noise), loads.normal_noise
@@ -113,18 +120,28 @@ def texture(
     rubbed = loads.contact & (normal > least)
     rubbed = rubbed if at_end is None else rubbed & ~at_end
     now = where(rubbed, length([x, y]) / normal, 0.0)
-    tick = _tick(frame)
-    values, marks = _last(frame, now, rubbed, window, tick)
+    tick = _tick(frame, apart)
+    values, marks = _last(frame, now, rubbed, loads.contact, window, tick)
     count = _sum(marks)
     mean = _sum(values) / maximum(count, 1.0)
     gaps = [mark * square(value - mean) for value, mark in zip(values, marks, strict=True)]
     known = (count >= 2.0) & (mean > 0.0)
     if at_end is not None:
-        known = known & _whole(frame, at_end, window)
+        known = known & _whole(frame, at_end, window * apart)
     share = where(known, 1.0, 0.0)
     deviation = sqrt(_sum(gaps) / maximum(count - 1.0, 1.0))
-    friction = where(known, mean, 0.0)
-    roughness = where(known, 100.0 * deviation / where(known, mean, 1.0), 0.0)
+    moves = _moves(frame, normal, rubbed, noise, window, tick)
+    rubs = known.any() & moves & _steady(values, marks, share)
+    begins = loads.contact & ~frame.previous(loads.contact)
+    holds = frame.memory("a whole window is held", scalar=True, logic=True).latch(rubs, ~begins)
+    friction, roughness = (
+        _held(frame, name, value, rubs, holds)
+        for name, value in (
+            ("friction", where(known, mean, 0.0)),
+            ("roughness", where(known, 100.0 * deviation / where(known, mean, 1.0), 0.0)),
+        )
+    )
+    known = friction > 0.0
     number = maximum(known.count(), 1.0)
     return {
         "texture_friction": friction,
@@ -133,42 +150,46 @@ def texture(
         "friction": friction.sum() / number,
         "roughness": roughness.sum() / number,
         "texture_known": known.any(),
-        "texture_rubs": known.any()
-        & _moves(frame, normal, rubbed, noise, window, tick)
-        & _steady(values, marks, share),
+        "texture_rubs": rubs,
     }
 
 
-def _whole(frame: FrameFields, at_end: Field, window: int) -> Field:
+def _held(frame: FrameFields, name: str, value: Field, rubs: Field, holds: Field) -> Field:
+    """Return a map, or after the last window in which the surface slid that window's own."""
+    last = frame.memory(f"{name} while it slid")
+    last.store(where(rubs, value, last.value))
+    return where(holds & ~rubs, last.value, value)
+
+
+def _whole(frame: FrameFields, at_end: Field, frames: float) -> Field:
     """Return the taxels that were within their range in the whole window.
 
     Samples beyond it are missing where the load is highest, so that the others are a choice.
     """
-    lasts = window * max(1, round(APART * frame.rate)) + 1
     left = frame.memory("frames until its window is whole")
-    count = where(at_end, float(lasts), maximum(left.value - 1.0, 0.0))
+    count = where(at_end, float(ceil(frames) + 1), maximum(left.value - 1.0, 0.0))
     left.store(count)
     return count < 0.5
 
 
 def _steady(values: list[Field], marks: list[Field], share: Field) -> Field:
-    """Return a flag: both halves of the window have one ratio, over the taxels that know theirs."""
-    half = (len(values) + 1) // 2
-    new, old = (
+    """Return a flag: both ends of the window have its ratio, over the taxels that know theirs."""
+    end = max(1, len(values) // END)
+    whole, new, old = (
         (share * _sum(values[part])).sum() / maximum((share * _sum(marks[part])).sum(), 1.0)
-        for part in (slice(0, half), slice(half, None))
+        for part in (slice(None), slice(0, end), slice(-end, None))
     )
-    return abs(new - old) < 0.5 * STEADY * (new + old)
+    return maximum(abs(new - whole), abs(old - whole)) < STEADY * whole
 
 
-def _tick(frame: FrameFields) -> Field | None:
-    """Return a flag: the frame is a sample; None where each is."""
-    every = max(1, round(APART * frame.rate))
-    if every == 1:
+def _tick(frame: FrameFields, apart: float) -> Field | None:
+    """Return a flag: the frame is a sample, so many frames after the last; None where each is."""
+    if apart < 1.0 + TIE:
         return None
     since = frame.memory("frames since the last sample", scalar=True)
-    tick = frame.first | (since.value > every - 1.5)
-    since.store(where(tick, 0.0, since.value + 1.0))
+    now = since.value + 1.0
+    tick = frame.first | (now > apart - TIE)
+    since.store(where(frame.first, 0.0, now - where(tick, apart, 0.0)))
     return tick
 
 
@@ -208,13 +229,13 @@ def _moves(
 
 
 def _last(
-    frame: FrameFields, value: Field, mark: Field, window: int, tick: Field | None
+    frame: FrameFields, value: Field, mark: Field, touched: Field, window: int, tick: Field | None
 ) -> tuple[list[Field], list[Field]]:
-    """Return a value and its mark on this frame and the samples before, newest first."""
+    """Return a value and its mark on this frame and this touch's samples before, newest first."""
     values, marks = [value], [where(mark, 1.0, 0.0)]
     for _ in range(window):
-        for kept in (values, marks):
-            kept.append(_sampled(frame, kept[-1], tick))
+        values.append(where(touched, _sampled(frame, values[-1], tick), 0.0))
+        marks.append(where(touched, _sampled(frame, marks[-1], tick), 0.0))
     return values, marks
 
 

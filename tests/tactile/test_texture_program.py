@@ -4,12 +4,16 @@ import numpy as np
 import pytest
 
 import cnnum
+from cnnum.drivers.simulated.settings import Phase
 from cnnum.errors import PhysicsError, ProgramError, UnknownNameError
 from cnnum.tactile.bump_loads import shear_over_normal
 from cnnum.tactile.texture import texture as whole_recording
 from cnnum.tactile.texture_materials import FOUR, Stroke, rub
 from cnnum.templates.tactile.localize import PITCH
-from cnnum.templates.tactile.texture import texture
+from cnnum.templates.tactile.texture import APART, texture
+
+RATE = 1 / APART
+"""Frames a second of which each is a sample."""
 
 
 def rubbed(shape, batch=(), frames=60, seed=0):
@@ -27,7 +31,7 @@ def test_texture_is_the_closed_form(engine, run, shape, batch):
     if engine.name == "reference" and shape != (4, 4):
         pytest.skip("one shape is enough for the slow engine")
     frames, window = rubbed(shape, batch), 16
-    got = run(engine, texture.bind(rate=70.0, push=1.0, window=window, ratio=0.5), frames)
+    got = run(engine, texture.bind(rate=RATE, push=1.0, window=window, ratio=0.5), frames)
     # the last frames of the window are all in contact, rest is known to a quarter of the noise
     true = whole_recording(frames[20:], window=window)
     assert (got["texture_frames"][-1] == window + 1).all()
@@ -50,7 +54,7 @@ def test_a_constant_ratio_has_no_roughness(fast, run):
     frames[20:, ..., 2] += load[:, None, None]
     frames[20:, ..., 0] += 0.3 * load[:, None, None]
     frames[20:, ..., 1] -= 0.4 * load[:, None, None]
-    got = run(fast, texture.bind(rate=70.0, push=1.0, window=8), frames)
+    got = run(fast, texture.bind(rate=RATE, push=1.0, window=8), frames)
     # noise of 1e-5 in loads above 0.5
     np.testing.assert_allclose(got["texture_friction"][-1], 0.5, atol=1e-3)
     assert got["texture_roughness"][-1].max() < 0.1
@@ -59,7 +63,7 @@ def test_a_constant_ratio_has_no_roughness(fast, run):
 def test_the_dissertations_window(fast, run):
     """T = 128, as in 6.5: two memories a frame and taxel."""
     frames = rubbed((4, 4), frames=140)
-    got = run(fast, texture.bind(rate=70.0, push=1.0, ratio=0.5), frames, ["texture_friction"])
+    got = run(fast, texture.bind(rate=RATE, push=1.0, ratio=0.5), frames, ["texture_friction"])
     true = whole_recording(frames[20:], window=128)
     np.testing.assert_allclose(
         got["texture_friction"][-1], true.friction[-1] / 0.5, rtol=0.03, atol=0.02
@@ -117,14 +121,14 @@ def below_bumps(patch, friction, poisson=0.49):
 )
 def test_friction_below_a_bump_is_that_of_finite_elements(fast, run, patch, read):
     frames = below_bumps(patch, 0.6)
-    got = run(fast, texture.bind(rate=70.0, window=8, taxels="strain"), frames)
+    got = run(fast, texture.bind(rate=RATE, window=8, taxels="strain"), frames)
     # of ν = 0.49 instead of 0.5, of a coarser mesh, and unmixed to 2 %
     touched = np.zeros((4, 4), dtype=bool)
     touched[1, 2] = True
     assert ((got["texture_friction"][-1] > 0.0) == touched).all()
     assert got["friction"][-1] == pytest.approx(read, rel=0.02)
     if read == 0.6:  # "about two", of equal displacements, is not the ratio of equal forces
-        alike = run(fast, texture.bind(rate=70.0, window=8, ratio=0.5), frames)
+        alike = run(fast, texture.bind(rate=RATE, window=8, ratio=0.5), frames)
         assert alike["texture_friction"][-1][touched] == pytest.approx(0.4, abs=0.02)
 
 
@@ -168,9 +172,41 @@ def test_a_scene_takes_the_ratio_from_the_arrays_bumps(tmp_path, friction):
     assert last.outputs["friction"] == pytest.approx(friction, rel=0.03)
 
 
+@pytest.mark.one_in(4)  # 15 ms are 1.5 frames at 100 Hz; the fastest takes ten times as long
+@pytest.mark.parametrize("rate", [100.0, 50.0, 1000.0, 200.0])
+def test_a_whole_window_reads_the_friction_at_every_rate_and_the_release_changes_nothing(
+    fast, simulate, rate
+):
+    """Drawn frictions and presses; a window lasts as long at each, and ends where sliding does."""
+    rng, window = np.random.default_rng(round(rate)), 32
+    plan = fast.compile(texture.bind(rate=rate, window=window, taxels="strain"), (8, 8))
+    for press in rng.uniform(0.05, 0.8, 3):
+        friction = float(rng.uniform(0.2, 1.0))
+        strain, truth = simulate(
+            rate=rate, cover="bumpy", bump_radius=0.2e-3, thickness=0.2e-3, body="textured",
+            friction=friction, noise=1e-3,
+            script=(Phase("hold", 0.3), Phase("press", press, load=2.0),
+                    Phase("pull", 0.9, 0.0, 4e-3, 0.5), Phase("release", 0.2), Phase("hold", 0.1)),
+        )  # fmt: skip
+        stream = plan.stream(rate=rate)
+        rows = [stream.push(frame) for frame in strain]
+        read, rubs = (
+            np.array([row[name] for row in rows]) for name in ("friction", "texture_rubs")
+        )
+        slides = np.flatnonzero(truth["slip"])
+        whole = np.flatnonzero(rubs)
+        # ends of the window that reach into the rest by a twentieth of the ratio: 1 %; noise, and
+        # bumps unmixed to 2 %
+        np.testing.assert_allclose(read[whole], friction, rtol=0.03)
+        begins = (whole[0] - slides[0]) / rate
+        assert 0.015 * window * (1 - 1 / 8) < begins < 0.015 * window + 0.1
+        lifts = np.flatnonzero(np.diff(truth["normal_force"]) < -1e-6)[0]
+        np.testing.assert_allclose(read[lifts:], friction, rtol=0.03)
+
+
 def test_wrong_parameters_are_refused():
     with pytest.raises(ProgramError, match="window"):
-        texture.bind(rate=70.0, window=0).trace((4, 4))
+        texture.bind(rate=RATE, window=0).trace((4, 4))
     with pytest.raises(UnknownNameError, match="taxels"):
         texture.bind(taxels="bump").trace((4, 4))
     with pytest.raises(PhysicsError, match="bump radii"):
