@@ -232,8 +232,8 @@ class Engine(OfThisProcess):
         at : sequence of float, optional
             Increasing times in the unit of `tau`, instead of a duration. One run to the last of
             them returns the state at each; state and error are those of a run that ends there. A
-            time takes about as long as a step, and less where the array is linear. The engine
-            "reference", implicit and exponential steps and whole numbers run anew to each time.
+            time takes about as long as a step, and less where the array is linear. Whole numbers
+            run anew to each time.
         chip : Chip, optional
             Emulate an analogue array of limited accuracy: weights, maps, noise and mismatch.
 

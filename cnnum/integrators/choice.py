@@ -18,6 +18,7 @@ from cnnum.integrators.exact_ends import (
     shifts_fit,
     spectral,
 )
+from cnnum.integrators.exponential import fixed_step, followed_step
 from cnnum.integrators.rosenbrock import IMPLICIT_METHODS, implicit_steps
 from cnnum.integrators.schemes import (
     CHEBYSHEV,
@@ -370,12 +371,12 @@ class _Choice:
         reason = "a fixed step was asked for" if self.spec.dt else "half of the stability bound"
         taus = self.template.tau.tolist()
         if not self.spec.estimate or forced:
-            each = tuple(method.fixed(even, tau) for tau in taus)
+            each = tuple(fixed_step(method, even, tau) for tau in taus)
             return FixedSteps(each, even, count, self.settle, even), reason, forced
         self._refuse_many(count)
         if method.order > 1 and self.template.output.limited:
             self._refuse(f"'{method.name}' with a limited state")
-        rows = tuple(method.followed(even, tau) for tau in taus)
+        rows = tuple(followed_step(method, even, tau) for tau in taus)
         return AdaptiveSteps(rows, even, self.settle, even), reason, forced
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cnnum.arrays import Floats
-from cnnum.integrators.tableau import Row
+from cnnum.integrators.tableau import LayerMethod, Row
 
 
 def phi(order: int, z: Floats) -> Floats:
@@ -76,31 +76,50 @@ class ExponentialMethod:
         z = -step / tau
         return np.exp(z), -z * phi(1, z), -z * phi(2, z)
 
-    def fixed(self, step: float, tau: float) -> "ExponentialStep":
-        """Return a step of a layer as sums of rates.
+    def fixed(self, steps: Floats, tau: float) -> tuple[Floats, Floats, Floats]:
+        """Return steps of a layer as sums of rates: a, b, and the carried part, by step.
 
         The coupling is N = x + τk, and the kept share of x is 1 − first, so that
 
             a = x + first·τk₀,   x⁺ = x + (1 + second)(a − x) + second·τ(k₁ − k₀)
 
         and a cell whose rate is 0 stays to the bit.
-        """
-        _, first, second = (float(w[0]) for w in self.weights(step, np.array([tau])))
-        slope, later = Fraction(first * tau / step), Fraction(second * tau / step)
-        if self.order == 1:
-            return ExponentialStep(self.name, ((),), (slope,))
-        return ExponentialStep(self.name, ((), (slope,)), (-later, later), 1.0 + second)
 
-    def followed(self, step: float, tau: float) -> "FollowedStep":
-        """Return a step of a layer with stages that estimate its error.
+        Parameters
+        ----------
+        steps : (steps,) float
+        tau : float
+
+        Returns
+        -------
+        (steps, stages, stages), (steps, stages) and (steps,) float
+        """
+        _, first, second = self.weights(steps, np.array(tau))
+        slope, later, count = first * tau / steps, second * tau / steps, len(steps)
+        if self.order == 1:
+            return np.zeros((count, 1, 1)), slope[:, np.newaxis], np.zeros(count)
+        a = np.zeros((count, 2, 2))
+        a[:, 1, 0] = slope
+        return a, np.stack([-later, later], axis=1), 1.0 + second
+
+    def followed(self, steps: Floats, tau: float) -> tuple[Floats, Floats]:
+        """Return steps of a layer with stages that estimate their error, and those estimates.
 
         The first method is off by the second one's correction. The second is off by the part that
         one of third order would add. Its stage amid the step is that of Shu & Osher (1988) where
         h/τ is small.
+
+        Parameters
+        ----------
+        steps : (steps,) float
+        tau : float
+
+        Returns
+        -------
+        (steps, stages, stages) and (steps, stages) float
         """
-        decay = step / tau
-        whole, half = np.array([-decay]), np.array([-0.5 * decay])
-        one, two, three = (float(phi(k, whole)[0]) for k in (1, 2, 3))
+        decay = (steps / tau)[:, np.newaxis]
+        one, two, three = (phi(k, -decay) for k in (1, 2, 3))
         n = 2 * self.order
         start = np.eye(n)[0]
 
@@ -110,12 +129,12 @@ class ExponentialMethod:
 
         first = one * start
         if self.order == 1:
-            return FollowedStep.of(self, [0.0 * start, first], two * change(1, first))
+            return np.stack([0.0 * first, first], axis=1), two * change(1, first)
         beyond = change(1, first)
-        amid = 0.5 * (float(phi(1, half)[0]) * start + float(phi(2, half)[0]) * beyond)
+        amid = 0.5 * (phi(1, -0.5 * decay) * start + phi(2, -0.5 * decay) * beyond)
         bend = beyond - 2.0 * change(2, amid)
-        rows = [0.0 * start, first, amid, first + two * beyond]
-        return FollowedStep.of(self, rows, (4.0 * three - 2.0 * two) * bend)
+        rows = [0.0 * first, first, amid, first + two * beyond]
+        return np.stack(rows, axis=1), (4.0 * three - 2.0 * two) * bend
 
     def growth(self, steps: Floats, values: NDArray[np.complex128]) -> NDArray[np.complex128]:
         """Return the factors of modes a step, (steps, modes), where 1/τ = 1 and J has `values`."""
@@ -169,12 +188,6 @@ class FollowedStep:
     truncation: tuple[Row, ...]
     least_bent: float = 1.0
 
-    @classmethod
-    def of(cls, method: ExponentialMethod, a: list[Floats], part: Floats) -> "FollowedStep":
-        """Return the step whose stages have these rows, the last one that of its end."""
-        rows = tuple(_row(row[:stage]) for stage, row in enumerate(a))
-        return cls(method.name, method.order, rows, (_row(part),))
-
     @property
     def stages(self) -> int:
         """Evaluations of the rates; the last is the first of the next step."""
@@ -188,6 +201,22 @@ class FollowedStep:
 
 def _row(values: Floats) -> Row:
     return tuple(Fraction(value) for value in values.tolist())
+
+
+def _rows(a: Floats) -> tuple[Row, ...]:
+    return tuple(_row(row[:stage]) for stage, row in enumerate(a))
+
+
+def fixed_step(method: LayerMethod, step: float, tau: float) -> ExponentialStep:
+    """Return a step of a layer as sums of rates."""
+    a, b, carried = method.fixed(np.array([step]), tau)
+    return ExponentialStep(method.name, _rows(a[0]), _row(b[0]), float(carried[0]))
+
+
+def followed_step(method: LayerMethod, step: float, tau: float) -> FollowedStep:
+    """Return the same with stages that estimate its error."""
+    a, part = method.followed(np.array([step]), tau)
+    return FollowedStep(method.name, method.order, _rows(a[0]), (_row(part[0]),))
 
 
 EXPONENTIAL_EULER = ExponentialMethod("exponential-euler", 1)

@@ -115,12 +115,15 @@ class LayerMethod(Protocol):
         """Order of the error of a run."""
         ...
 
-    def fixed(self, step: float, tau: float) -> Explicit:
-        """Return a step of a layer."""
+    def fixed(self, steps: Floats, tau: float) -> tuple[Floats, Floats, Floats]:
+        """Return a, b and the carried part of steps of a layer, whose lengths are the first axis.
+
+        Of as many stages (steps, stages, stages), (steps, stages) and (steps,).
+        """
         ...
 
-    def followed(self, step: float, tau: float) -> Pair:
-        """Return the same step with stages that estimate its error."""
+    def followed(self, steps: Floats, tau: float) -> tuple[Floats, Floats]:
+        """Return a of the same steps with stages that estimate their error, and that estimate."""
         ...
 
     def growth(self, steps: Floats, values: NDArray[np.complex128]) -> NDArray[np.complex128]:

@@ -15,8 +15,7 @@ from cnnum.errors import ArrayError, MethodError
 from cnnum.graph.nodes import RunSpec, Transient
 from cnnum.integrators.choice import exact_end
 from cnnum.integrators.estimate import LOST, ROUNDINGS
-from cnnum.integrators.rosenbrock import ImplicitSteps
-from cnnum.integrators.schemes import LAYER_METHODS
+from cnnum.integrators.rosenbrock import IMPLICIT_METHODS, ImplicitSteps
 from cnnum.integrators.series import Stretch, in_stretches
 from cnnum.integrators.solver import Exact, Solver, Stepping
 from cnnum.plan import Plan
@@ -87,29 +86,29 @@ def at_times(ask: Ask, down: Callable[[Ask], Result]) -> Result:
 
 def _looks(request: Request, times: tuple[float, ...], end: Result) -> Result | None:
     """Return what a run passes through at times; None where each is a run of its own."""
+    if end.method in IMPLICIT_METHODS:
+        request = request.by(replace(request.spec, method=end.method))
     engine, solver, ran, spec = request.engine, request.solver, request.ran, request.spec
     steps = isinstance(solver.scheme, Stepping)
-    finely = not (engine.record.takes_steps or solver.asked or ran.output.discrete)
-    if finely or (steps and end.method != solver.method):
+    if steps and end.method != solver.method:
         return None
+    if _finely(request.plan):
+        return looked_at(request.plan, request.given, request.lead, times)
     if steps and by_halving(ran, dt=spec.dt, settle=False):
         return _halved_looks(request, times, end)
-    looks = looked_at(request.plan, request.given, request.lead, times, engine.precision)
-    if looks is None or not follows(request):
+    looks = looked_at(request.plan, request.given, request.lead, times)
+    if not follows(request):
         return looks
 
     def again(finer: RunSpec, frames: NDArray[np.intp]) -> Result:
         own = Request(engine, ran, request.frames(frames), request.shape, finer)
         plan = engine.plan_for(ran, request.shape, own.names, finer)
-        result = looked_at(plan, own.given, own.lead, times, engine.precision)
-        if result is None:  # its steps are implicit: nothing is known of the error
-            raise MethodError("Implicit steps give no states at intermediate times.")
-        return result
+        return looked_at(plan, own.given, own.lead, times)
 
     return compared(looks, ran, solver, request.given, spec, again)
 
 
-def _halved_looks(request: Request, times: tuple[float, ...], end: Result) -> Result | None:
+def _halved_looks(request: Request, times: tuple[float, ...], end: Result) -> Result:
     """Return the looks at a run with a delay: in the steps of its end, twice and four times."""
     template, spec, precision = request.ran, request.spec, request.engine.precision
     step = float(np.max(end.time)) / max(int(np.max(end.steps)), 1)
@@ -119,13 +118,18 @@ def _halved_looks(request: Request, times: tuple[float, ...], end: Result) -> Re
     for coarser in (4, 2, 1):
         own = request.by(replace(spec, dt=coarser * delay / parts, method=end.method))
         # before the first step ends, runs would be the same one but for these
-        looked = looked_at(own.plan, own.given, own.lead, times, precision, cuts=4 // coarser)
-        if looked is None:
-            return None
-        results.append(looked)
+        results.append(looked_at(own.plan, own.given, own.lead, times, cuts=4 // coarser))
     turns = bool(turning_points(template, times[-1]))
     looks = by_differences(results, (spec.rtol, spec.atol), precision, turns=turns)
     return unknown(looks) if lets_go(template, times[-1]) else looks
+
+
+def _finely(plan: Plan) -> bool:
+    """Return whether an engine that takes no chosen steps solves a run its own way."""
+    (solver,), (node,) = plan.solvers.values(), plan.schedule.transients
+    assert isinstance(node.operation, Transient)
+    taken = plan.backend.record.takes_steps or solver.asked
+    return not (taken or node.operation.template.output.discrete)
 
 
 def looked_at(
@@ -133,10 +137,9 @@ def looked_at(
     given: Maps,
     lead: tuple[int, ...],
     times: Sequence[float],
-    precision: str,
     cuts: int = 1,
-) -> Result | None:
-    """Return what a plan's run passes through at times before its end; None where it cannot say.
+) -> Result:
+    """Return what a plan's run passes through at times before its end.
 
     Steps are those of the run itself: each time takes the part of a step up to it, so that state
     and error are those of a run which ends there. Where the engine cannot look, one of the host
@@ -151,21 +154,18 @@ def looked_at(
         Leading axes of the batch.
     times : sequence of float
         Rising, none after the end of the run.
-    precision : str
-        Precision of the engine.
     cuts : int
         Parts in which a piece of a step of fixed length is taken up to a time.
     """
     (solver,) = plan.solvers.values()
-    # the numbers of an exponential step are those of its whole length
-    if isinstance(solver.scheme, ImplicitSteps) or solver.method in LAYER_METHODS:
-        return None
-    backend = plan.backend
-    if not backend.record.looks:
+    backend, precision = plan.backend, plan.precision
+    implicit = isinstance(solver.scheme, ImplicitSteps)
+    if not (backend.record.looks or implicit or _finely(plan)):
         backend = open_record(first_that(lambda record: record.looks), None, precision)
     executable = cast(Looking, backend.build(plan.schedule, plan.solvers))
     frames, _ = plan.read(as_frame(dict(given), lead, np.dtype(number_type(precision))))
-    findings = executable.look(frames, times, _ends_at(plan, solver, times), cuts)
+    ends = [] if _finely(plan) else _ends_at(plan, solver, times)
+    findings = executable.look(frames, times, ends, cuts)
     (transient,) = {n.operation for n in plan.schedule.transients}
     assert isinstance(transient, Transient)
     template = transient.template

@@ -7,7 +7,6 @@ import pytest
 
 from cnnum.errors import NotSupportedError, TemplateError
 from cnnum.integrators import choice, schemes, stability
-from cnnum.integrators.exponential import FollowedStep
 from cnnum.integrators.tableau import ButcherTableau
 from cnnum.templating.couplings import NonlinearCoupling
 from cnnum.templating.files import save_template
@@ -69,15 +68,16 @@ class ForwardMidpoint:
     """An integrator that is none of the package: the midpoint rule, by sums of rates."""
 
     name, order = "forward-midpoint", 2
-    tableau = ButcherTableau(name, ((), (Fraction(1, 2),)), (Fraction(0), Fraction(1)), 2)
 
-    def fixed(self, step, tau):
-        return self.tableau
+    def fixed(self, steps, tau):
+        a, b = [[0.0, 0.0], [0.5, 0.0]], [0.0, 1.0]
+        ones = np.ones(len(steps))
+        return np.multiply.outer(ones, a), np.multiply.outer(ones, b), 0.0 * ones
 
-    def followed(self, step, tau):
-        rows = ((), (Fraction(1, 2),), (Fraction(0), Fraction(1)))
-        part = (Fraction(-1), Fraction(1), Fraction(0))
-        return FollowedStep(self.name, self.order, rows, (part,))
+    def followed(self, steps, tau):
+        a, part = [[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.0, 1.0, 0.0]], [-1.0, 1.0, 0.0]
+        ones = np.ones(len(steps))
+        return np.multiply.outer(ones, a), np.multiply.outer(ones, part)
 
     def growth(self, steps, values):
         z = steps[:, np.newaxis] * values
@@ -99,8 +99,12 @@ def test_an_integrator_is_one_file_and_a_line(engines, label, shape, monkeypatch
         for dt in (0.1, 0.01)
     ]
     assert 80.0 <= errors[0] / errors[1] <= 125.0
-    followed = engines[label].run(own, input=u, method=method.name, dt=0.1, estimate=True)
+    how = {"input": u, "method": method.name, "dt": 0.1, "estimate": True}
+    followed = engines[label].run(own, **how)
     assert errors[0] <= float(np.max(followed.error)) < 1.0
+    passed = engines[label].run(own, **how, at=[0.25, 1.0])
+    amid = engines["reference"].run(own, input=u, duration=0.25).state
+    assert np.abs(passed.state[0] - amid).max() <= float(np.max(passed.error[0])) < 1.0
 
 
 @pytest.mark.parametrize("label", ENGINES)

@@ -1,6 +1,6 @@
 """From a template, its array and its solver to the arguments of the compiled functions."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Any
@@ -12,7 +12,13 @@ from cnnum.arrays import Floats
 from cnnum.engines.numba import records
 from cnnum.engines.numba.records import GAIN, SETTINGS, TABLE, TAP, Ints, Layout, Plan, Real, Reals
 from cnnum.integrators.estimate import FLOOR, LOST, ROUNDINGS, error_growth, slopes_count
-from cnnum.integrators.schemes import MAX_STEPS, AdaptiveSteps, ChebyshevSteps, FixedSteps
+from cnnum.integrators.schemes import (
+    LAYER_METHODS,
+    MAX_STEPS,
+    AdaptiveSteps,
+    ChebyshevSteps,
+    FixedSteps,
+)
 from cnnum.integrators.solver import Solver
 from cnnum.integrators.tableau import MAX_STAGES, Explicit, Row, chebyshev_method
 from cnnum.templating.couplings import NonlinearCoupling
@@ -51,6 +57,36 @@ def _coefficients_fixed(tableau: Explicit) -> Floats:
     rows = _rows(tableau.a, weights=tableau.b)
     rows[records.CARRIED, 0] = tableau.carried
     return rows
+
+
+def part_tableaux(template: Template, solver: Solver, moments: Sequence[float]) -> Floats:
+    """Return (times, layers, rows, stages) numbers of the parts of exponential steps up to times.
+
+    Other steps have the same numbers whatever their length: there are none of these.
+    """
+    method, scheme = LAYER_METHODS.get(solver.method), solver.scheme
+    if method is None or not len(moments):
+        return np.zeros((0, 1, 1, 1))
+    assert isinstance(scheme, FixedSteps | AdaptiveSteps)
+    fixed = isinstance(scheme, FixedSteps)
+    length = scheme.step if isinstance(scheme, FixedSteps) else scheme.first_step
+    # the times at which steps begin, added up as they are on the way
+    count = max(1, round(solver.duration / length))
+    begins = np.append(0.0, np.cumsum(np.full(count - 1, length)))
+    places = np.searchsorted(begins + length * records.ALMOST, moments, side="right")
+    lengths = np.asarray(moments) - begins[np.minimum(places, len(begins) - 1)]
+    lengths = np.maximum(lengths, records.ROUNDING * length)  # shorter ones are not taken
+    stages = scheme.tableaux[0].stages
+    table = np.zeros((len(lengths), template.layers, records.STAGES + stages + (not fixed), stages))
+    for layer, tau in enumerate(template.tau.tolist()):
+        own = table[:, layer]
+        if fixed:
+            a, own[:, records.WEIGHTS], own[:, records.CARRIED, 0] = method.fixed(lengths, tau)
+        else:
+            a, own[:, -1] = method.followed(lengths, tau)
+        own[:, records.STAGES : records.STAGES + stages] = a
+        own[:, records.TIMES] = a.sum(axis=2)
+    return table
 
 
 def chebyshev_rows(solver: Solver, dtype: Real) -> Reals:

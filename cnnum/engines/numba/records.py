@@ -289,6 +289,8 @@ class Batch(NamedTuple):
         The states there.
     marks : (times, batch, 3) float64
         Steps, settled and error there.
+    parts : (times or 0, layers, rows, stages) float64
+        Tableaux of the parts of steps up to there, where steps have numbers of their length.
     """
 
     state: Reals
@@ -301,6 +303,7 @@ class Batch(NamedTuple):
     moments: NDArray[np.float64]
     seen: Reals
     marks: NDArray[np.float64]
+    parts: NDArray[np.float64]
 
 
 class Frame(NamedTuple):
@@ -317,7 +320,7 @@ class Frame(NamedTuple):
         Then change in units of the tolerance, largest rate.
     kept : (2, n) float
         State and rates that a look between the ends of steps has to leave as they were.
-    moments, seen, marks : arrays
+    moments, seen, marks, parts : arrays
         Of the frame, as in a batch.
     """
 
@@ -328,6 +331,7 @@ class Frame(NamedTuple):
     moments: NDArray[np.float64]
     seen: Reals
     marks: NDArray[np.float64]
+    parts: NDArray[np.float64]
 
 
 BAND = 2048

@@ -511,6 +511,17 @@ def _note(plan: Plan, now: Frame, at: Any, state: Reals, steps: Any, error: Any)
     now.marks[at, 2] = error
 
 
+@inlined
+def _of_part(plan: Plan, now: Frame, at: Any) -> Plan:
+    """Return the plan with the numbers of the part of a step up to a moment."""
+    if len(now.parts) == 0:
+        return plan
+    return Plan(
+        plan.settings, now.parts[at], plan.taps, plan.first, plan.tables, plan.points, plan.gains,
+        plan.pieces, plan.rim, plan.bands, plan.chebyshev, plan.formula, plan.pairs,
+    )  # fmt: skip
+
+
 @compiled
 def _look_at_fixed(
     plan: Plan, now: Frame, at: Any, time: Any, step: Any, taken: Any, spread: bool
@@ -527,12 +538,12 @@ def _look_at_fixed(
         copy(state, now.kept[0])
         some = part > step * records.ROUNDING
         if some:
-            cut = part / settings.cuts
+            cut, own = part / settings.cuts, _of_part(plan, now, at)
             for number in range(settings.cuts):
                 gone = number * cut
                 for stage in range(settings.stages):
-                    evaluate(plan, now, stage, cut, time + gone, taken, spread, gone)
-                all_bands(records.STEP, plan, now, records.NONE, cut, spread)
+                    evaluate(own, now, stage, cut, time + gone, taken, spread, gone)
+                all_bands(records.STEP, own, now, records.NONE, cut, spread)
         evaluate(plan, now, records.NONE, 0.0, now.moments[at], records.AT_REST, spread)
         all_bands(records.CHANGE, plan, now, records.NONE, 0.0, spread)
         _note(plan, now, at, state, taken + 1 if some else taken, settings.error)
@@ -619,9 +630,10 @@ def _look(
         part = now.moments[at] - time
         if part > step * records.ROUNDING:
             first, stages = _stages(plan, part)
+            own = _of_part(plan, now, at)
             for stage in range(first, first + stages):
-                evaluate(plan, now, stage, part, time, records.AT_REST, spread)
-            all_bands(records.JUDGE, plan, now, records.NONE, part, spread)
+                evaluate(own, now, stage, part, time, records.AT_REST, spread)
+            all_bands(records.JUDGE, own, now, records.NONE, part, spread)
             stated = settings.safety * _grown(plan, error, part, before, now) + settings.floor
             _note(plan, now, at, work[records.MOVED], taken, stated)
         else:
@@ -733,8 +745,8 @@ def run_frames(
         work = _prepare(plan, batch, frame, gains)
         errors = np.zeros((len(plan.bands), 4), work.dtype)
         kept = np.zeros((2, work.shape[1] if batch.moments.size else 0), work.dtype)
-        looks = (batch.moments, batch.seen[:, frame], batch.marks[:, frame])
-        now = Frame(work, gains, errors, kept, looks[0], looks[1], looks[2])
+        seen, marks = batch.seen[:, frame], batch.marks[:, frame]
+        now = Frame(work, gains, errors, kept, batch.moments, seen, marks, batch.parts)
         if settings.scheme == records.FIXED:
             fixed(plan, now, spread, figures)
         elif settings.scheme in (records.ADAPTIVE, records.CHEBYSHEV):

@@ -18,7 +18,7 @@ import numpy as np
 from cnnum.arrays import Floats, Shape
 from cnnum.engines.forks import LOST, note_threads
 from cnnum.engines.numba.compiling import ROOM, cores, kept
-from cnnum.engines.numba.plans import plan_of
+from cnnum.engines.numba.plans import part_tableaux, plan_of
 from cnnum.engines.numba.records import Batch, Layout, Plan, Real, Reals
 from cnnum.engines.numba.steps import add, drive_frames, run_frames
 from cnnum.graph.nodes import FIGURES, Transient
@@ -230,6 +230,7 @@ class TransientRunner:
 
     operation: Transient
     layout: Layout
+    solver: Solver
     plan: Plan
     end: ExactEnd | None
     dtype: Real
@@ -244,7 +245,7 @@ class TransientRunner:
         scheme, end = solver.scheme, None
         if isinstance(scheme, Exact):
             end = ExactEnd.of(operation.template, shape, scheme, dtype)
-        return cls(operation, layout, plan, end, dtype)
+        return cls(operation, layout, solver, plan, end, dtype)
 
     def run(
         self,
@@ -389,6 +390,7 @@ class TransientRunner:
             moments=np.array(moments, dtype=np.float64),
             seen=np.zeros((len(moments), *state.shape), state.dtype),
             marks=np.zeros((len(moments), batch, 3)),
+            parts=part_tableaux(template, self.solver, moments),
         )
 
     def _start(self, given: dict[str, tuple[Reals, ...]], batch: int) -> Reals:

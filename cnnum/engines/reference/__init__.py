@@ -1,6 +1,6 @@
 """The reference engine: float64 NumPy and SciPy, operation by operation; slow, plain, trusted."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import cast
 
@@ -8,13 +8,14 @@ import numpy as np
 
 from cnnum.arrays import Floats
 from cnnum.engines.backend import Analogue, EngineRecord
-from cnnum.engines.host import HostExecutable, Values, local, picked, picks
+from cnnum.engines.host import HostExecutable, HostMemory, Values, local, picked, picks
 from cnnum.engines.notices import refuse_unfinished
 from cnnum.engines.reference.equation import Feedback, Given, StateEquation
-from cnnum.engines.reference.solve import change, instead, solve
+from cnnum.engines.reference.solve import Answer, change, instead, solve
 from cnnum.graph.nodes import Loop, Node, Pick, Transient
 from cnnum.graph.schedule import Schedule
 from cnnum.integrators.estimate import LOST
+from cnnum.integrators.series import Stretch
 from cnnum.integrators.solver import Solver, Solvers
 from cnnum.templating.template import Template
 
@@ -96,18 +97,51 @@ class ReferenceExecutable(HostExecutable):
         self, node: Node, operation: Transient, arguments: list[Floats], batch: int
     ) -> dict[str, Floats]:
         """Solve frame by frame; answers by name, maps as (batch, layers, rows, cols)."""
-        shape, solver = self.schedule.shape, self.solvers[node.index]
+        answers = [
+            self.answer(operation, self.solvers[node.index], maps)
+            for maps in self._by_frame(operation, arguments, batch)
+        ]
+        return {name: np.array([answer[name] for answer in answers]) for name in answers[0]}
+
+    def _by_frame(
+        self, operation: Transient, arguments: list[Floats], batch: int
+    ) -> list[dict[str, Floats]]:
+        """Return the (maps, rows, cols) of every frame by role."""
+        shape = self.schedule.shape
         stacked = {
             role: np.stack([np.broadcast_to(m, (batch, *shape)) for m in maps], axis=1)
             for role, maps in operation.by_role(arguments).items()
             if maps
         }
+        return [{role: maps[frame] for role, maps in stacked.items()} for frame in range(batch)]
 
-        answers = [
-            self.answer(operation, solver, {role: maps[frame] for role, maps in stacked.items()})
-            for frame in range(batch)
-        ]
-        return {name: np.array([answer[name] for answer in answers]) for name in answers[0]}
+    def look(
+        self,
+        frames: Floats,
+        moments: Sequence[float],
+        ends: Sequence[Stretch] = (),
+        cuts: int = 1,
+    ) -> dict[str, Floats]:
+        """Return the findings at times of a run whose only transient this is.
+
+        Of runs that are solved finely, by implicit steps, or without any: `Looking` says the rest.
+        """
+        memory = self.new_memory(len(frames))
+        assert isinstance(memory, HostMemory)
+        values = cast(dict[int, Floats], self._given(frames, memory, first=True))
+        (node,) = self.schedule.transients
+        assert isinstance(node.operation, Transient)
+        before = self.schedule.nodes[: self.schedule.nodes.index(node)]
+        seen, marks = [], []
+        with np.errstate(all="ignore"):
+            self._evaluate(before, values, {}, len(frames))
+            arguments = [values[argument.index] for argument in node.arguments]
+            for maps in self._by_frame(node.operation, arguments, len(frames)):
+                equation = self._equation(node.operation, maps, None)
+                passed = _passed(equation, self.solvers[node.index], moments)
+                seen.append([end["state"] for end in passed])
+                marks.append([[end[n] for n in ("steps", "settled", "error")] for end in passed])
+        return {"seen": np.array(seen).swapaxes(0, 1), "marks": np.array(marks).swapaxes(0, 1)}
 
     def answer(
         self, operation: Transient, solver: Solver, maps: dict[str, Floats]
@@ -131,16 +165,34 @@ class ReferenceExecutable(HostExecutable):
         feedback: Feedback | None,
     ) -> dict[str, Floats]:
         """Return the answers of a template whose feedback may differ from cell to cell."""
+        return _figures(self._equation(operation, maps, feedback), solver)
+
+    def _equation(
+        self, operation: Transient, maps: dict[str, Floats], feedback: Feedback | None
+    ) -> StateEquation:
         held = maps["mask"][0] != 0.0 if "mask" in maps else None
         given = Given(
             maps.get("input"), maps.get("previous"), maps.get("state"), maps.get("bias"), held,
             feedback,
         )  # fmt: skip
-        return _figures(StateEquation(operation.template, self.schedule.shape, given), solver)
+        return StateEquation(operation.template, self.schedule.shape, given)
 
 
 def _figures(equation: StateEquation, solver: Solver) -> dict[str, Floats]:
-    result = solve(equation.template, equation.shape, solver, equation.given)
+    return _noted(
+        equation, solver, solve(equation.template, equation.shape, solver, equation.given)
+    )
+
+
+def _passed(
+    equation: StateEquation, solver: Solver, moments: Sequence[float]
+) -> list[dict[str, Floats]]:
+    """Return the same at moments on the way."""
+    result = solve(equation.template, equation.shape, solver, equation.given, moments)
+    return [_noted(equation, solver, answer) for answer in result.passed]
+
+
+def _noted(equation: StateEquation, solver: Solver, result: Answer) -> dict[str, Floats]:
     return {
         "output": equation.outputs(result.state),
         "state": result.state,

@@ -8,6 +8,7 @@ shorter ones there, too.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -127,31 +128,55 @@ def _coupling(template: Template, shape: tuple[int, int]) -> csc_array[np.float6
     return csc_array((np.concatenate(weights), places), shape=(size, size))
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Passed:
+    """A state on the way of a run.
+
+    Attributes
+    ----------
+    state : (layers, rows, cols) float
+    steps : int
+    error : float
+        Estimate of the error; of a single march, that of its last step alone.
+    """
+
+    state: Floats
+    steps: int
+    error: float
+
+
 def march_implicit(
-    equation: StateEquation, solver: Solver, scheme: ImplicitSteps
-) -> tuple[Floats, float, int, float]:
-    """Return the state, the time, the number of steps tried and the estimated error at the end.
+    equation: StateEquation, solver: Solver, scheme: ImplicitSteps, moments: Sequence[float] = ()
+) -> tuple[float, list[Passed]]:
+    """Return the time at the end, and the states at moments on the way and at the end.
 
     Raises
     ------
     MethodError
         If the end is not reached within `MOST_STEPS`.
     """
-    array = _Array.of(equation)
-    order, time, steps, ends = scheme.rosenbrock.order, 0.0, 0, list[Floats]()
+    array, order, time = _Array.of(equation), scheme.rosenbrock.order, 0.0
+    ways: list[list[Passed]] = []
     for part in (1.0 / FINER, 1.0, FINER):
         own = replace(solver, rtol=part * solver.rtol, atol=part * solver.atol)
         # where growth sets the steps, a finer run would take the same ones, and be off alike
-        x, time, taken = _march(array, own, scheme, (FINER * part) ** (1.0 / order))
-        ends.append(x)
-        steps += taken
-    rough, coarse, x = ends
-    apart = max(_distance(x, coarse), _distance(x, rough) * FINER ** ((order - 1) / order))
+        time, way = _march(array, own, scheme, (FINER * part) ** (1.0 / order), moments)
+        ways.append(way)
+    rough, coarse, fine = ways
+    judged = [_judged(*passed, solver, order) for passed in zip(rough, coarse, fine, strict=True)]
+    return time, judged
+
+
+def _judged(rough: Passed, coarse: Passed, fine: Passed, solver: Solver, order: int) -> Passed:
+    """Return the finest state, and how far it is off."""
+    x = fine.state
+    apart = _distance(x, rough.state) * FINER ** ((order - 1) / order)
+    apart = max(_distance(x, coarse.state), apart)
     size = float(np.abs(x).max(initial=0.0))
     # where all end in one long step they may be off alike, by less than it may add
-    last = FINER * (solver.atol + solver.rtol * size)
+    last = max(FINER * (solver.atol + solver.rtol * size), fine.error)
     last += ROUNDINGS * float(np.finfo(np.float64).eps) * size
-    return x, time, steps, apart + last
+    return Passed(x, rough.steps + coarse.steps + fine.steps, apart + last)
 
 
 def _distance(values: Floats, other: Floats) -> float:
@@ -159,12 +184,20 @@ def _distance(values: Floats, other: Floats) -> float:
 
 
 def _march(
-    array: _Array, solver: Solver, scheme: ImplicitSteps, share: float
-) -> tuple[Floats, float, int]:
-    """Return state, time and steps of a run whose steps are a share of the growth's, at most."""
+    array: _Array,
+    solver: Solver,
+    scheme: ImplicitSteps,
+    share: float,
+    moments: Sequence[float],
+) -> tuple[float, list[Passed]]:
+    """Return time and states of a run whose steps are a share of the growth's, at most.
+
+    Each moment takes the part of a step up to it.
+    """
     equation, control = array.equation, scheme.control
     drive, slowest = equation.drive(), float(equation.template.tau.max())
     x, time, h, end, taken = equation.start(), 0.0, share * scheme.first_step, solver.duration, 0
+    seen: list[Passed] = []
     while time < end * (1.0 - 1e-12):
         late = taken >= LOOKED_AT and time * MOST_STEPS < end * taken
         refuse_unfinished(np.array([late or taken == MOST_STEPS]))
@@ -175,13 +208,19 @@ def _march(
         worst = float((np.abs(off) / (solver.atol + solver.rtol * size)).max())
         worst = worst if math.isfinite(worst) else math.inf
         if worst <= 1.0:
+            while len(seen) < len(moments) and moments[len(seen)] < time + h:
+                state, less = x, np.zeros(1)
+                part = moments[len(seen)] - time
+                if part > 0.0:
+                    state, less = _step(array, scheme, drive, x, rate, slopes, part)
+                seen.append(Passed(state, taken - (part <= 0.0), float(np.abs(less).max())))
             x, time = new, time + h
             change = np.abs(slowest * equation.rate(drive, x, None, time))
             if solver.settle and (change <= solver.atol + solver.rtol * np.abs(x)).all():
                 break
         longer = control.caution * max(worst, 1e-10) ** (-1.0 / control.order)
         h *= min(max(longer, control.least), 5.0)
-    return x, time, taken
+    return time, seen + [Passed(x, taken, 0.0)] * (1 + len(moments) - len(seen))
 
 
 def _step(

@@ -11,24 +11,25 @@ from cnnum.integrators.tableau import Row
 from cnnum.templating.network import lag
 
 
-def march(equation: StateEquation, solver: Solver, scheme: FixedSteps) -> tuple[Floats, float, int]:
-    """Return the state, the time and the number of steps at the end."""
+def march(
+    equation: StateEquation, solver: Solver, scheme: FixedSteps, moments: Sequence[float] = ()
+) -> tuple[Floats, float, int, list[tuple[Floats, int]]]:
+    """Return the state, the time and the number of steps at the end.
+
+    Then the states and steps at moments, rising and none after the end: each takes the part of a
+    step up to it.
+    """
     x = equation.start()
     history = [equation.outputs(x)]
     delayed = equation.template.delayed
     late = lag(equation.template, scheme.step)
     fixed = equation.drive()
     slowest = float(equation.template.tau.max())
-    time, still = 0.0, 0
     layers = [scheme.of(layer) for layer in range(len(x))]
     carried = np.array([layer.carried for layer in layers])[:, np.newaxis, np.newaxis]
-    pieces = {piece.first: piece for piece in scheme.pieces}
-    step = scheme.step
-    for number in range(scheme.count):
-        if number in pieces:
-            step, time = pieces[number].step, pieces[number].start
-        elif not pieces:
-            step = scheme.last if number == scheme.count - 1 else scheme.step
+
+    def after(x: Floats, number: int, time: float, step: float) -> tuple[Floats, Floats]:
+        """Return the state after a step, or a part of it, and the rates at its start."""
         drive = fixed + equation.delayed_drive(before=number < late)
         stages: list[Floats] = []
         moved = x
@@ -41,15 +42,31 @@ def march(equation: StateEquation, solver: Solver, scheme: FixedSteps) -> tuple[
             interval = (past, at, time + 0.5 * step, within)
             # a cell that comes to its limit within the step is there at its end
             stages.append(equation.rate(drive, moved, *interval, outwards=bool(stages)))
-        change = np.abs(slowest * stages[0]) / (solver.atol + solver.rtol * np.abs(x))
         ahead = step * weighted([layer.b for layer in layers], stages, x)
-        x = limited(equation, x + carried * (moved - x) + ahead)
+        return limited(equation, x + carried * (moved - x) + ahead), stages[0]
+
+    pieces = {piece.first: piece for piece in scheme.pieces}
+    time, still, step, number = 0.0, 0, scheme.step, 0
+    seen: list[tuple[Floats, int]] = []
+    while number < scheme.count:
+        if number in pieces:
+            step, time = pieces[number].step, pieces[number].start
+        elif not pieces:
+            step = scheme.last if number == scheme.count - 1 else scheme.step
+        while len(seen) < len(moments) and moments[len(seen)] < time + step:
+            part = moments[len(seen)] - time
+            passed = after(x, number, time, part)[0] if part > 0.0 else x
+            seen.append((passed, number + (part > 0.0)))
+        new, rate = after(x, number, time, step)
+        change = np.abs(slowest * rate) / (solver.atol + solver.rtol * np.abs(x))
+        x = new
         history.append(equation.outputs(x))
-        time += step
+        time, number = time + step, number + 1
         still = still + 1 if float(change.max()) <= 1.0 else 0
         if solver.settle and still > late:
-            return x, time, number + 1
-    return x, time, scheme.count
+            break
+    seen += [(x, number)] * (len(moments) - len(seen))
+    return x, time, number, seen
 
 
 def _seen(history: list[Floats], step: int, part: float) -> Floats:

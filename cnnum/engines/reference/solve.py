@@ -7,7 +7,7 @@ is.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any
@@ -37,6 +37,9 @@ COARSER = 1e-8
 
 FINEST = 1e-13
 """Smallest tolerance that is tried where the two do not agree."""
+
+LOOKED_AT = 0.1
+"""Share of the tolerances in those of solutions that are looked at on their way."""
 
 SAFETY = 2.0
 """Of how far two solutions are apart: a kink may let the finer one be off by as much."""
@@ -81,7 +84,7 @@ Past = Callable[[float], Floats]
 class Budgeted(StateEquation):
     """An equation whose rates are given as long as the budget lasts: some runs have no end."""
 
-    _spent: Floats = field(default_factory=lambda: np.zeros(1), init=False)
+    spent: Floats = field(default_factory=lambda: np.zeros(1), init=False)
 
     def rate(
         self,
@@ -121,8 +124,8 @@ class Budgeted(StateEquation):
         MethodError
             If nothing is.
         """
-        self._spent[0] += work
-        if self._spent[0] > MOST_WORK:
+        self.spent[0] += work
+        if self.spent[0] > MOST_WORK:
             raise MethodError(
                 f"The reference solver gives up after the work of {MOST_WORK:.0e} rates of a cell: "
                 "the fastest rate is too large for so long a run; scale the weights, or take "
@@ -132,16 +135,34 @@ class Budgeted(StateEquation):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Answer:
-    """The end of a transient, and the estimate of its error."""
+    """The end of a transient, or its state on the way, and the estimate of its error."""
 
     state: Floats
     time: float
     steps: int
     error: float
+    passed: tuple["Answer", ...] = ()
+    """Those at the moments that were asked for."""
 
 
-def solve(template: Template, shape: tuple[int, int], solver: Solver, given: Given) -> Answer:
-    """Return the end of a transient of one frame.
+def solve(
+    template: Template,
+    shape: tuple[int, int],
+    solver: Solver,
+    given: Given,
+    moments: Sequence[float] = (),
+) -> Answer:
+    """Return the end of a transient of one frame, and what it passes at moments on its way.
+
+    Parameters
+    ----------
+    template : Template
+    shape : (rows, cols)
+    solver : Solver
+    given : Given
+    moments : sequence of float
+        Rising, none after the end. A solution is looked at within its steps. It is ten times as
+        fine, because the polynomials between the ends of steps are less exact than these.
 
     Raises
     ------
@@ -151,19 +172,21 @@ def solve(template: Template, shape: tuple[int, int], solver: Solver, given: Giv
     equation = StateEquation(template, shape, given)
     scheme = solver.scheme
     if isinstance(scheme, Decay):
-        return _decayed(equation, solver)
+        passed = tuple(_decayed(equation, moment) for moment in moments)
+        end = _decayed(equation, math.inf if solver.settle else solver.duration)
+        return replace(end, time=solver.duration, passed=passed)
     if _stepped(template, solver):
-        return _marched(equation, solver)
+        return _marched(equation, solver, moments)
     if jumps(template) and isinstance(scheme, FixedSteps):
         finer = replace(
             scheme, step=scheme.step / FINER, count=scheme.count * FINER, last=scheme.last / FINER
         )
-        return Answer(*march(equation, solver, finer), math.inf)
+        return _in_steps(equation, solver, finer, moments)
     equation = Budgeted(template, shape, given)
     if template.delayed is not None:
         delay = template.delayed.delay
-        return _agreed(lambda precision: _by_stretches(equation, solver, delay, precision))
-    return _agreed(lambda precision: _to_the_end(equation, solver, precision))
+        return _agreed(lambda *way: _by_stretches(equation, solver, delay, *way), moments)
+    return _agreed(lambda *way: _to_the_end(equation, solver, *way), moments)
 
 
 def instead(template: Template, solver: Solver) -> str:
@@ -180,25 +203,89 @@ def _stepped(template: Template, solver: Solver) -> bool:
     return isinstance(solver.scheme, Stepping) and (solver.asked or template.output.discrete)
 
 
-def _marched(equation: StateEquation, solver: Solver) -> Answer:
+def _marched(equation: StateEquation, solver: Solver, moments: Sequence[float]) -> Answer:
     """Take the solver's own steps."""
     scheme = solver.scheme
     if isinstance(scheme, FixedSteps):
-        return Answer(*march(equation, solver, scheme), math.inf)
+        return _in_steps(equation, solver, scheme, moments)
     if isinstance(scheme, ImplicitSteps):
-        return Answer(*march_implicit(equation, solver, scheme))
+        time, states = march_implicit(equation, solver, scheme, moments)
+        times = (*moments, time)
+        *passed, end = [
+            Answer(p.state, t, p.steps, p.error) for p, t in zip(states, times, strict=True)
+        ]
+        return replace(end, passed=tuple(passed))
     assert not isinstance(scheme, Exact)
     return Answer(*march_adaptive(equation, solver, scheme))
 
 
-def _decayed(equation: StateEquation, solver: Solver) -> Answer:
+def _in_steps(
+    equation: StateEquation, solver: Solver, scheme: FixedSteps, moments: Sequence[float]
+) -> Answer:
+    """Take steps of one length, of whose error nothing is known."""
+    x, time, count, seen = march(equation, solver, scheme, moments)
+    passed = [
+        Answer(state, moment, steps, math.inf)
+        for (state, steps), moment in zip(seen, moments, strict=True)
+    ]
+    return Answer(x, time, count, math.inf, tuple(passed))
+
+
+def _decayed(equation: StateEquation, span: float) -> Answer:
     """Return x = w + (x₀ − w) e^{−t/τ}: uncoupled cells are solved exactly."""
     start, drive = equation.start(), equation.drive()
-    span = math.inf if solver.settle else solver.duration
     with np.errstate(under="ignore"):
         x = Decay(np.exp(-span / equation.template.tau)).reach(start, drive)
     held = equation.given.held
-    return Answer(x if held is None else np.where(held, start, x), solver.duration, 0, PRECISION)
+    return Answer(x if held is None else np.where(held, start, x), span, 0, PRECISION)
+
+
+@dataclass(slots=True, eq=False)
+class Track:
+    """The moments at which a solution is looked at, and what it passed there so far."""
+
+    moments: Sequence[float]
+    passed: list[Answer] = field(default_factory=list[Answer])
+    steps: int = 0
+
+    def begin(self, state: Floats) -> None:
+        """Note the start, if it is looked at."""
+        if len(self.moments) and self.moments[0] <= 0.0:
+            self.passed.append(Answer(state, 0.0, 0, math.inf))
+
+    def follow(self, equation: Budgeted, solver: Any, shape: tuple[int, ...]) -> None:
+        """Note the states within the step that a solver of SciPy has just taken."""
+        self.steps += 1
+        last = int(np.searchsorted(self.moments, solver.t, side="right"))
+        own = self.moments[len(self.passed) : last]
+        if not own:
+            return
+        spent = equation.spent.copy()
+        if isinstance(solver, Radau):
+            states = [_part(solver, moment) for moment in own]
+        else:
+            states = [*solver.dense_output()(np.array(own)).T]
+        equation.spent[:] = spent  # to look is no work of the run
+        self.passed += [
+            Answer(state.reshape(shape), moment, self.steps, math.inf)
+            for state, moment in zip(states, own, strict=True)
+        ]
+
+
+def _part(solver: Any, moment: float) -> Floats:
+    """Return the state of Radau's method at a moment within its last step, by a shorter one.
+
+    The polynomial of the step itself is of order 3 alone.
+    """
+    begin = solver.t_old
+    options = {"rtol": solver.rtol, "atol": solver.atol, "jac": solver.J}
+    part = Radau(solver.fun, begin, solver.y_old, moment, first_step=moment - begin, **options)
+    part.lu = solver.lu
+    while part.status == "running":
+        message = part.step()
+        if message is not None:
+            raise MethodError(f"The reference solver stopped: {message}")
+    return np.asarray(part.y, dtype=np.float64)
 
 
 def change(equation: StateEquation, answer: Answer, solver: Solver) -> float:
@@ -218,20 +305,21 @@ def _method(equation: StateEquation, length: float) -> Any:
 
 
 def _stretch(
-    equation: StateEquation,
+    equation: Budgeted,
     drive: Floats,
     x: Floats,
     time: float,
     length: float,
     past: Past | None,
     precision: float,
+    track: Track,
 ) -> tuple[Floats, int, OdeSolution | None]:
     """Return the state after a stretch of time, the steps, and the dense output for delays."""
     marks = (time, *(t for t in turning_points(equation.template, time + length) if t > time))
     parts: list[OdeSolution] = []
     taken = 0
     for start, end in pairwise((*marks, time + length)):
-        given = (equation, drive, x, start, end - start, past, precision)
+        given = (equation, drive, x, start, end - start, past, precision, track)
         x, steps, part = _smooth_stretch(*given)
         taken += steps
         parts += [] if part is None else [part]
@@ -246,13 +334,14 @@ def _joined(parts: list[OdeSolution]) -> OdeSolution:
 
 
 def _smooth_stretch(
-    equation: StateEquation,
+    equation: Budgeted,
     drive: Floats,
     x: Floats,
     time: float,
     length: float,
     past: Past | None,
     precision: float,
+    track: Track,
 ) -> tuple[Floats, int, OdeSolution | None]:
     """Return the same of a stretch within which no gain in time jumps or bends."""
     middle = time + 0.5 * length
@@ -267,7 +356,7 @@ def _smooth_stretch(
     moves = float(np.abs(right(time, x.ravel())).max()) * float(equation.template.tau.min())
     size = min(1.0, max(SMALL, moves, float(np.abs(x).max())))
     solver = steps(right, time, x.ravel(), time + length, rtol=precision, atol=precision * size)
-    if isinstance(solver, Radau) and isinstance(equation, Budgeted):
+    if isinstance(solver, Radau):
         solver.lu = equation.factoring(solver.lu)
     times = [time]
     pieces: list[DenseOutput[np.float64]] = []
@@ -287,27 +376,39 @@ def _smooth_stretch(
                 "weights."
             )
         times.append(solver.t)
+        track.follow(equation, solver, x.shape)
         if past is not None:
             pieces.append(solver.dense_output())
     dense = None if past is None else OdeSolution(times, pieces)
     return solver.y.reshape(x.shape), len(times) - 1, dense
 
 
-def _agreed(run: Callable[[float], Answer]) -> Answer:
+def _agreed(run: Callable[[float, Track], Answer], moments: Sequence[float]) -> Answer:
     """Return the answer of runs to finer tolerances, when two of them agree."""
-    before, precision = run(COARSER), PRECISION
+    share = LOOKED_AT if moments else 1.0
+    before, precision = run(share * COARSER, Track(moments)), share * PRECISION
     while True:
-        answer = run(precision)
-        size = max(1.0, float(np.abs(answer.state).max()))
-        off = float(np.abs(answer.state - before.state).max())
-        if off <= AGREED * size or precision <= FINEST:
-            return replace(answer, error=SAFETY * off + precision * size)
+        answer = run(precision, Track(moments))
+        both = zip((*answer.passed, answer), (*before.passed, before), strict=True)
+        sizes = [max(1.0, float(np.abs(end.state).max())) for end in (*answer.passed, answer)]
+        apart = [float(np.abs(end.state - other.state).max()) for end, other in both]
+        far = any(off > AGREED * size for off, size in zip(apart, sizes, strict=True))
+        if not far or precision <= FINEST:
+            errors = [
+                SAFETY * off + precision * size for off, size in zip(apart, sizes, strict=True)
+            ]
+            passed = [
+                replace(end, error=error)
+                for end, error in zip(answer.passed, errors[:-1], strict=True)
+            ]
+            return replace(answer, error=errors[-1], passed=tuple(passed))
         before, precision = answer, max(0.1 * precision, FINEST)
 
 
-def _to_the_end(equation: StateEquation, solver: Solver, precision: float) -> Answer:
+def _to_the_end(equation: Budgeted, solver: Solver, precision: float, track: Track) -> Answer:
     """Run to the end; to equilibrium in stretches that double."""
     answer = Answer(equation.start(), 0.0, 0, math.inf)
+    track.begin(answer.state)
     drive = equation.drive()
     # settled well below the tolerance that is asked for, so that the rest does not count
     strict = replace(solver, rtol=1e-3 * solver.rtol, atol=1e-3 * solver.atol)
@@ -317,19 +418,21 @@ def _to_the_end(equation: StateEquation, solver: Solver, precision: float) -> An
         end = LATEST * float(equation.template.tau.max())
     while answer.time < end:
         stretch = min(stretch, end - answer.time)
-        x, steps, _ = _stretch(equation, drive, answer.state, answer.time, stretch, None, precision)
+        given = (equation, drive, answer.state, answer.time, stretch, None, precision, track)
+        x, steps, _ = _stretch(*given)
         answer = Answer(x, answer.time + stretch, answer.steps + steps, math.inf)
         if solver.settle and change(equation, answer, strict) <= 1.0:
             break
         stretch *= 2.0
-    return answer
+    return replace(answer, passed=tuple(track.passed))
 
 
 def _by_stretches(
-    equation: StateEquation, solver: Solver, delay: float, precision: float
+    equation: Budgeted, solver: Solver, delay: float, precision: float, track: Track
 ) -> Answer:
     """Run to the end by the method of steps; to equilibrium until nothing moved for a delay."""
     answer = Answer(equation.start(), 0.0, 0, math.inf)
+    track.begin(answer.state)
     first = equation.outputs(answer.state)
     dense: OdeSolution | None = None
     fixed = equation.drive()
@@ -343,13 +446,12 @@ def _by_stretches(
             return equation.outputs(np.asarray(before(t - delay)).reshape(first.shape))
 
         drive = fixed + equation.delayed_drive(before=answer.time < delay / 2)
-        x, steps, dense = _stretch(
-            equation, drive, answer.state, answer.time, length, past, precision
-        )
+        given = (equation, drive, answer.state, answer.time, length, past, precision, track)
+        x, steps, dense = _stretch(*given)
         answer = Answer(x, answer.time + length, answer.steps + steps, math.inf)
         if solver.settle and dense is not None and _still(dense, equation, solver, answer):
             break
-    return answer
+    return replace(answer, passed=tuple(track.passed))
 
 
 def _still(dense: OdeSolution, equation: StateEquation, solver: Solver, answer: Answer) -> bool:

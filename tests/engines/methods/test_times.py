@@ -1,5 +1,7 @@
 """The state of a transient at times: that of runs which end there, on every engine."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import scipy.linalg
@@ -7,7 +9,7 @@ from scipy.integrate import solve_ivp
 
 import cnnum
 from cnnum.integrators.exact_ends import propagator
-from cnnum.templating.couplings import DelayedCoupling, Gain
+from cnnum.templating.couplings import DelayedCoupling, Gain, NonlinearCoupling
 from cnnum.templating.functions import Table
 from cnnum.templating.network import Network
 
@@ -296,3 +298,112 @@ def test_the_start_is_known_to_its_rounding(engine):
     # four roundings of the largest number, as a run of no duration states
     alone = cnnum.Engine(engine).run(template, state=start, duration=0.0)
     assert run.error[0] <= 2.0 * max(alone.error, 1e-12)
+
+
+def pulled(rng):
+    """Return a template of two layers that grows and saturates, and a batch of starts."""
+    A = rng.normal(size=(2, 2, 3, 3)) * 0.15
+    A[0, 0, 1, 1] += 1.2
+    template = cnnum.Template("pulled", A, z=[0.1, -0.2], tau=[1.0, 3.0], output="tanh")
+    return template, rng.uniform(-1.0, 1.0, (2, 2, 3, 4))
+
+
+@pytest.mark.parametrize("method", ["exponential-euler", "etd-rk2"])
+def test_a_part_of_an_exponential_step_has_the_numbers_of_its_length(method):
+    """It is a step of that length from where the last whole one ends."""
+    template, start = pulled(np.random.default_rng(2))
+    engine = cnnum.Engine("numba", precision="float64")
+    how = {"method": method, "dt": 0.25}
+    times = np.array([0.0, 0.1, 0.5, 0.77, 1.0, 2.0 + 1e-14, 2.9, 3.0])
+    got = engine.run(template, state=start, **how, at=times)
+    whole = engine.run(template, state=start, **how, duration=3.0)
+    assert np.array_equal(got.state[-1], whole.state)
+    assert got.steps[:, 0].tolist() == [0, 1, 2, 4, 4, 8, 12, 12]
+    for at, time in enumerate(times):
+        steps = int(time / 0.25)
+        want, part = start, time - 0.25 * steps
+        if steps:
+            want = engine.run(template, state=want, **how, duration=0.25 * steps).state
+        if part > 1e-12:
+            want = engine.run(template, state=want, method=method, dt=part, duration=part).state
+        assert np.abs(got.state[at] - want).max() < 1e-14
+    followed = engine.run(template, state=start, **how, at=times, estimate=True)
+    assert np.abs(followed.state - got.state).max() < 1e-14  # the same steps, added up otherwise
+    true = cnnum.Engine("reference").run(template, state=start, at=times)
+    off = np.abs(got.state - true.state).max(axis=(2, 3, 4))
+    assert (off <= followed.error + true.error).all()
+    assert (followed.error[1:] < 1.0).all()
+
+
+WAYS = {
+    "reference": {},
+    "implicit": {"method": "rodas3"},
+    "etd-rk2": {"method": "etd-rk2", "estimate": True},
+}
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_one_run_passes_all_times(way, monkeypatch):
+    """Each of 60 times was a run of its own."""
+    from cnnum.runs import ladder
+
+    template, start = pulled(np.random.default_rng(3))
+    engine = cnnum.Engine("reference" if way == "reference" else "numba", precision="float64")
+    times, runs = np.linspace(0.0, 3.0, 60), []
+
+    def counting(request, down):
+        runs.append(request)
+        return ladder.plainly(request, down)
+
+    plain = next(place for place, one in enumerate(ladder.LADDER) if one.name == "plain")
+    counted = replace(ladder.LADDER[plain], run=counting)
+    ways = (*ladder.LADDER[:plain], counted)
+    monkeypatch.setattr(ladder, "LADDER", ways)
+    got = engine.run(template, state=start, **WAYS[way], at=times)
+    assert len(runs) <= 2  # and a finer one to compare with
+    whole = engine.run(template, state=start, **WAYS[way], duration=3.0)
+    for name in ("state", "error", "steps"):
+        assert np.array_equal(getattr(got, name)[-1], getattr(whole, name))
+
+
+def stiff(rng):
+    """Return a linear array whose cells decay 2,000 times as fast as others, and its matrix."""
+    A = rng.normal(size=(2, 2, 3, 3)) * 0.1
+    A[1, 1, 1, 1] -= 1.0
+    tau = [1.0, 1e-3]
+    template = cnnum.Template("stiff", A, z=[0.3, -0.4], tau=tau, output="linear")
+    return template, Network(template, (2, 3)).linear_system()
+
+
+@pytest.mark.parametrize("way", ["reference", "implicit"])
+def test_errors_on_the_way_cover_the_closed_form(way):
+    """From the first time constant of the fast layer to the last of the slow one."""
+    rng = np.random.default_rng(11)
+    template, system = stiff(rng)
+    times, n = np.array([0.0, 1e-6, 2e-4, 1e-3, 0.01, 0.2, 0.9, 4.0]), len(system.rim)
+    start = rng.uniform(-1.0, 1.0, (2, 2, 2, 3))
+    engine = cnnum.Engine("reference" if way == "reference" else "numba", precision="float64")
+    got = engine.run(template, state=start, **WAYS[way], at=times)
+    block = np.zeros((n + 1, n + 1))
+    block[:n, :n] = system.matrix
+    block[:n, n] = system.rates * (system.rim + np.repeat(template.z, n // 2))
+    for at, time in enumerate(times):
+        power = scipy.linalg.expm(block * time)
+        want = start.reshape(2, n) @ power[:n, :n].T + power[:n, n]
+        off = np.abs(got.state[at].reshape(2, n) - want).max(axis=1)
+        assert (off <= got.error[at] + 1e-13).all(), time
+    assert (got.error < {"reference": 1e-7, "implicit": 1e-3}[way]).all()
+
+
+def test_steps_of_rates_that_jump_are_looked_at_on_the_reference():
+    """x' = −x − 1/2 above a step of the table, and −x + 1/2 below: known on both sides of it."""
+    table = Table("constant", ((-5.0, 0.5), (0.5, 0.5), (5.0, -0.5)))
+    jumping = NonlinearCoupling(np.ones((1, 1)), table, "x", None)
+    template = cnnum.Template("jumps", [[0.0]], nonlinear=(jumping,), output="linear")
+    times = np.array([0.0, 0.2, 0.4, 1.3])
+    got = cnnum.Engine("reference").run(template, state=np.full((1, 2), 2.0), at=times)
+    crossed = np.log(2.5)  # −0.5 + 2.5 e^{−t} comes to 0.5, where the rates point at each other
+    assert times[-1] > crossed
+    want = -0.5 + 2.5 * np.exp(-times[:3])
+    assert np.abs(got.state[:3, 0, 0] - want).max() < 0.02  # steps of a fixed length
+    assert np.isinf(got.error[1:]).all()
