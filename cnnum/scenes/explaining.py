@@ -1,7 +1,7 @@
 """Why slip or twist was reported at a time, or was not: the read-outs against the level."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
 from math import inf
 
 import numpy as np
@@ -17,6 +17,9 @@ CAUSES = {
     "ratio_rate": "the ratio of shear to load still changes",
 }
 """Read-outs of slip that explain a movement, in words."""
+
+WEIGHTS = ("still", "swing", "pull")
+"""Parameters of `slip` that weigh what a movement is divided by."""
 
 STICKS, AHEAD = 0.5, 1 / 3
 """Share of the contact that sticks from which nothing slides; cosine of the motion to the shear
@@ -38,6 +41,8 @@ class Explained:
         The other numbers behind the strength, by the names of the outputs.
     why : str
         What held the strength back most, or what it rests on.
+    holds : mapping of str to float, 1/s
+        What the movement of a slip is divided by, each with its weight; empty for other kinds.
     """
 
     kind: str
@@ -48,6 +53,7 @@ class Explained:
     level: float
     read_outs: Mapping[str, float]
     why: str
+    holds: Mapping[str, float] = field(default_factory=dict[str, float])
 
     @property
     def margin(self) -> float:
@@ -66,58 +72,82 @@ class Explained:
         return {
             "kind": self.kind, "t": self.time, "frame": self.frame, "reported": self.reported,
             "strength": self.strength, "level": self.level, "margin": self.margin,
-            "read_outs": dict(self.read_outs), "why": self.why,
+            "read_outs": dict(self.read_outs), "why": self.why, "holds": dict(self.holds),
         }  # fmt: skip
 
 
+def explained_kinds(outputs: Collection[str]) -> tuple[str, ...]:
+    """Return the kinds that can be explained by a program's outputs."""
+    return tuple(kind for kind in FLAGS if f"{kind}_level" in outputs)
+
+
+def read_outs_of(kinds: Collection[str], outputs: Collection[str]) -> list[str]:
+    """Return the outputs of a program that explain some kinds."""
+    return [
+        name
+        for name in outputs
+        if any(name == FLAGS[kind] or name.startswith(f"{kind}_") for kind in kinds)
+    ]
+
+
 def explained(
-    kind: str, time: float, frame: int, outputs: Outputs, weights: Mapping[str, float]
-) -> Explained:
-    """Return the explanation of one kind from the outputs of a frame.
+    outputs: Outputs, kinds: Collection[str], time: float, frame: int, weights: Mapping[str, float]
+) -> tuple[Explained, ...]:
+    """Return the explanation of each kind from the outputs of a frame.
 
     Parameters
     ----------
-    kind : "slip" or "twist"
-    time, frame : float (s), int
     outputs : mapping
-        All outputs whose names begin with the kind, and its flag.
+        All outputs that `read_outs_of` names.
+    kinds : collection of "slip" or "twist"
+    time, frame : float (s), int
     weights : mapping
-        `still`, `swing` and `pull` of `slip`.
+        `WEIGHTS` of `slip`.
     """
     numbers = {n: float(v) for n, v in outputs.items() if np.ndim(v) == 0}
+    return tuple(_of_kind(kind, time, frame, numbers, weights) for kind in kinds)
+
+
+def _of_kind(
+    kind: str, time: float, frame: int, numbers: Mapping[str, float], weights: Mapping[str, float]
+) -> Explained:
     strength, level = numbers[f"{kind}_strength"], numbers[f"{kind}_level"]
     others = {
         name: value
         for name, value in numbers.items()
         if name.startswith(f"{kind}_") and name not in (f"{kind}_strength", f"{kind}_level")
     }
-    why = _slip(others, weights) if kind == "slip" else _twist(strength, others)
+    holds = _holds(others, weights) if kind == "slip" else {}
+    why = _slip(others, holds) if kind == "slip" else _twist(strength, others)
     flag = numbers[FLAGS[kind]] > 0.0
     if flag and strength < level:
         why = f"it was above its level a moment ago; {why}"
-    return Explained(kind, time, frame, flag, strength, level, others, why)
+    return Explained(kind, time, frame, flag, strength, level, others, why, holds)
 
 
-def _slip(numbers: Mapping[str, float], weights: Mapping[str, float]) -> str:
+def _holds(numbers: Mapping[str, float], weights: Mapping[str, float]) -> dict[str, float]:
+    return {
+        "still": weights["still"],
+        "trend": numbers["slip_trend"],
+        "load_rate": weights["swing"] * numbers["slip_load_rate"],
+        "ratio_rate": weights["pull"] * numbers["slip_ratio_rate"],
+    }
+
+
+def _slip(numbers: Mapping[str, float], holds: Mapping[str, float]) -> str:
     at = {name.removeprefix("slip_"): value for name, value in numbers.items()}
     if at["ratio"] == 0.0 and at["pattern_speed"] == 0.0:
         return "the rest is still learned, or nothing moves"
     if at["stick_share"] >= STICKS:
         return f"{at['stick_share']:.0%} of the load is on cells that stick"
-    shares = {
-        "still": weights["still"],
-        "trend": at["trend"],
-        "load_rate": weights["swing"] * at["load_rate"],
-        "ratio_rate": weights["pull"] * at["ratio_rate"],
-    }
-    whole = sum(shares.values())
-    most = max(shares, key=lambda name: shares[name])
+    most = max(holds, key=lambda name: holds[name])
     moves = (at["pattern_speed"] ** 2 * at["incoherent_shear"]) ** (1 / 3)
     said = f"it moves by {moves:.3g}/s under a ratio of shear to load of {at['ratio']:.2g}"
     if most == "still":
         said += ", and nothing else explains that"
     else:
-        said += f", and {shares[most] / whole:.0%} of what explains it is that {CAUSES[most]}"
+        share = holds[most] / sum(holds.values())
+        said += f", and {share:.0%} of what explains it is that {CAUSES[most]}"
     if at.get("motion_cosine", 1.0) < AHEAD:
         said += f"; it moves little along its shear (cosine {at['motion_cosine']:.2g})"
     return said

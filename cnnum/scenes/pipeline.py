@@ -65,7 +65,13 @@ from cnnum.scenes.events import (
     titled,
     with_units,
 )
-from cnnum.scenes.explaining import FLAGS, Explained, explained
+from cnnum.scenes.explaining import (
+    WEIGHTS,
+    Explained,
+    explained,
+    explained_kinds,
+    read_outs_of,
+)
 from cnnum.scenes.frame_path import FramePath, FrameResult
 from cnnum.scenes.like_frames import like_frames
 from cnnum.scenes.push_watch import HeldWatch, OrderWatch, PushWatch
@@ -556,7 +562,22 @@ class Scene(OfThisProcess):
             If the program reports neither slip nor twist with their read-outs, or the scene has no
             frame at that time.
         """
-        kinds = [kind for kind in FLAGS if f"{kind}_level" in self.offered]
+        return self.explain_between(time, time)[0]
+
+    def explain_between(self, begin: float, end: float) -> tuple[tuple[Explained, ...], ...]:
+        """Return why slip and twist are reported, or are not, frame by frame.
+
+        Parameters
+        ----------
+        begin, end : float
+            Times after the first frame, s. The first frame from `begin` on counts in any case.
+
+        Raises
+        ------
+        SceneError
+            As `explain`.
+        """
+        kinds = explained_kinds(self.offered)
         if not kinds:
             raise SceneError(
                 f"Scene '{self.spec.name}': the program '{self.spec.program_name}' has no "
@@ -564,29 +585,35 @@ class Scene(OfThisProcess):
             )
         measured = unit_of(self.conversion, self.driver)
         program = bound(program_of(self.spec), self.spec, self.driver, self.grid, measured)
-        needs = [
-            name
-            for name in self.offered
-            if any(name == FLAGS[kind] or name.startswith(f"{kind}_") for kind in kinds)
-        ]
         channels = self.plan.schedule.channels
+        needs = read_outs_of(kinds, self.offered)
         way = self._path(self.engine.compile(program, self.shape, needs, channels=channels), ())
-        slip = inspect.signature(get_program("slip").function).parameters
-        given = {name: each.default for name, each in slip.items()} | dict(program.parameters)
-        weights = {name: float(cast(float, given[name])) for name in ("still", "swing", "pull")}
+        weights, result = self.weights(), list[tuple[Explained, ...]]()
         with closing(self._frames()) as frames:
             first = math.nan
             for number, frame in enumerate(frames):
                 first = first if number else frame.time
                 moment = way.step(number, frame)
-                if moment.values is None or frame.time - first < time - SAME_TIME:
+                if moment.values is None or frame.time - first < begin - SAME_TIME:
                     continue
-                return tuple(
-                    explained(kind, frame.time, number, moment.outputs, weights) for kind in kinds
-                )
-        raise SceneError(
-            f"The scene '{self.spec.name}' has no frame {time:g} s after its first one."
-        )
+                if result and frame.time - first > end + SAME_TIME:
+                    break
+                result.append(explained(moment.outputs, kinds, frame.time, number, weights))
+                if frame.time - first > end - SAME_TIME:
+                    break
+        if not result:
+            raise SceneError(
+                f"The scene '{self.spec.name}' has no frame {begin:g} s after its first one."
+            )
+        return tuple(result)
+
+    def weights(self) -> dict[str, float]:
+        """Return what weighs the other causes of a movement in `slip`, by its parameters."""
+        defaults = inspect.signature(get_program("slip").function).parameters
+        own = inspect.signature(program_of(self.spec).function).parameters
+        given = {name: defaults[name].default for name in WEIGHTS}
+        given |= {name: value for name, value in self.spec.parameters.items() if name in own}
+        return {name: float(cast(float, given[name])) for name in WEIGHTS}
 
     def summary(self) -> Summary:
         """Return the summary so far."""

@@ -9,7 +9,8 @@ import cnnum
 from cnnum.cli import main
 from cnnum.drivers.simulated.array import SimulatedOptions
 from cnnum.drivers.simulated.settings import Phase
-from cnnum.errors import SceneError
+from cnnum.errors import ReportError, SceneError
+from cnnum.report.read_outs import draw_explained
 from cnnum.scenes.pipeline import load_scene
 
 SCRIPT = (
@@ -70,3 +71,29 @@ def test_the_command_says_the_same(recording, tmp_path, capsys):
     assert (line["kind"], line["frame"], line["reported"]) == ("slip", 220, True)
     assert line["margin"] == pytest.approx(line["strength"] / line["level"])
     assert {"slip_trend", "slip_ratio", "slip_stick_share"} <= set(line["read_outs"])
+
+
+def test_the_picture_shows_every_read_out_around_the_time(recording, tmp_path):
+    """Lines of the SVG are those of the frames: as many points as frames in ±1 s, and the level."""
+    with scene(recording) as opened:
+        around = opened.explain_between(0.5, 2.5)
+        (alone,) = opened.explain(1.5)
+    frames = [moment.frame for (moment,) in around]
+    assert frames == list(range(50, 240))  # the recording ends at 2.4 s
+    (middle,) = around[100]
+    assert middle == alone
+    assert sum(middle.holds.values()) == pytest.approx(
+        0.2
+        + middle.read_outs["slip_trend"]
+        + 0.6 * (middle.read_outs["slip_load_rate"] + middle.read_outs["slip_ratio_rate"])
+    )
+    path = tmp_path / "why.svg"
+    draw_explained(path, around, alone.time)
+    text = path.read_text()
+    names = {name.removeprefix("slip_") for name in alone.read_outs} - {"x", "y"}
+    assert all(f">{name}</text>" in text for name in names)
+    assert "level, 0.4" in text
+    assert "1/s" in text
+    assert "time, s" in text
+    with pytest.raises(ReportError, match="already exists"):
+        draw_explained(path, around, alone.time)

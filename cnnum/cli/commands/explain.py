@@ -4,8 +4,18 @@ from pathlib import Path
 
 import click
 
-from cnnum.cli.options import Changes, json_option, scene_options, trust_option
+from cnnum.cli.options import (
+    Changes,
+    force_option,
+    json_option,
+    scene_options,
+    target_option,
+    trust_option,
+)
 from cnnum.cli.output import COMPILING, Output, busy, table
+
+AROUND = 1.0
+"""s before and after the frame in the picture."""
 
 
 @click.command("explain")
@@ -15,11 +25,21 @@ from cnnum.cli.output import COMPILING, Output, busy, table
 )
 @click.option("--scene", default="slip", help="Scene file or name ('slip').")
 @click.option("--topic", default="", help="Topic of an MCAP file or a bag.")
+@target_option("--out", "FILE.svg|png", "Draw every read-out from 1 s before to 1 s after.")
 @scene_options
 @trust_option
+@force_option
 @json_option
 def command(
-    file: Path, at: float, scene: str, topic: str, changes: Changes, trust: bool, as_json: bool
+    file: Path,
+    at: float,
+    scene: str,
+    topic: str,
+    out: Path | None,
+    changes: Changes,
+    trust: bool,
+    force: bool,
+    as_json: bool,
 ) -> None:
     """Say why slip and twist are reported at a time of the recording FILE, or are not.
 
@@ -33,10 +53,17 @@ def command(
 
         given = {"array": array_of(file, topic)} | changes
         with load_scene(scene, changes=given, trust=trust) as opened:
-            found = opened.explain(at)
-    for one in found:
-        output.record(one.record())
-        made = table(f"Read-out of {one.kind}", ">value")
-        for name, value in one.read_outs.items():
-            made.add_row(name, f"{value:.4g}")
-        output.show(str(one), made)
+            moments = opened.explain(at)
+            if out is not None:
+                from cnnum.report.read_outs import draw_explained
+
+                around = opened.explain_between(max(0.0, at - AROUND), at + AROUND)
+                draw_explained(out, around, moments[0].time, force=force)
+    for moment in moments:
+        output.record(moment.record())
+        values = table(f"Read-out of {moment.kind}", ">value")
+        for name, value in moment.read_outs.items():
+            values.add_row(name, f"{value:.4g}")
+        output.show(str(moment), values)
+    if out is not None:
+        output.record({"kind": "picture", "file": str(out)}, f"The picture is in '{out}'.")
