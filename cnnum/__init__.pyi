@@ -47,6 +47,9 @@ from .scenes.pipeline import load_scene as load_scene
 from .scenes.scene_file import scene_names as scene_names
 from .scenes.scene_record import EventList as EventList
 from .scenes.scene_record import SceneRecord as SceneRecord
+from .scenes.tuning import Label as Label
+from .scenes.tuning import Tuned as Tuned
+from .scenes.tuning import tune as tune
 from .stream import Stream as Stream
 from .templating.batch import TemplateBatch as TemplateBatch
 from .templating.couplings import DelayedCoupling as DelayedCoupling

@@ -4,7 +4,9 @@ from collections.abc import Sequence
 from math import log
 
 import numpy as np
+from numpy.typing import NDArray
 
+from cnnum.arrays import Floats
 from cnnum.programs.fields import Field, where
 from cnnum.programs.machine import FrameFields
 from cnnum.programs.parameters import refuse_outside
@@ -64,3 +66,25 @@ def report(frame: FrameFields, strength: Field, level: float, frames: float) -> 
     high = strength > HOLD * level
     low.store(where(high, 0.0, low.value + 1.0))
     return on.latch(strength > level, high | (low.value < frames - 0.5))
+
+
+def latched(values: Floats, on: float, off: float, frames: int) -> NDArray[np.bool_]:
+    """Return the flags of a bistable latch: on above a level, off when low for some frames.
+
+    Parameters
+    ----------
+    values : (frames,) float
+    on, off : float
+        A value that is not above `off` is low.
+    frames : int
+        Low frames before the one in which the flag goes off.
+
+    Returns
+    -------
+    (frames,) bool
+    """
+    place, high = np.arange(len(values)), values > off
+    low_before = place - np.maximum.accumulate(np.where(high, place, -1)) - 1
+    goes_on, goes_off = values > on, ~high & (low_before >= frames)
+    decided = np.maximum.accumulate(np.where(goes_on | goes_off, place, -1))
+    return np.asarray((decided >= 0) & goes_on[decided])

@@ -12,6 +12,7 @@ from cnnum.errors import ReportError
 from cnnum.report.plots import PALETTE, drawn, page_style
 from cnnum.safety.files import write_whole
 from cnnum.scenes.explaining import CAUSES, Explained
+from cnnum.scenes.tuning import Outcome, Tuned
 
 RATES = ("pattern_speed", "incoherent_shear", "trend", "load_rate", "ratio_rate")
 """Read-outs in 1/s; the others have no unit."""
@@ -137,3 +138,68 @@ def _draw_holds(panel: Any, moments: Sequence[Explained], times: Floats) -> None
     panel.stackplot(times, parts, labels=[HELD[name] for name in names], colors=PALETTE, alpha=0.75)
     panel.set_ylabel("divisor of the\nmovement, 1/s")
     _legend(panel, 2)
+
+
+def draw_tuned(path: Path, tuned: Tuned, *, force: bool = False) -> None:
+    """Draw what levels report by mistake, and with labels what they find and how late.
+
+    Parameters
+    ----------
+    path : Path
+        Its suffix says the kind of picture.
+    tuned : Tuned
+    force : bool
+        Whether an existing file is replaced.
+
+    Raises
+    ------
+    ReportError
+        As `write_picture`.
+    """
+    with page_style():
+        write_picture(_tuned(tuned), path, force=force)
+
+
+def _tuned(tuned: Tuned) -> Any:
+    from matplotlib.figure import Figure
+
+    labelled = tuned.seen.events > 0
+    size = (5.2 * (1 + 2 * labelled), 4.0)
+    figure: Any = Figure(figsize=size, layout="constrained")
+    panels = figure.subplots(1, 1 + 2 * labelled, squeeze=False, sharey=True)[0]
+    curves = {name: curve for name, curve in tuned.curves.items() if curve}
+    if not tuned.constants:
+        curves.pop("shipped", None)  # the same
+    floor = 0.3 / (tuned.seen.seconds / 600.0)  # no report: below one in all recordings
+    for colour, (name, curve) in zip(PALETTE, reversed(curves.items()), strict=False):
+        levels, outcomes = zip(*curve, strict=True)
+        rates = [max(outcome.rate, floor) for outcome in outcomes]
+        label = f"{name} constants" if tuned.constants else "any level"
+        panels[0].plot(levels, rates, color=colour, label=label)
+        bounds = [outcome.bound for outcome in outcomes]
+        panels[0].plot(levels, bounds, color=colour, linestyle=":", label="at most, 95 %")
+        if labelled:
+            panels[1].plot([100.0 * o.share for o in outcomes], rates, color=colour, label=label)
+            panels[2].plot([o.delay for o in outcomes], rates, color=colour, label=label)
+    _mark(panels, tuned.level, tuned.seen, floor, f"chosen, {tuned.level:.3g}", "o")
+    _mark(panels, tuned.shipped_level, tuned.shipped, floor, "shipped", "s")
+    for panel in panels:
+        panel.axhline(tuned.asked, color="grey", linestyle="--", linewidth=0.8, label="asked")
+        panel.set_yscale("log")
+    panels[0].set(xscale="log", xlabel=f"{tuned.parameter} of {tuned.event} (no unit)")
+    panels[0].set_ylabel(f"false reports in ten minutes (none at {floor:.2g})")
+    if labelled:
+        panels[1].set_xlabel(f"found, % of {tuned.seen.events} events")
+        panels[2].set_xlabel("median delay after the label, s")
+    panels[0].legend(loc="best")
+    return figure
+
+
+def _mark(
+    panels: Any, level: float, outcome: Outcome, floor: float, label: str, marker: str
+) -> None:
+    """Put a level into every panel, hollow for the shipped one."""
+    face = "none" if marker == "s" else PALETTE[1]
+    look = {"marker": marker, "color": PALETTE[1], "markerfacecolor": face, "linestyle": "none"}
+    for panel, x in zip(panels, (level, 100.0 * outcome.share, outcome.delay), strict=False):
+        panel.plot([x], [max(outcome.rate, floor)], label=label, **look)

@@ -173,11 +173,7 @@ def read_scene(
         If the file is not there, is not TOML, a key is unknown, missing or of a wrong type, or if
         it names code and is not trusted.
     """
-    text, base = _found(scene)
-    try:
-        table = by_new_names(parse_toml(text), RENAMED)
-    except ValueError as error:
-        raise SceneError(f"Scene '{scene}' is not TOML: {error}.") from None
+    table, base = _table_of(scene)
     usual = _parameters_of(table) if str(scene) in scene_names() else []
     for key, value in by_new_names(changes or {}, RENAMED).items():
         _set(table, key, value)
@@ -186,6 +182,33 @@ def read_scene(
     if not trust:
         _refuse_code(spec, scene, changes or {})
     return spec
+
+
+def scene_table(scene: str | Path, changes: Mapping[str, object] | None = None) -> dict[str, Any]:
+    """Return the tables of a scene file with changes, as TOML has them; paths are whole.
+
+    Raises
+    ------
+    SceneError
+        If the file is not there, or is not TOML.
+    """
+    table, base = _table_of(scene)
+    for name, key in (("array", "path"), ("calibration", "file")):
+        held = table.get(name)
+        if isinstance(held, dict) and isinstance(path := cast("Any", held).get(key), str):
+            held[key] = str((base / path).absolute())
+    for key, value in by_new_names(changes or {}, RENAMED).items():
+        _set(table, key, value)
+    return table
+
+
+def _table_of(scene: str | Path) -> tuple[dict[str, Any], Path]:
+    """Return the tables of a scene file, and the folder that its paths start from."""
+    text, base = _found(scene)
+    try:
+        return by_new_names(parse_toml(text), RENAMED), base
+    except ValueError as error:
+        raise SceneError(f"Scene '{scene}' is not TOML: {error}.") from None
 
 
 def _parameters_of(table: Mapping[str, object]) -> list[str]:

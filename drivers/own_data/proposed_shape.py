@@ -90,6 +90,9 @@ def toml_text(value: object) -> str:
     if isinstance(value, tuple | list):
         items = cast("Iterable[object]", value)
         return "[" + ", ".join(toml_text(item) for item in items) + "]"
+    if isinstance(value, dict):
+        pairs = cast("dict[str, object]", value).items()
+        return "{" + ", ".join(f"{key} = {toml_text(item)}" for key, item in pairs) + "}"
     return repr(value)
 
 

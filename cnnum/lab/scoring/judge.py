@@ -42,28 +42,6 @@ def auc(with_label: Floats, without: Floats) -> float:
     return (ranks - high * (high + 1) / 2) / (high * low)
 
 
-def latched(values: Floats, on: float, off: float, frames: int) -> Flags:
-    """Return the flags of a bistable latch: on above a level, off when low for some frames.
-
-    Parameters
-    ----------
-    values : (frames,) float
-    on, off : float
-        A value that is not above `off` is low.
-    frames : int
-        Low frames before the one in which the flag goes off.
-
-    Returns
-    -------
-    (frames,) bool
-    """
-    place, high = np.arange(len(values)), values > off
-    low_before = place - np.maximum.accumulate(np.where(high, place, -1)) - 1
-    goes_on, goes_off = values > on, ~high & (low_before >= frames)
-    decided = np.maximum.accumulate(np.where(goes_on | goes_off, place, -1))
-    return np.asarray((decided >= 0) & goes_on[decided])
-
-
 EARLY = 0.1
 """s before a slip from which on a report is no false one."""
 

@@ -14,11 +14,10 @@ from cnnum.arrays import Floats
 from cnnum.drivers.simulated.grips import Flags, Trial
 from cnnum.engine import Engine
 from cnnum.frame import FORCE_AXES
-from cnnum.lab.scoring.judge import latched
 from cnnum.programs import Program
 from cnnum.programs.library import get_program
 from cnnum.programs.parameters import RATE
-from cnnum.programs.reports import HOLD, level_of
+from cnnum.programs.reports import HOLD, latched, level_of
 from cnnum.templates.tactile.slip import LEVELS
 
 SLIP, TWIST = "slip", "twist"
