@@ -80,6 +80,33 @@ def test_the_flow_of_a_place_is_that_of_what_is_there():
     assert np.abs(found["flow_map_y"]).max() < 0.1
 
 
+@pytest.mark.one_in(3)
+@pytest.mark.parametrize("cells", [8, 12, 16])
+def test_gratings_are_as_much_too_fast_as_the_page_says(cells):
+    """Any direction, phase and speed; a wave of 3 pitches shows that the flow is lost there."""
+    rng, rate = np.random.default_rng(cells), 50.0
+    program = cnnum.get_program("tactile_flow").bind(push=1.0, rest=0.0, rate=rate)
+    needs = ["flow_x", "flow_y", "flow_map_x", "flow_map_y"]
+    plan = cnnum.Engine("numba", precision="float64").compile(program, (cells, cells), needs)
+    time, (rows, cols) = np.arange(60)[:, None, None] / rate, np.indices((cells, cells))
+    # 160 gratings reached 1.028 to 1.110 and 1.087 to 1.268, and 1.126 and 1.297 at one taxel
+    for wave, least, most, peak in ((6, 1.02, 1.12, 1.14), (4, 1.08, 1.28, 1.31), (3, 1.15, 9, 9)):
+        for n in range(4):
+            turn = n // 2 * np.pi / 2 if n % 2 else rng.uniform(0.0, 2.0 * np.pi)
+            speed, phase = rng.uniform(0.5, 5.0), rng.uniform(0.0, 2.0 * np.pi)
+            way = np.array([np.cos(turn), np.sin(turn)])
+            along = cols * way[0] + rows * way[1] - speed * time
+            frames = np.zeros((60, cells, cells, 3))
+            frames[8:, ..., 2] = np.cos(2.0 * np.pi / wave * along + phase)[8:]
+            stream = plan.stream()
+            for frame in frames:
+                out = stream.push(frame)
+            ratio = float(way @ [out["flow_x"], out["flow_y"]]) / speed
+            assert least < ratio < most, (wave, turn, speed, phase)
+            local = way[0] * out["flow_map_x"] + way[1] * out["flow_map_y"]
+            assert local[2:-2, 2:-2].max() / speed < peak
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_the_area_of_a_sphere_spreads_with_its_load_as_hertz_says(seed):
     """dA/dF = 2πa²/(3F), of the simulated array in newtons and cells, with its usual noise."""
