@@ -36,6 +36,9 @@ def array_names(prefix: str, names: Iterable[str]) -> dict[str, str]:
     return result
 
 
+UNFINISHED = "unfinished"
+"""The answer that says whether a loop of the frame came to its limit; outputs have a prefix."""
+
 Kind = Literal["input", "state", "work", "table", "output"]
 
 
@@ -127,6 +130,11 @@ class IntegerProgram:
     def real(self) -> bool:
         """Whether it counts in reals."""
         return any(array.format is None and not array.logic for array in self.arrays.values())
+
+    @property
+    def may_not_finish(self) -> bool:
+        """Whether an answer says that a loop came to its limit."""
+        return UNFINISHED in self.arrays
 
     def of_kind(self, kind: Kind) -> list[Array]:
         """Return the arrays of a kind."""

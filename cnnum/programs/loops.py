@@ -93,7 +93,7 @@ def loop(body: Body, *values: Field, limit: int, until: Until | None = None) -> 
         The first values of the carried fields.
     limit : int
         The largest number of runs of the body; see `Looped.finished`. A loop that reaches it raises
-        an error where `finished` is not read, but not in whole numbers and exported C.
+        an error where `finished` is not read; exported C sets `unfinished` in its answers.
     until : callable, optional
         Takes the new values and returns a flag that ends the loop. Without it the loop ends when no
         carried value changes any more.

@@ -19,6 +19,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from cnnum.arrays import Floats, finite, real_numbers
 from cnnum.embedded.c.files import MANIFEST
+from cnnum.embedded.program import UNFINISHED
+from cnnum.engines.notices import refuse_unfinished
 from cnnum.errors import ArrayError, NotSupportedError, ProgramError, name_error, unreadable
 from cnnum.recordings.recording import Recording
 from cnnum.safety.reading import read_text
@@ -150,6 +152,8 @@ class LoadedExport:
         ------
         ArrayError
             If the frames do not fit the program, or the recording has another rate.
+        MethodError
+            If a loop comes to its limit, and the program does not ask whether it did.
         UnknownNameError
             If the recording has no such channel.
         """
@@ -245,7 +249,13 @@ class ExportStream:
             ctypes.c_int64(len(values)),
         )
         self.frames += len(values)
-        return {part.name: _real(part, answers[part.member]) for part in exported.outputs}
+        if UNFINISHED in (answers.dtype.names or ()):
+            refuse_unfinished(answers[UNFINISHED][:, 0])
+        return {
+            part.name: _real(part, answers[part.member])
+            for part in exported.outputs
+            if part.member != UNFINISHED
+        }
 
     def _whole(self, part: Part, values: Floats) -> NDArray[Any]:
         """Return numbers as the C takes them: halves up, saturated."""

@@ -16,7 +16,7 @@ from cnnum.embedded.emulator import cleared
 from cnnum.embedded.formats import precision_named
 from cnnum.embedded.making import make
 from cnnum.embedded.program import array_names
-from cnnum.errors import ArrayError, ProgramError
+from cnnum.errors import ArrayError, MethodError, ProgramError
 from cnnum.graph.schedule import schedule
 from tests.embedded.conftest import SANITIZERS, compiled
 
@@ -425,3 +425,98 @@ def test_logic_values_stay_logic(what):
 
     with pytest.raises(ProgramError, match="logic value"):
         cnnum.Program(function, "p").trace(SHAPE, CHANNELS)
+
+
+def doubled(limit):
+    """Doubles a until its largest number is 1 at least: by a limit of 2, not from below 1/4."""
+
+    def function(frame):
+        def grown(x):
+            return x + x
+
+        memory = frame.memory("m", scalar=True)
+        run = cnnum.loop(grown, frame.a, limit=limit, until=lambda x: x.max() >= 1.0)
+        memory.store(memory.value + run.value.max())
+        return {"a": run.value, "sum": memory.value}
+
+    return function
+
+
+POWERS = np.array([0.0, 1.0, 2.0] * 4 + [4.0])
+STARTS = np.zeros((len(POWERS), 1, *SHAPE, 2))
+STARTS[..., 0] = 2.0 ** -POWERS[:, np.newaxis, np.newaxis, np.newaxis]
+"""The last one begins at 1/16."""
+
+
+@pytest.mark.parametrize("precision", PRECISIONS)
+def test_a_loop_at_its_limit_is_refused_or_said(precision, compiler, tmp_path):
+    """2⁻⁴ takes four doublings of two: an error on engines, and an answer of the compiled C."""
+    made = exported(doubled(2), precision, frames=STARTS)
+    assert made.program.may_not_finish
+    made.export(STARTS).write(tmp_path)
+    assert "uint8_t unfinished; /* whether a loop" in (tmp_path / "mine.h").read_text()
+    loaded = cnnum.load_export(tmp_path)
+    found = loaded.run(STARTS[:-1, 0])
+    assert found["a"].max(axis=(1, 2)).tolist() == [2.0, 1.0, 1.0] * 4
+    assert found.keys() == {"a", "sum"}
+    with pytest.raises(MethodError, match=r"in 1 of 13 frames \(the first is frame 12\)"):
+        loaded.run(STARTS[:, 0])
+    # the test vector has the frame, and fails for a program that never says so
+    vector = compiled(compiler, tmp_path, "mine", "vector.c", *SANITIZERS)
+    assert subprocess.run([vector], check=False).returncode == 0
+    source = tmp_path / "mine.c"
+    text = source.read_text()
+    assert text.count("out->unfinished = ") == 1
+    source.write_text(
+        re.sub("out->unfinished = [^;]*;", "(void)missed; out->unfinished = 0;", text)
+    )
+    vector = compiled(compiler, tmp_path, "mine", "vector.c")
+    assert subprocess.run([vector], check=False).returncode == 1
+
+
+@pytest.mark.parametrize("name", ["opencl", "reference"])
+def test_engines_in_whole_numbers_refuse_a_loop_at_its_limit(name):
+    engine = cnnum.Engine(name, precision="q15")
+    short, long = (
+        engine.compile(cnnum.Program(doubled(limit), "p"), SHAPE, channels=CHANNELS, like=STARTS)
+        for limit in (2, 4)
+    )
+    with pytest.raises(MethodError, match="raise the loop's limit"):
+        short(STARTS[:, 0])
+    stream = short.stream()
+    assert stream.push(STARTS[0, 0])["sum"] == 0.0
+    with pytest.raises(MethodError):
+        stream.push(STARTS[-1, 0])
+    # the stream goes on
+    assert stream.push(STARTS[1, 0])["a"].max() == 1.0
+    assert long(STARTS[:, 0])["a"].max(axis=(1, 2)).tolist() == [2.0, 1.0, 1.0] * 4 + [1.0]
+
+
+def test_a_branch_and_a_loop_that_is_asked_have_no_such_answer():
+    def function(frame):
+        (a,) = cnnum.branch(frame.first, lambda x: x * 0.5, frame.a)
+        run = cnnum.loop(lambda x: x * 0.5, a, limit=1)
+        return {"a": cnnum.where(run.finished, run.value, a)}
+
+    assert not exported(function, "q15").program.may_not_finish
+
+
+def test_a_loop_within_a_loop_counts_where_its_frame_goes_on():
+    """The inner one comes to its limit in the first frame alone; the outer one runs once."""
+
+    def function(frame):
+        def outer(x):
+            inner = cnnum.loop(lambda z: z * 0.5, x, limit=2, until=lambda z: z.max() < 0.5)
+            return inner.value
+
+        return {"a": cnnum.branch(frame.b.max() > 0.0, outer, frame.a)[0]}
+
+    frames = np.zeros((3, 1, *SHAPE, 2))
+    frames[:, 0, ..., 0] = np.array([4.0, 4.0, 1.0])[:, np.newaxis, np.newaxis]
+    frames[:, 0, ..., 1] = np.array([1.0, -1.0, 1.0])[:, np.newaxis, np.newaxis]
+    made = exported(function, "q15", frames=frames)
+    state, said = cleared(made.program, 1), []
+    for number, frame in enumerate(frames):
+        answer = made.emulator().run(made.inputs(frame), state, first=number == 0)
+        said.append(int(answer["unfinished"].item()))
+    assert said == [1, 0, 0]

@@ -1,6 +1,6 @@
 """From a schedule to a program in whole numbers, or in reals: level by level."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from cnnum import kernels as ir
@@ -17,7 +17,7 @@ from cnnum.embedded.arithmetic import (
 from cnnum.embedded.formats import Formats, Sizes
 from cnnum.embedded.lowering.builder import FINE, Builder
 from cnnum.embedded.lowering.transients import lower_transient
-from cnnum.embedded.program import Array, IntegerProgram, array_names
+from cnnum.embedded.program import UNFINISHED, Array, IntegerProgram, array_names
 from cnnum.errors import NotSupportedError
 from cnnum.graph.elementwise import MULTIPLY
 from cnnum.graph.nodes import (
@@ -38,6 +38,9 @@ from cnnum.graph.nodes import (
 )
 from cnnum.graph.schedule import Schedule
 from cnnum.integrators.solver import Solver
+
+MISSED = ir.Name("missed", LOGIC)
+"""Whether a loop of the frame came to its limit."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +82,27 @@ def lower_loop(work: "Lowering", node: Node) -> None:
         to.body.append(ir.Assign(rounds, call("minimum", more, ir.Integer(loop.limit))))
         to.body.append(ir.Assign(running, again))
     to.body.append(ir.Counted(ir.ROUND, 0, loop.limit, running, tuple(body)))
+    if _may_not_finish(node, work.schedule.nodes):
+        to.body.append(ir.Assign(MISSED, call("or", MISSED, running)))
     _picked(work, node, carried, running, rounds)
+
+
+def _may_not_finish(node: Node, nodes: Iterable[Node]) -> bool:
+    """Return whether a loop may come to its limit, and no operation asks whether it did."""
+    assert isinstance(node.operation, Loop)
+    again = node.operation.again
+    constant = None if again is None else again.operation
+    at_once = isinstance(constant, Constant) and constant.value == 0.0  # a branch
+    return not at_once and all(pick.what != "finished" for _, pick in picks_of(node, nodes))
+
+
+def may_not_finish(nodes: Sequence[Node]) -> bool:
+    """Return whether such a loop is among operations, or in the body of one."""
+    return any(
+        isinstance(node.operation, Loop)
+        and (_may_not_finish(node, nodes) or may_not_finish(node.operation.nodes))
+        for node in nodes
+    )
 
 
 def _flag(work: "Lowering", node: Node) -> ir.Expression:
@@ -317,8 +340,15 @@ def lower(
     memories = schedule.memories.values()
     levels = levels_of(schedule.nodes, schedule.outputs.values(), memories)
     work = Lowering(builder, schedule, solvers, levels)
+    watched = may_not_finish(schedule.nodes)
+    if watched:
+        builder.body.append(ir.declare(MISSED, 0))
     work.levelwise()
     work.ends()
+    if watched:
+        words = "whether a loop came to its limit, so that the answers are none"
+        answer = builder.array(UNFINISHED, "output", 0, None, words, logic=True)
+        builder.body.append(ir.Assign(ir.Name(answer.name, answer.bounds), MISSED))
     return IntegerProgram(
         name,
         schedule.shape,

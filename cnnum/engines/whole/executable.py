@@ -11,10 +11,11 @@ from cnnum.embedded.emulator import Numbers, cleared
 from cnnum.embedded.formats import Precision
 from cnnum.embedded.making import Made, make_with
 from cnnum.embedded.measuring import measured
-from cnnum.embedded.program import IntegerProgram
+from cnnum.embedded.program import UNFINISHED, IntegerProgram
 from cnnum.engines.backend import Runner
 from cnnum.engines.host import OnHost
-from cnnum.errors import ProgramError
+from cnnum.engines.notices import refuse_unfinished
+from cnnum.errors import MethodError, ProgramError
 from cnnum.graph.nodes import Pick
 from cnnum.graph.schedule import Schedule
 from cnnum.integrators.estimate import LOST
@@ -96,6 +97,9 @@ class WholeExecutable(OnHost):
 
         Raises
         ------
+        MethodError
+            If a loop comes to its limit in a frame, and the program does not ask whether it did.
+            Memories are then as they were.
         ProgramError
             If frames follow each other, and no streams were given to measure ranges on.
         """
@@ -112,7 +116,16 @@ class WholeExecutable(OnHost):
             memory.state = cleared(made.program, len(frames))
         inputs = made.inputs(np.asarray(frames, dtype=np.float64))
         runner = self._runner(made.program)
+        before = memory.state
+        if made.program.may_not_finish:  # the frame may be none: it is worked in a copy
+            memory.state = {name: numbers.copy() for name, numbers in before.items()}
         answer = runner.run(inputs, memory.state, first=first, batch=len(frames))
+        if made.program.may_not_finish:
+            try:
+                refuse_unfinished(np.broadcast_to(answer[UNFINISHED][:, 0], len(frames)))
+            except MethodError:
+                memory.state = before
+                raise
         result = made.outputs(answer)
         lost = {name: np.full(len(frames), LOST) for name in self._errors()}
         return {name: result.get(name, lost.get(name)) for name in self.schedule.outputs}  # type: ignore[misc]
