@@ -34,6 +34,7 @@ _SERVING: Mapping[str, tuple[str, str]] = {
     "run": (f"{ROOM}.run", "Run a scene and print its events as they come."),
     "plan": (f"{ROOM}.plan", "Show the operations of a scene and what it leaves out."),
     "templates": (f"{ROOM}.templates", "List, show and check the template library."),
+    "studio": ("cnnum.cli.library.studio", "Change a template in a browser and see it move."),
     "sweep": ("cnnum.cli.library.sweep", "Sweep a template over weights, sizes and noise."),
     "devices": (f"{ROOM}.devices", "Show the OpenCL devices and their speed."),
     "calibrate": (

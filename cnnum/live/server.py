@@ -1,4 +1,4 @@
-"""The server of the page: static files and a WebSocket, for this machine alone by default."""
+"""The server of the pages: static files and a WebSocket, for this machine alone by default."""
 
 import asyncio
 import contextlib
@@ -6,11 +6,12 @@ import hmac
 import ipaddress
 import json
 import logging
-from collections.abc import AsyncGenerator, Callable, Mapping
+from collections.abc import AsyncGenerator, Callable, Mapping, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from http import HTTPStatus
 from importlib import resources
+from pathlib import PurePath
 from typing import TYPE_CHECKING, Any, cast
 from urllib.parse import parse_qs, quote, urlsplit
 
@@ -30,10 +31,13 @@ BEHIND = 1 << 18
 """Bytes that wait for a slow page; it is left out until it has taken them."""
 
 KINDS = {
-    "index.html": "text/html; charset=utf-8",
-    "view.css": "text/css; charset=utf-8",
-    "view.js": "text/javascript; charset=utf-8",
+    ".html": "text/html; charset=utf-8",
+    ".css": "text/css; charset=utf-8",
+    ".js": "text/javascript; charset=utf-8",
 }
+
+VIEW = ("index.html", "view.css", "view.js")
+"""Files of the live view, the page itself first."""
 
 POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; img-src data:"
@@ -133,22 +137,28 @@ class Gate:
         return "" if known else "This server is reached by another name."
 
 
-def static(path: str) -> tuple[HTTPStatus, str, bytes]:
-    """Return status, type and bytes of a file of the page."""
-    name = urlsplit(path).path.lstrip("/") or "index.html"
-    if name not in KINDS:
+def static(path: str, files: Sequence[str] = VIEW) -> tuple[HTTPStatus, str, bytes]:
+    """Return status, type and bytes of a file of the page, whose first file is the page itself."""
+    name = urlsplit(path).path.lstrip("/") or files[0]
+    if name not in files:
         return HTTPStatus.NOT_FOUND, "text/plain; charset=utf-8", b"There is no such page.\n"
-    folder = resources.files("cnnum.live") / "static"
-    return HTTPStatus.OK, KINDS[name], (folder / name).read_bytes()
+    file = resources.files("cnnum.live") / "static" / name
+    return HTTPStatus.OK, KINDS[PurePath(name).suffix], file.read_bytes()
 
 
-class Pages:
-    """The pages that are open, and the pictures sent to them."""
+class Door:
+    """Gives out the files of a page, and lets its WebSocket in.
 
-    def __init__(self, feed: Feed, place: Place) -> None:
-        self._feed, self._gate = feed, Gate(place)
-        self._open: set[ServerConnection] = set()
-        self.pictures = self.late = 0
+    Attributes
+    ----------
+    longest : int
+        Bytes of a message that the page may send.
+    """
+
+    longest = LONGEST
+
+    def __init__(self, place: Place, files: Sequence[str] = VIEW) -> None:
+        self.place, self._files, self._gate = place, files, Gate(place)
 
     def answer(self, connection: "ServerConnection", request: "Request") -> "Response | None":
         """Answer a request for a file, or let a WebSocket in."""
@@ -162,7 +172,7 @@ class Pages:
         if not wants_socket:
             if refusal := self._gate.stranger(request.headers.get("Host", "")):
                 return connection.respond(HTTPStatus.FORBIDDEN, refusal + "\n")
-            status, kind, body = static(request.path)
+            status, kind, body = static(request.path, self._files)
             response = connection.respond(status, "")
             for name, value in _headers(kind, body):
                 if name in response.headers:
@@ -172,6 +182,20 @@ class Pages:
             return response
         refusal = self._gate.refusal(request.headers, request.path)
         return connection.respond(HTTPStatus.FORBIDDEN, refusal + "\n") if refusal else None
+
+    async def talk(self, connection: "ServerConnection") -> None:
+        """Speak with a page until it leaves."""
+        raise NotImplementedError
+
+
+class Pages(Door):
+    """The pages of a feed that are open, and the pictures sent to them."""
+
+    def __init__(self, feed: Feed, place: Place) -> None:
+        super().__init__(place)
+        self._feed = feed
+        self._open: set[ServerConnection] = set()
+        self.pictures = self.late = 0
 
     async def talk(self, connection: "ServerConnection") -> None:
         """Greet a page, and follow its commands until it leaves."""
@@ -252,8 +276,8 @@ def _quiet_logger() -> logging.Logger:
 
 
 @asynccontextmanager
-async def serving(feed: Feed, place: Place) -> "AsyncGenerator[tuple[Server, Pages, int]]":
-    """Serve a feed while the block runs; yields the server, its pages and its port.
+async def listening(door: Door, what: str) -> "AsyncGenerator[tuple[Server, int]]":
+    """Let pages in while the block runs; yields the server and its port.
 
     Raises
     ------
@@ -265,15 +289,15 @@ async def serving(feed: Feed, place: Place) -> "AsyncGenerator[tuple[Server, Pag
     try:
         from websockets.asyncio.server import serve
     except ImportError:
-        raise missing_extra("the live view", "websockets", "view") from None
-    pages = Pages(feed, place)
+        raise missing_extra(what, "websockets", "view") from None
+    place = door.place
     try:
         server = await serve(
-            pages.talk,
+            door.talk,
             place.host,
             place.port,
-            process_request=pages.answer,
-            max_size=LONGEST,
+            process_request=door.answer,
+            max_size=door.longest,
             compression=None,
             close_timeout=1.0,
             server_header=None,
@@ -281,19 +305,34 @@ async def serving(feed: Feed, place: Place) -> "AsyncGenerator[tuple[Server, Pag
         )
     except OSError as error:
         raise PortError(
-            f"The view cannot listen at '{place.host}' port {place.port} ({error.strerror}): "
-            "choose another with --port, or 0 for any that is free."
+            f"{what.capitalize()} cannot listen at '{place.host}' port {place.port} "
+            f"({error.strerror}): choose another with --port, or 0 for any that is free."
         ) from None
-    port = int(server.sockets[0].getsockname()[1])
-    feed.start()
-    shows = asyncio.create_task(pages.show())
     try:
-        yield server, pages, port
+        yield server, int(server.sockets[0].getsockname()[1])
     finally:
-        shows.cancel()
         server.close()
         await server.wait_closed()
-        await asyncio.to_thread(feed.stop)
+
+
+@asynccontextmanager
+async def serving(feed: Feed, place: Place) -> "AsyncGenerator[tuple[Server, Pages, int]]":
+    """Serve a feed while the block runs; yields the server, its pages and its port.
+
+    Raises
+    ------
+    MissingExtraError, PortError
+        As `listening`.
+    """
+    pages = Pages(feed, place)
+    async with listening(pages, "the live view") as (server, port):
+        feed.start()
+        shows = asyncio.create_task(pages.show())
+        try:
+            yield server, pages, port
+        finally:
+            shows.cancel()
+            await asyncio.to_thread(feed.stop)
 
 
 def run(feed: Feed, place: Place, ready: Callable[[str], object]) -> None:
@@ -302,6 +341,17 @@ def run(feed: Feed, place: Place, ready: Callable[[str], object]) -> None:
     async def forever() -> None:
         async with serving(feed, place) as (_, _, port):
             ready(place.address(port))
+            await asyncio.Event().wait()
+
+    asyncio.run(forever())
+
+
+def run_door(door: Door, what: str, ready: Callable[[str], object]) -> None:
+    """Let pages in until Ctrl-C; `ready` is given the page's address."""
+
+    async def forever() -> None:
+        async with listening(door, what) as (_, port):
+            ready(door.place.address(port))
             await asyncio.Event().wait()
 
     asyncio.run(forever())

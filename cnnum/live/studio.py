@@ -1,0 +1,384 @@
+"""The bench of a template: a page that shows it at work, and answers to what the page asks.
+
+A question is a JSON object with `do`, the number `id` and a template as the page holds it. The
+answer to "run" is a head of JSON, its length before it as u32, and the states of all times as
+little-endian float32; every other answer is JSON. A page has one question of a kind on its way.
+"""
+
+import asyncio
+import contextlib
+import json
+import math
+import struct
+from base64 import b64decode
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, replace
+from threading import Lock
+from typing import TYPE_CHECKING, Any, cast
+
+import numpy as np
+
+from cnnum.arrays import Floats
+from cnnum.design.designing import Spec, designed
+from cnnum.design.finding import compare, figures
+from cnnum.engine import Engine
+from cnnum.errors import CnnumError, TemplateError
+from cnnum.integrators.stability import stability_bound
+from cnnum.live.server import Door, Place
+from cnnum.templating.batch import TemplateBatch
+from cnnum.templating.checks.robustness import Judge, flips, mismatched, wilson
+from cnnum.templating.files.entry import Entry
+from cnnum.templating.files.toml_format import entry_to_toml
+from cnnum.templating.library import get_template, template_names
+from cnnum.templating.template import Check, Template
+
+if TYPE_CHECKING:
+    from websockets.asyncio.server import ServerConnection
+
+FILES = ("studio.html", "studio.css", "studio.js")
+
+TIMES = 33
+"""Of a film, the start among them."""
+
+STEPS = 128
+"""Of Heun's method in a film, at least."""
+
+MOST_STEPS = 20_000
+
+SIDE = 128
+"""Cells along the longest side of a picture."""
+
+LENGTH = struct.Struct("<I")
+
+SETTLES = 40.0
+"""τ of a film where the template says no duration; it ends sooner where the array rests."""
+
+NEAREST = 6
+"""Neighbourhoods that are shown."""
+
+DRAWS, COUPLED_DRAWS = 200, 20
+"""Chips of one mismatch, on all neighbourhoods and on the picture where cells are coupled."""
+
+AT_WORK = 8
+"""Questions of a page that are worked on; more of them wait. A page has one of each kind."""
+
+_BITS = np.arange(512)[:, np.newaxis] >> np.arange(9) & 1
+NEIGHBOURHOODS: Floats = np.where(_BITS == 1, 1.0, -1.0).reshape(-1, 3, 3)
+
+
+def template_of(given: Mapping[str, Any]) -> Template:
+    """Return the template that a page holds.
+
+    Raises
+    ------
+    CnnumError
+        If it is none.
+    """
+    rule = str(given.get("rule") or "")
+    duration = given.get("duration", "settle")
+    try:
+        return Template(
+            given["name"] or "untitled",
+            given["A"],
+            given["B"] if given.get("B") else None,
+            given["z"],
+            tau=given.get("tau", 1.0),
+            boundary=given.get("boundary", 0.0),
+            input_boundary=given.get("input_boundary"),
+            initial=given.get("initial", 0.0),
+            duration=duration,
+            description=str(given.get("description") or ""),
+            source=str(given.get("source") or ""),
+            check=Check("rule", (("rule", rule),)) if rule else None,
+        )
+    except (KeyError, TypeError) as error:
+        raise TemplateError(f"The page's template lacks a number: {error}.") from None
+
+
+def page_of(template: Template) -> dict[str, Any]:
+    """Return a template as the page holds it.
+
+    Raises
+    ------
+    TemplateError
+        If the page has no fields for it.
+    """
+    fits = template.layers == 1 and template.inputs <= 1 and template.radius <= 1
+    if not (fits and template.plain and template.output.name == "standard"):
+        raise TemplateError(
+            f"'{template.name}' cannot be shown: the studio has templates of one layer, with at "
+            "most one input, linear couplings of 3×3 cells and the standard output."
+        )
+    check = template.check
+    rule = dict(check.parameters).get("rule", "") if check and check.name == "rule" else ""
+    return {
+        "name": template.name,
+        "A": _three(template.A[0, 0]),
+        "B": _three(template.B[0, 0]) if template.inputs else None,
+        "z": float(template.z[0]),
+        "tau": float(template.tau[0]),
+        "boundary": template.boundary.name,
+        "input_boundary": template.input_boundary.name,
+        "initial": template.initial,
+        "duration": template.duration,
+        "description": template.description,
+        "source": template.source,
+        "rule": rule,
+    }
+
+
+def _three(kernel: Floats) -> list[list[float]]:
+    return [list(row) for row in np.pad(kernel, (3 - len(kernel)) // 2).tolist()]
+
+
+def picture_of(given: Mapping[str, Any]) -> Floats:
+    """Return the picture of a page, whose cells are bytes from −100 (white) to 100.
+
+    Raises
+    ------
+    TemplateError
+        If it is none.
+    """
+    try:
+        rows, cols = int(given["rows"]), int(given["cols"])
+        cells = np.frombuffer(b64decode(given["picture"], validate=True), np.int8)
+        fits = min(rows, cols) >= 1 and max(rows, cols) <= SIDE and len(cells) == rows * cols
+    except (KeyError, TypeError, ValueError):
+        fits, rows, cols, cells = False, 1, 1, np.zeros(1, np.int8)
+    if not fits:
+        raise TemplateError(f"A picture has up to {SIDE}×{SIDE} cells, a byte each.")
+    return np.clip(cells.reshape(rows, cols) / 100.0, -1.0, 1.0)
+
+
+def maps_of(template: Template, picture: Floats) -> dict[str, Any]:
+    """Return the maps of a run on one picture: the input, or the start of one without an input."""
+    return {"input": picture} if template.inputs else {"state": picture}
+
+
+def film(engine: Engine, template: Template, picture: Floats) -> tuple[dict[str, Any], Floats]:
+    """Return the head of a film, and its states (times, rows, cols).
+
+    Heun's steps are fixed, so that a film comes at once. The end is judged by `facts`.
+    """
+    end = (
+        SETTLES * float(template.tau.max()) if template.duration == "settle" else template.duration
+    )
+    method, bound = "heun", stability_bound(template, method="heun").step
+    if not bound:
+        method, bound = "rk4", stability_bound(template, method="rk4").step
+    longest = min(0.5 * bound, end)
+    steps = max(STEPS, (TIMES - 1) * math.ceil(end / longest / (TIMES - 1))) if longest else 0
+    if not 0 < steps <= MOST_STEPS:
+        raise TemplateError(
+            f"A run of {template.timed(end)} needs more than {MOST_STEPS:,} steps: shorten its "
+            "duration, or make its weights smaller."
+        )
+    times = np.linspace(0.0, end, TIMES)
+    maps = maps_of(template, picture)
+    run = engine.run(template, **maps, at=times[1:], method=method, dt=end / steps)
+    start = picture if not template.inputs or template.initial == "input" else template.initial
+    first = np.broadcast_to(np.asarray(start, np.float64), picture.shape)
+    states = np.concatenate([first[np.newaxis], run.state])
+    return {"times": times.tolist(), "steps": steps, "method": method}, states
+
+
+def alone(template: Template) -> bool:
+    """Return whether no cell's state depends on another's, so that 512 neighbourhoods are all."""
+    feedback = template.A[0, 0].copy()
+    feedback[len(feedback) // 2, len(feedback) // 2] = 0.0
+    return not feedback.any() and template.inputs == 1
+
+
+def nearest(template: Template) -> list[dict[str, Any]]:
+    """Return the neighbourhoods of an uncoupled template that flip first, the nearest one first.
+
+    A cell τ dx/dt = −x + a f(x) + w, with the drive w = Σ B u + z, goes up from x₀ where w is above
+    −(a − 1) x₀, or above 0 where a is at most 1. The margin is w less that. A number of size |v|
+    that is off by itself flips the cell at the share margin/|v|, so the largest one is the weakest.
+    """
+    control, bias = template.B[0, 0], float(template.z[0])
+    own = float(template.A[0, 0][template.A.shape[-1] // 2, template.A.shape[-1] // 2])
+    inputs = NEIGHBOURHOODS if len(control) == 3 else NEIGHBOURHOODS[:, 1:2, 1:2]
+    centre = inputs[:, len(control) // 2, len(control) // 2]
+    start = centre if template.initial == "input" else min(max(template.initial, -1.0), 1.0)
+    margins = (inputs * control).sum(axis=(1, 2)) + bias + max(own - 1.0, 0.0) * start
+    order = np.argsort(np.abs(margins), kind="stable")
+    numbers = {f"B[{i}, {j}]": abs(v) for (i, j), v in np.ndenumerate(control)} | {"z": abs(bias)}
+    weakest = max(numbers, key=lambda name: numbers[name])
+    result, seen = list[dict[str, Any]](), set[bytes]()
+    for at in order.tolist():
+        shown = np.where(control != 0.0, inputs[at], 0.0)  # cells of no weight do not matter
+        if shown.tobytes() in seen:
+            continue
+        seen.add(shown.tobytes())
+        margin, size = float(margins[at]), numbers[weakest]
+        share = abs(margin) / size if size else math.inf
+        result.append(
+            {
+                "cells": shown.tolist(),
+                "margin": margin,
+                "weakest": weakest,
+                "share": share if math.isfinite(share) else None,
+            }
+        )
+        if len(result) == NEAREST:
+            break
+    return result
+
+
+class Studio(Door):
+    """Answers the page of templates.
+
+    Parameters
+    ----------
+    place : Place
+    template : Template
+        That the page begins with.
+    """
+
+    longest = 1 << 17
+
+    def __init__(self, place: Place, template: Template) -> None:
+        super().__init__(place, FILES)
+        self._first = page_of(template)
+        # films never wait for what takes longer
+        self._engine, self._slow = (Engine("numba", precision="float64") for _ in range(2))
+        self._locks = {True: Lock(), False: Lock()}
+        self._made: Entry | None = None
+        self._answers: dict[str, Callable[[Mapping[str, Any]], dict[str, Any] | bytes]] = {
+            "run": self._run,
+            "facts": self._facts,
+            "flips": self._flips,
+            "design": self._design,
+            "compare": self._compare,
+            "load": lambda asked: {"template": page_of(get_template(str(asked.get("name"))))},
+            "save": self._save,
+        }
+
+    async def talk(self, connection: "ServerConnection") -> None:
+        """Give a page its template, and answer its questions until it leaves."""
+        from websockets.exceptions import ConnectionClosed
+
+        with contextlib.suppress(ConnectionClosed):
+            hello = {"kind": "hello", "template": self._first, "names": template_names()}
+            await connection.send(json.dumps(hello))
+            at_work = set[asyncio.Task[None]]()
+            async for message in connection:
+                task = asyncio.create_task(self._send_reply(connection, message))
+                at_work.add(task)
+                task.add_done_callback(at_work.discard)
+                if len(at_work) >= AT_WORK:
+                    await asyncio.wait(at_work, return_when=asyncio.FIRST_COMPLETED)
+
+    async def _send_reply(self, connection: "ServerConnection", message: str | bytes) -> None:
+        from websockets.exceptions import ConnectionClosed
+
+        with contextlib.suppress(ConnectionClosed):
+            await connection.send(await asyncio.to_thread(self.reply, message))
+
+    def reply(self, message: str | bytes) -> str | bytes:
+        """Return the answer to a question; one of an error holds its sentence."""
+        try:
+            asked = json.loads(message)
+            head: dict[str, Any] = {"do": str(asked["do"]), "id": int(asked["id"])}
+            answer = self._answers[head["do"]]
+        except (ValueError, LookupError, TypeError, RecursionError):
+            return json.dumps({"do": "", "id": 0, "error": "This question is malformed."})
+        try:
+            with self._locks[head["do"] == "run"]:
+                found = answer(cast("dict[str, Any]", asked))
+        except CnnumError as error:
+            found = {"error": str(error)}
+        except (ValueError, LookupError, TypeError):
+            found = {"error": "This question lacks a part."}
+        if isinstance(found, bytes):
+            (length,) = LENGTH.unpack_from(found)
+            own, states = json.loads(found[4 : 4 + length]), found[4 + length :]
+            text = json.dumps(head | own).encode()
+            text += b" " * (-(len(text) + 4) % 4)  # the page reads the states in place
+            return LENGTH.pack(len(text)) + text + states
+        return json.dumps(head | found)
+
+    def _run(self, asked: Mapping[str, Any]) -> bytes:
+        template, picture = template_of(asked["template"]), picture_of(asked)
+        head, states = film(self._engine, template, picture)
+        shape = {"rows": picture.shape[0], "cols": picture.shape[1]}
+        text = json.dumps(head | shape).encode()
+        return LENGTH.pack(len(text)) + text + states.astype("<f4").tobytes()
+
+    def _facts(self, asked: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the class, the end by the chosen method, the margins, and what the rule says."""
+        template, picture = template_of(asked["template"]), picture_of(asked)
+        known, run = figures(template), self._slow.run(template, **maps_of(template, picture))
+        facts: dict[str, Any] = {
+            "stability": known.stability,
+            "why": known.why,
+            "products": known.products,
+            "once": known.once,
+            "settled": bool(run.settled),
+            "time": float(np.max(run.time)),
+            "black": int((run.output > 0.0).sum()),
+            "method": run.method,
+            "nearest": nearest(template) if alone(template) else None,
+        }
+        if template.check is not None:
+            facts["wrong"] = Judge(template, self._slow).wrong(template)
+        return facts
+
+    def _flips(self, asked: Mapping[str, Any]) -> dict[str, Any]:
+        """Return how many of many chips have a wrong cell."""
+        template, width = template_of(asked["template"]), float(asked["mismatch"])
+        if not 0.0 <= width <= 1.0:
+            raise TemplateError(f"A mismatch is a share from 0 to 1, got {width:g}.")
+        if template.check is not None:
+            (found,) = flips(template, self._slow, mismatches=[width], bits=(), draws=DRAWS)
+            kept = ("flipped", "low", "high", "draws")
+            return {key: asdict(found)[key] for key in kept} | {"of": "the rule"}
+        many = DRAWS if alone(template) else COUPLED_DRAWS
+        rng = np.random.default_rng(0)
+        drawn = [mismatched(template, rng, width) for _ in range(many)]
+        shown = NEIGHBOURHOODS if alone(template) else picture_of(asked)
+        maps = maps_of(template, shown)
+        right = self._slow.run(template, **maps).output > 0.0
+        outputs = self._slow.run(TemplateBatch.of(drawn).spread() if shown.ndim == 3
+                                   else TemplateBatch.of(drawn), **maps).output  # fmt: skip
+        wrong = (outputs > 0.0) != right
+        if shown.ndim == 3:
+            wrong = wrong[..., 1, 1]
+        hits = int(wrong.reshape(many, -1).any(axis=1).sum())
+        low, high = wilson(hits, many)
+        of = "its own answers to all 512 neighbourhoods" if shown.ndim == 3 else "this picture"
+        return {"flipped": hits / many, "low": low, "high": high, "draws": many, "of": of}
+
+    def _design(self, asked: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the template with the largest margin that follows a rule, and its proof."""
+        wanted = Spec(str(asked.get("name") or "untitled"), rule=str(asked["rule"]), mismatch=())
+        (made,) = designed(wanted, self._slow)
+        self._made = made.entry
+        proof = made.entry.proof
+        return {
+            "template": page_of(made.entry.template),
+            "relative": proof.relative_margin if proof else None,
+            "worst": proof.worst_case if proof else None,
+        }
+
+    def _compare(self, asked: Mapping[str, Any]) -> dict[str, Any]:
+        first, second = template_of(asked["template"]), template_of(asked["other"])
+        found = compare(first, second, engine=self._slow)
+        shown = found.inputs[:12] if found.exhaustive else found.inputs[:0]
+        return {
+            "exhaustive": found.exhaustive,
+            "cases": found.cases,
+            "unlike": found.unlike,
+            "differs": sorted(found.differs),
+            "inputs": shown.tolist(),
+            "answers": (found.answers[:, : len(shown)] > 0.0).tolist() if len(shown) else [],
+        }
+
+    def _save(self, asked: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the template as TOML, with the proof of a design as long as it holds."""
+        template = template_of(asked["template"])
+        made = self._made
+        kept = made is not None and made.template.digest == template.digest
+        entry = replace(made, template=template) if made and kept else Entry(template)
+        return {"toml": entry_to_toml(entry)}
