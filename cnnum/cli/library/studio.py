@@ -36,12 +36,10 @@ def command(template: str, host: str, port: int, token: str, as_json: bool) -> i
     where = Place(host, port, token)
     with busy(COMPILING, as_json=as_json):
         from cnnum.live.studio import Studio
-        from cnnum.templating.files import load_template
-        from cnnum.templating.library import get_template
+        from cnnum.templating.files import load_entry
+        from cnnum.templating.library import get_entry
 
-        door = Studio(
-            where, load_template(template) if is_place(template) else get_template(template)
-        )
+        door = Studio(where, load_entry(template) if is_place(template) else get_entry(template))
     output = Output(as_json)
 
     def ready(address: str) -> None:

@@ -257,14 +257,15 @@ function settled() {
 }
 
 function showFacts(message) {
+  if (!view.film) return;
   view.facts = message;
-  const time = view.film ? settled() : 0, moving = view.film && time === view.film.times[view.film.times.length - 1];
+  const time = settled(), moving = time === view.film.times[view.film.times.length - 1];
   const list = [
     ["stability class", message.stability],
     ["outputs rest from", moving ? "not in this film" : `${round(time)} ${view.template.tau === 1 ? "τ" : ""}`],
     ["black cells at the end", `${message.black} of ${view.rows * view.cols}`],
     ["products per cell", `${message.products} a step, ${message.once} once`],
-    ["method", message.method],
+    ["steps of the film", `${Number(view.film.step.toPrecision(2))}${view.template.tau === 1 ? " τ" : ""}, Runge–Kutta`],
     ["wrong cells of its rule", message.wrong === undefined ? "no rule" : message.wrong === 0 ? "none" : percent(message.wrong)],
   ];
   at("facts").replaceChildren(...list.map(([name, value]) => fact(name, value)));
@@ -516,7 +517,7 @@ function resized(side) {
 function begin() {
   kernel("A");
   kernel("B");
-  for (const [id, name] of [["z", "z"], ["tau", "tau"], ["rim", "rim"], ["input_rim", "input_rim"], ["x0", "x0"]]) at(id).dataset.number = name;
+  for (const name of ["z", "tau", "rim", "input_rim", "x0"]) at(name).dataset.number = name;
   for (const field of document.querySelectorAll("[data-number]")) {
     field.addEventListener("focus", () => { keep(); choose(field.dataset.number); });
     field.addEventListener("input", () => edited(field));
