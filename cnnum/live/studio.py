@@ -188,29 +188,58 @@ def alone(template: Template) -> bool:
     return not feedback.any() and template.inputs == 1
 
 
+def margins(control: Floats, bias: Floats, own: Floats, initial: float | str) -> Floats:
+    """Return how clearly uncoupled templates decide all 512 neighbourhoods, black above 0.
+
+    A cell τ dx/dt = −x + a f(x) + w, with the drive w = Σ B u + z, goes up from x₀ where w is above
+    −(a − 1) x₀, or above 0 where a is at most 1. The margin is w less that.
+
+    Parameters
+    ----------
+    control : (..., 3, 3) float
+    bias, own : (...) float
+        z and a.
+    initial : float or "input"
+
+    Returns
+    -------
+    (..., 512) float
+    """
+    start = NEIGHBOURHOODS[:, 1, 1] if initial == "input" else np.clip(float(initial), -1.0, 1.0)
+    drive = control.reshape(*control.shape[:-2], 9) @ NEIGHBOURHOODS.reshape(512, 9).T
+    held = np.maximum(np.asarray(own) - 1.0, 0.0)
+    return drive + np.asarray(bias)[..., np.newaxis] + held[..., np.newaxis] * start
+
+
+def margins_of(template: Template, width: float = 0.0, draws: int = 1) -> Floats:
+    """Return the margins (draws, 512) of an uncoupled template whose numbers are off at random."""
+    rng = np.random.default_rng(0)
+    page = page_of(template)
+    numbers = [np.array(page["B"]), np.array(page["z"]), np.array(page["A"])[1, 1]]
+    control, bias, own = (v * (1.0 + width * rng.normal(size=(draws, *v.shape))) for v in numbers)
+    return margins(control, bias, own, template.initial)
+
+
 def nearest(template: Template) -> list[dict[str, Any]]:
     """Return the neighbourhoods of an uncoupled template that flip first, the nearest one first.
 
-    A cell τ dx/dt = −x + a f(x) + w, with the drive w = Σ B u + z, goes up from x₀ where w is above
-    −(a − 1) x₀, or above 0 where a is at most 1. The margin is w less that. A number of size |v|
-    that is off by itself flips the cell at the share margin/|v|, so the largest one is the weakest.
+    A number of size |v| in B or z that is off by itself flips the cell at the share margin/|v|, so
+    the largest one of them is the weakest.
     """
-    control, bias = template.B[0, 0], float(template.z[0])
-    own = float(template.A[0, 0][template.A.shape[-1] // 2, template.A.shape[-1] // 2])
-    inputs = NEIGHBOURHOODS if len(control) == 3 else NEIGHBOURHOODS[:, 1:2, 1:2]
-    centre = inputs[:, len(control) // 2, len(control) // 2]
-    start = centre if template.initial == "input" else min(max(template.initial, -1.0), 1.0)
-    margins = (inputs * control).sum(axis=(1, 2)) + bias + max(own - 1.0, 0.0) * start
-    order = np.argsort(np.abs(margins), kind="stable")
+    control, bias = np.array(page_of(template)["B"]), float(template.z[0])
+    (found,) = margins_of(template)
+    read = control != 0.0
+    read[1, 1] |= template.initial == "input"
+    order = np.argsort(np.abs(found), kind="stable")
     numbers = {f"B[{i}, {j}]": abs(v) for (i, j), v in np.ndenumerate(control)} | {"z": abs(bias)}
     weakest = max(numbers, key=lambda name: numbers[name])
     result, seen = list[dict[str, Any]](), set[bytes]()
     for at in order.tolist():
-        shown = np.where(control != 0.0, inputs[at], 0.0)  # cells of no weight do not matter
+        shown = np.where(read, NEIGHBOURHOODS[at], 0.0)  # cells of no weight do not matter
         if shown.tobytes() in seen:
             continue
         seen.add(shown.tobytes())
-        margin, size = float(margins[at]), numbers[weakest]
+        margin, size = float(found[at]), numbers[weakest]
         share = abs(margin) / size if size else math.inf
         result.append(
             {
@@ -332,20 +361,20 @@ class Studio(Door):
             (found,) = flips(template, self._slow, mismatches=[width], bits=(), draws=DRAWS)
             kept = ("flipped", "low", "high", "draws")
             return {key: asdict(found)[key] for key in kept} | {"of": "the rule"}
-        many = DRAWS if alone(template) else COUPLED_DRAWS
-        rng = np.random.default_rng(0)
-        drawn = [mismatched(template, rng, width) for _ in range(many)]
-        shown = NEIGHBOURHOODS if alone(template) else picture_of(asked)
-        maps = maps_of(template, shown)
-        right = self._slow.run(template, **maps).output > 0.0
-        outputs = self._slow.run(TemplateBatch.of(drawn).spread() if shown.ndim == 3
-                                   else TemplateBatch.of(drawn), **maps).output  # fmt: skip
-        wrong = (outputs > 0.0) != right
-        if shown.ndim == 3:
-            wrong = wrong[..., 1, 1]
+        if alone(template):
+            (right,), chips = margins_of(template), margins_of(template, width, DRAWS)
+            wrong, of = (chips > 0.0) != (right > 0.0), "its own answers to all 512 neighbourhoods"
+        else:
+            picture, rng = picture_of(asked), np.random.default_rng(0)
+            maps = maps_of(template, picture)
+            batch = TemplateBatch.of(
+                [mismatched(template, rng, width) for _ in range(COUPLED_DRAWS)]
+            )
+            outputs = [self._slow.run(each, **maps).output for each in (template, batch)]
+            wrong, of = (outputs[1] > 0.0) != (outputs[0] > 0.0), "this picture"
+        many = len(wrong)
         hits = int(wrong.reshape(many, -1).any(axis=1).sum())
         low, high = wilson(hits, many)
-        of = "its own answers to all 512 neighbourhoods" if shown.ndim == 3 else "this picture"
         return {"flipped": hits / many, "low": low, "high": high, "draws": many, "of": of}
 
     def _design(self, asked: Mapping[str, Any]) -> dict[str, Any]:

@@ -8,7 +8,7 @@ const CHOICES = { boundary: "boundary", input_boundary: "input_boundary", initia
 const view = {
   template: null, rows: 32, cols: 32, picture: new Int8Array(32 * 32), film: null, moment: 32, cell: [16, 16],
   past: [], future: [], chosen: "z", other: null, otherFilm: null, facts: null, flips: null, saved: "", took: [],
-  asked: {}, wait: 500, playing: 0,
+  asked: {}, due: false, wait: 500, playing: 0,
 };
 
 // ---- questions and answers -----------------------------------------------------------------------
@@ -53,7 +53,9 @@ function changed() {
   ask("run", drawn);
   if (view.other) ask("other", () => ({ ...drawn(), template: view.other, do: "run" }));
   clearTimeout(later);
+  view.due = true;
   later = setTimeout(() => {
+    view.due = false;
     ask("facts", drawn);
     countFlips();
     if (view.other) ask("compare", () => ({ template: view.template, other: view.other }));
@@ -273,7 +275,7 @@ function showFacts(message) {
   at("nearest").replaceChildren(...(message.nearest || []).map((one) => neighbourhood(one.cells, `${one.margin > 0 ? "black" : "white"} by ${round(Math.abs(one.margin))}`)));
   const first = message.nearest && message.nearest[0];
   at("weak").textContent = first
-    ? `${first.weakest} is the weakest number: ${first.share === null ? "no change" : percent(first.share)} off by itself flips the first of these. Gray cells do not matter.`
+    ? `${first.weakest} is the weakest number of B and z: ${first.share === null ? "no change" : percent(first.share)} off by itself flips the first of these. Gray cells do not matter.`
     : "Cells see each other's outputs here, so that no list of neighbourhoods decides.";
 }
 
@@ -294,8 +296,8 @@ function showCompared(message) {
   at("unlike").textContent = message.unlike
     ? `They answer ${message.unlike} of ${message.cases} ${what} differently; they differ in ${message.differs.join(", ")}.`
     : `They answer all ${message.cases} ${what} alike${message.differs.length ? `, and differ in ${message.differs.join(", ")}` : ""}.`;
-  at("cases").replaceChildren(...message.inputs.map((values, n) => neighbourhood(values, `${message.answers[0][n] ? "■" : "□"} ${message.answers[1][n] ? "■" : "□"}`)));
-  at("cases").title = `black (■) or white (□) of ${names[0]}, then of ${names[1]}`;
+  at("cases").replaceChildren(...message.inputs.map((values, n) => neighbourhood(values, `${names[message.answers[0][n] ? 0 : 1]} only`)));
+  at("cases").title = "black in one of the two only";
 }
 
 // ---- pictures --------------------------------------------------------------------------------------
