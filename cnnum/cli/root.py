@@ -58,6 +58,7 @@ _SERVING: Mapping[str, tuple[str, str]] = {
     "view": (f"{ARRAYS}.view", "Show an array or a recording in a browser."),
     "replay": (f"{ROOM}.replay", "Run the program of a scene over a recording."),
     "tune": (f"{ROOM}.tune", "Learn the level of an event from recordings of your own."),
+    "process": (f"{ROOM}.process", "Run a scene over many recordings, into a table of events."),
     "explain": (f"{ROOM}.explain", "Say why slip and twist are reported at a time, or are not."),
 }
 """The commands that serve: name to module and to the line of help."""

@@ -1,13 +1,11 @@
 """Sweeps: all runs of an experiment, here or on a Dask cluster, into one dataset."""
 
-import contextlib
-import json
 import re
 import tempfile
 import time
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from importlib import import_module
+from functools import partial
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -17,26 +15,22 @@ from numpy.typing import NDArray
 
 from cnnum.design.experiment import DRAW, Experiment
 from cnnum.design.run_task import BLOCK, NAMES, REASON, Figures, refuse_launches, run_task
-from cnnum.errors import TemplateFileError, missing_extra
+from cnnum.design.tasks import Parts, Task, run_tasks
+from cnnum.errors import TemplateFileError
 from cnnum.safety.files import (
-    DRAFT,
     beside,
-    make_folder,
     refuse_folder,
     refuse_target,
-    sentences,
     write_whole,
     written,
     written_folder,
 )
-from cnnum.safety.reading import DAMAGE, MEGABYTE, open_regular, read_text
+from cnnum.safety.reading import DAMAGE, open_regular
 from cnnum.sharing import dataset
 
-MANIFEST = "manifest.json"
 
-
-class ChunkStore:
-    """The folder in which a sweep's results lie until all are there.
+class ChunkStore(Parts):
+    """The parts of a sweep: arrays of figures, one number a run.
 
     Parameters
     ----------
@@ -46,64 +40,11 @@ class ChunkStore:
     """
 
     def __init__(self, folder: Path, key: str) -> None:
-        self.folder, self.key = folder, key
-
-    def chunk(self) -> int | None:
-        """Return the runs of a task that the sweep began with, None where it begins now.
-
-        Raises
-        ------
-        TemplateFileError
-            If the folder holds another experiment or other files, or its manifest is damaged.
-        """
-        manifest = self.folder / MANIFEST
-        if not manifest.exists():
-            with sentences(self.folder, TemplateFileError):
-                if self.folder.exists() and any(
-                    not path.name.startswith(DRAFT) for path in self.folder.iterdir()
-                ):
-                    raise TemplateFileError(
-                        f"The folder '{self.folder}' holds other files: choose another --output."
-                    )
-            return None
-        key, chunk = self._noted(manifest)
-        if key != self.key:
-            raise TemplateFileError(
-                f"The folder '{self.folder}' contains the results of another experiment: "
-                "choose another --output, or remove it."
-            )
-        return chunk
-
-    def _noted(self, manifest: Path) -> tuple[str, int]:
-        """Return the experiment's key and the runs of a task, as the manifest has them."""
-        try:
-            noted: Any = json.loads(read_text(manifest, most=MEGABYTE))
-            key, chunk = noted["key"], noted["chunk"]
-        except (OSError, ValueError, TypeError, KeyError, RecursionError):
-            key = chunk = None
-        if not isinstance(key, str) or type(chunk) is not int or not 0 < chunk < 1 << 40:
-            raise TemplateFileError(
-                f"'{manifest}' is damaged, so the results next to it cannot be used: choose "
-                "another --output, or remove that folder."
-            )
-        return key, chunk
-
-    def begin(self, chunk: int) -> None:
-        """Make the folder, and note how many runs a task has."""
-        with sentences(self.folder, TemplateFileError):
-            make_folder(self.folder)
-        text = json.dumps({"key": self.key, "chunk": chunk})
-        write_whole(self.folder / MANIFEST, text, error=TemplateFileError)
-
-    def missing(self, tasks: Sequence[tuple[int, int]]) -> Iterator[tuple[int, int]]:
-        """Yield the tasks whose results are not there."""
-        for task in tasks:
-            if not self._file(task).exists():
-                yield task
+        super().__init__(folder, key, ".npz", TemplateFileError, "experiment")
 
     def write(self, task: tuple[int, int], figures: dict[str, NDArray[Any]]) -> None:
         """Keep the results of a task, whole or not at all."""
-        with written(self._file(task), error=TemplateFileError, force=True) as file:
+        with written(self.file(task), error=TemplateFileError, force=True) as file:
             np.savez(file, allow_pickle=False, **figures)
 
     def read(
@@ -125,7 +66,7 @@ class ChunkStore:
             If a file of them is damaged.
         """
         for task in tasks:
-            place = self._file(task)
+            place = self.file(task)
             try:
                 with open_regular(place) as file, np.load(file, allow_pickle=False) as part_arrays:
                     part: dict[str, NDArray[Any]] = {
@@ -143,20 +84,7 @@ class ChunkStore:
                 ) from None
             yield part
 
-    def remove(self) -> None:
-        """Remove the results, which are elsewhere, and the folder if nothing else is in it."""
-        with contextlib.suppress(OSError):
-            for path in (*self.folder.glob("runs_*.npz"), self.folder / MANIFEST):
-                path.unlink(missing_ok=True)
-            for path in self.folder.glob(f"{DRAFT}*"):  # drafts of a run that was killed
-                path.unlink(missing_ok=True)
-            self.folder.rmdir()
 
-    def _file(self, task: tuple[int, int]) -> Path:
-        return self.folder / f"runs_{task[0]:09d}_{task[1]:09d}.npz"
-
-
-Task = tuple[int, int]
 Done = Callable[[int, int], None]
 
 LEAST_SECONDS = 0.25
@@ -259,9 +187,9 @@ def _swept(
         store.begin(chunk)
     tasks = list(experiment.tasks(chunk))
     missing = list(store.missing(tasks))
-    run = _on_cluster if scheduler else _here
     seconds = list[float]()
-    for task, figures, spent in run(experiment, missing, scheduler or ""):
+    work, name = partial(timed_task, experiment), f"sweep-{experiment.key}"
+    for task, figures, spent in run_tasks(work, missing, scheduler=scheduler, name=name):
         store.write(task, figures)
         seconds.append(spent)
         if done is not None:
@@ -279,30 +207,6 @@ def timed_task(experiment: Experiment, task: Task) -> tuple[Task, Figures, float
     begin = time.perf_counter()
     figures = run_task(experiment, *task)
     return task, figures, time.perf_counter() - begin
-
-
-def _here(
-    experiment: Experiment, tasks: Sequence[Task], _: str
-) -> Iterator[tuple[Task, Figures, float]]:
-    for task in tasks:
-        yield timed_task(experiment, task)
-
-
-def _on_cluster(
-    experiment: Experiment, tasks: Sequence[Task], scheduler: str
-) -> Iterator[tuple[Task, Figures, float]]:
-    """Yield results as the workers of a cluster have them; those of a lost one are run again."""
-    try:
-        distributed: Any = import_module("dask.distributed")
-    except ImportError:
-        raise missing_extra("a sweep on several machines", "distributed", "cluster") from None
-    with distributed.Client(scheduler, timeout="30s") as client:
-        futures = client.map(
-            timed_task, [experiment] * len(tasks), tasks, key=f"sweep-{experiment.key}", pure=False
-        )
-        for future, outcome in distributed.as_completed(futures, with_results=True):
-            yield outcome
-            future.release()
 
 
 def _measured(experiment: Experiment) -> int:

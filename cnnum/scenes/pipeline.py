@@ -78,7 +78,7 @@ from cnnum.scenes.push_watch import HeldWatch, OrderWatch, PushWatch
 from cnnum.scenes.saturation import CHANNEL, Saturation
 from cnnum.scenes.scene_file import EVERYTHING, SceneSpec, read_scene, scene_names
 from cnnum.scenes.scene_record import Histogram, SceneRecord, Summary
-from cnnum.values import OfThisProcess
+from cnnum.values import OfThisProcess, same
 
 SLOWEST = 1e-3
 """Hz, the least rate of a program."""
@@ -89,6 +89,20 @@ TIMED = 64
 EARLY = 3
 """Frames after which a warning names times in another unit, before the first event: two steps, so
 that one pause does not count."""
+
+
+FACTS = (
+    "shape", "channels", "unit", "rate", "calibration", "live", "positions", "pitch", "pads",
+    "bumps", "cover", "limits", "bandwidth", "full_scale",
+)  # fmt: skip
+"""All that the path of a frame takes from a driver."""
+
+REAL = ("float32", "float64")
+
+
+def facts_of(driver: Driver) -> tuple[object, ...]:
+    """Return what the path of a frame takes from a driver."""
+    return tuple(getattr(driver, name, None) for name in FACTS)
 
 
 class Passage:
@@ -400,6 +414,24 @@ class Scene(OfThisProcess):
     def __exit__(self, *exception: object) -> None:
         """Close the scene's array."""
         self.close()
+
+    def over(self, driver: Driver) -> bool:
+        """Let the next pass run over another source, if it is as this scene's own.
+
+        Returns
+        -------
+        bool
+            Whether it is: shape, channels, unit, rate and all else that the path depends on are
+            equal. If not, nothing has changed. Whole numbers are fitted to a source, so that their
+            scenes have no other.
+        """
+        whole = self.engine.precision not in REAL
+        other = Reordered(driver, self.spec.reading) if self.spec.reading else driver
+        if whole or not same(facts_of(other), facts_of(self.driver)):
+            return False
+        self.driver.close()
+        self.driver = other
+        return True
 
     def path(self) -> "FramePath":
         """Return the path of a frame from host memory to its events, with its own memories."""

@@ -1,0 +1,226 @@
+"""Tasks of a long job: their results are kept part by part, and they run here or elsewhere.
+
+A job is cut into tasks of neighbouring items. Each result is a file beside the job's own, written
+whole or not at all, so that a job that was killed goes on from there. The tasks run in this
+process, in processes of this machine, or on a Dask cluster.
+"""
+
+import contextlib
+import json
+import os
+import signal
+import threading
+from collections import deque
+from collections.abc import Callable, Generator, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from importlib import import_module
+from multiprocessing import get_context, parent_process
+from pathlib import Path
+from typing import Any, TypeVar
+
+from cnnum.errors import CnnumError, RecordingError, missing_extra
+from cnnum.safety.files import DRAFT, make_folder, sentences, write_whole
+from cnnum.safety.reading import MEGABYTE, read_text
+
+Task = tuple[int, int]
+"""The first item, and the one after the last."""
+
+Item = TypeVar("Item")
+Outcome = TypeVar("Outcome")
+
+MANIFEST = "manifest.json"
+
+AHEAD = 2
+"""Tasks that wait at each process, so that none is idle while its results are written."""
+
+MOST_DEATHS = 3
+"""Times in a row that a process may die before a task has come to its end."""
+
+
+class Parts:
+    """The folder in which the results of a job lie until all are there.
+
+    Parameters
+    ----------
+    folder : Path
+    key : str
+        Of the job; results of another are refused.
+    ending : str
+        Of the files.
+    error : type of CnnumError
+        What is raised where the folder cannot be used.
+    job : str
+        What the job is, for sentences.
+    """
+
+    def __init__(
+        self, folder: Path, key: str, ending: str, error: type[CnnumError], job: str
+    ) -> None:
+        self.folder, self.key = folder, key
+        self.ending, self.error, self.job = ending, error, job
+
+    def chunk(self) -> int | None:
+        """Return the items of a task that the job began with, None where it begins now.
+
+        Raises
+        ------
+        CnnumError
+            If the folder holds another job or other files, or its manifest is damaged.
+        """
+        manifest = self.folder / MANIFEST
+        if not manifest.exists():
+            with sentences(self.folder, self.error):
+                if self.folder.exists() and any(
+                    not path.name.startswith(DRAFT) for path in self.folder.iterdir()
+                ):
+                    raise self.error(
+                        f"The folder '{self.folder}' holds other files: choose another --output."
+                    )
+            return None
+        key, chunk = self._noted(manifest)
+        if key != self.key:
+            raise self.error(
+                f"The folder '{self.folder}' contains the results of another {self.job}: "
+                "choose another --output, or remove it."
+            )
+        return chunk
+
+    def _noted(self, manifest: Path) -> tuple[str, int]:
+        """Return the job's key and the items of a task, as the manifest has them."""
+        try:
+            noted: Any = json.loads(read_text(manifest, most=MEGABYTE))
+            key, chunk = noted["key"], noted["chunk"]
+        except (OSError, ValueError, TypeError, KeyError, RecursionError):
+            key = chunk = None
+        if not isinstance(key, str) or type(chunk) is not int or not 0 < chunk < 1 << 40:
+            raise self.error(
+                f"'{manifest}' is damaged, so the results next to it cannot be used: choose "
+                "another --output, or remove that folder."
+            )
+        return key, chunk
+
+    def begin(self, chunk: int) -> None:
+        """Make the folder, and note how many items a task has."""
+        with sentences(self.folder, self.error):
+            make_folder(self.folder)
+        text = json.dumps({"key": self.key, "chunk": chunk})
+        write_whole(self.folder / MANIFEST, text, error=self.error)
+
+    def missing(self, tasks: Sequence[Task]) -> Iterator[Task]:
+        """Yield the tasks whose results are not there."""
+        for task in tasks:
+            if not self.file(task).exists():
+                yield task
+
+    def remove(self) -> None:
+        """Remove the results, which are elsewhere, and the folder if nothing else is in it."""
+        with contextlib.suppress(OSError):
+            for path in (*self.folder.glob(f"runs_*{self.ending}"), self.folder / MANIFEST):
+                path.unlink(missing_ok=True)
+            for path in self.folder.glob(f"{DRAFT}*"):  # drafts of a run that was killed
+                path.unlink(missing_ok=True)
+            self.folder.rmdir()
+
+    def file(self, task: Task) -> Path:
+        """Return the file of a task's results."""
+        return self.folder / f"runs_{task[0]:09d}_{task[1]:09d}{self.ending}"
+
+
+def run_tasks(
+    function: Callable[[Item], Outcome],
+    items: Sequence[Item],
+    *,
+    scheduler: str | None = None,
+    workers: int = 1,
+    name: str,
+) -> Iterator[Outcome]:
+    """Yield the result of each task as it comes, in any order.
+
+    A task whose process or worker died runs again, so it must give the same twice.
+
+    Parameters
+    ----------
+    function : callable
+        Of an item; it and the items can be pickled.
+    items : sequence
+    scheduler : str, optional
+        Address of a Dask scheduler.
+    workers : int
+        Processes without a scheduler; 1 is this one.
+    name : str
+        Of the job, on the cluster.
+
+    Raises
+    ------
+    MissingExtraError
+        If Dask is not installed, and a scheduler is given.
+    RecordingError
+        If processes die and die again.
+    """
+    if scheduler:
+        return _on_cluster(function, items, scheduler, name)
+    if workers > 1 and len(items) > 1:
+        return _in_processes(function, items, min(workers, len(items)))
+    return map(function, items)
+
+
+def _on_cluster(
+    function: Callable[[Item], Outcome], items: Sequence[Item], scheduler: str, name: str
+) -> Iterator[Outcome]:
+    """Yield results as the workers of a cluster have them; those of a lost one are run again."""
+    try:
+        distributed: Any = import_module("dask.distributed")
+    except ImportError:
+        raise missing_extra("a job on several machines", "distributed", "cluster") from None
+    with distributed.Client(scheduler, timeout="30s") as client:
+        futures = client.map(function, items, key=name, pure=False)
+        for future, outcome in distributed.as_completed(futures, with_results=True):
+            yield outcome
+            future.release()
+
+
+def _in_processes(
+    function: Callable[[Item], Outcome], items: Sequence[Item], workers: int
+) -> Generator[Outcome]:
+    """Yield results of processes of this machine; the tasks of a dead one are run again."""
+    waiting, deaths = deque(items), 0
+    while waiting:
+        running = dict[Future[Outcome], Item]()
+        # forks of a process that has used OpenCL have lost it
+        pool = ProcessPoolExecutor(workers, get_context("spawn"), _end_with_parent)
+        try:
+            while waiting or running:
+                while waiting and len(running) < AHEAD * workers:
+                    item = waiting.popleft()
+                    running[pool.submit(function, item)] = item
+                done, _ = wait(running, return_when=FIRST_COMPLETED)
+                for future in done:
+                    result = future.result()
+                    del running[future]
+                    deaths = 0
+                    yield result
+        except BrokenProcessPool:
+            deaths += 1
+            if deaths >= MOST_DEATHS:
+                raise RecordingError(
+                    f"A process died {deaths} times in a row before it had come to the end of a "
+                    "task; what is done is kept: look at the memory of this machine, and run the "
+                    "same command again."
+                ) from None
+            waiting.extendleft(reversed(running.values()))
+        finally:
+            pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _end_with_parent() -> None:
+    """Let a process of a pool end with the one that began it, however that ended."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the other process ends in order
+    parent = parent_process()
+
+    def watch() -> None:
+        if parent is not None:
+            parent.join()
+            os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()

@@ -1,0 +1,442 @@
+"""A scene over many recordings: one table of events, and one row for each recording."""
+
+import csv
+import glob
+import hashlib
+import io
+import json
+import time
+import warnings
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache, partial
+from importlib import import_module
+from os import PathLike
+from pathlib import Path
+from threading import RLock
+from typing import IO, Any, cast
+
+from cnnum.design.tasks import Parts, Task, run_tasks
+from cnnum.drivers.own_data.sources import READERS
+from cnnum.drivers.recording_file import array_of
+from cnnum.drivers.registry import open_driver
+from cnnum.drivers.uskin_csv import PAD_FILES
+from cnnum.engine import Engine
+from cnnum.errors import (
+    CnnumError,
+    CodecError,
+    RecordingError,
+    RecordingWarning,
+    missing_extra,
+    name_error,
+)
+from cnnum.recordings.messages import is_bag
+from cnnum.safety.files import beside, refuse_target, write_whole, written
+from cnnum.safety.reading import MEGABYTE, open_regular, read_text
+from cnnum.scenes.events import Event
+from cnnum.scenes.pipeline import Scene
+from cnnum.scenes.scene_file import read_scene, scene_names
+from cnnum.version import __version__
+
+CHUNK = 16
+"""Recordings of a task: what a process that is killed has to do again at most."""
+
+KEPT = 4
+"""Kinds of recordings whose scenes a process keeps, as compiling takes longer than a recording."""
+
+ROWS = 1 << 16
+"""Rows of a group of a Parquet file."""
+
+NEED_LAYOUT = (".txt", ".tsv", ".dat", ".asc", ".log", ".bin", ".json", ".jsonl", ".ndjson", ".npy")
+"""Files of a folder that are recordings only if their layout lies beside them."""
+
+EVENTS: Mapping[str, type] = {
+    "recording": str, "time": float, "kind": str, "phase": str, "frame": int, "row": float,
+    "column": float, "x_mm": float, "y_mm": float, "direction": float, "strength": float,
+    "unit": str, "sense": int, "after_gap": float, "gap_end": float, "load_is_bound": bool,
+    "saturated": bool, "rest_held": bool,
+}  # fmt: skip
+"""Columns of the events, with the fields of `cnnum.Event`; one that an event lacks is empty."""
+
+RECORDINGS: Mapping[str, type] = {
+    "recording": str, "frames": int, "ran": int, "bad": int, "dropped": int, "gaps": int,
+    "longest_gap": float, "seconds": float, "events": int, "error": str,
+}  # fmt: skip
+"""Columns of the recordings: frames that came, those on which the program ran, bad and lost ones,
+gaps and the longest (s), the time from the first frame to the last (s), events, and why it could
+not be processed."""
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """A scene that runs over recordings.
+
+    Attributes
+    ----------
+    scene : str
+        Absolute path or name.
+    changes : tuple of (key, value)
+    trust : bool
+    """
+
+    scene: str
+    changes: tuple[tuple[str, object], ...] = ()
+    trust: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Processed:
+    """The result of `process`.
+
+    Attributes
+    ----------
+    events, recordings : Path
+        The two tables.
+    count, failed, events_count, frames : int
+        Recordings, those that could not be processed, events and frames.
+    run_now : int
+        Recordings that were not processed before.
+    seconds : float
+        Wall time, s.
+    """
+
+    events: Path
+    recordings: Path
+    count: int
+    failed: int
+    events_count: int
+    frames: int
+    run_now: int
+    seconds: float
+
+
+class Bench:
+    """The scenes that a process keeps between recordings, with one engine."""
+
+    def __init__(self, job: Job) -> None:
+        self._job, self._kept = job, list[Scene]()
+        self._engine: Engine | None = None
+        self.turn = RLock()  # threads of a worker take turns
+
+    def scene(self, path: str) -> Scene:
+        """Return the scene over a recording: a kept one if the array is the same."""
+        job = self._job
+        spec = read_scene(
+            job.scene, changes={**dict(job.changes), "array": array_of(Path(path))}, trust=job.trust
+        )
+        driver = open_driver(spec.driver, spec.driver_options, base=spec.base)
+        for kept in self._kept:
+            if kept.over(driver):
+                return kept
+        driver.close()
+        if self._engine is None:
+            how = {"device": spec.device, "precision": spec.precision, "fallback": spec.fallback}
+            self._engine = Engine(spec.engine, **how)
+        made = Scene.of(spec, self._engine)
+        self._kept = [made, *self._kept[: KEPT - 1]]
+        return made
+
+    def line(self, name: str, path: str) -> str:
+        """Return the row and the events of a recording as a line of JSON."""
+        row: dict[str, object] = dict.fromkeys(RECORDINGS) | {"recording": name, "events": 0}
+        events = list[list[object]]()
+        try:
+            scene = self.scene(path)
+            first = last = None
+            for moment in scene.results():
+                first = moment.frame.time if first is None else first
+                last = moment.frame.time
+                events += [columns(name, event) for event in moment.events]
+            seen = scene.summary()
+            row |= {
+                "frames": seen.frames,
+                "ran": seen.handed_on,
+                "bad": seen.bad_frames,
+                "dropped": seen.dropped,
+                "gaps": seen.counters.gaps,
+                "longest_gap": seen.longest_gap,
+                "seconds": 0.0 if last is None or first is None else last - first,
+                "events": len(events),
+            }
+        except CnnumError as error:
+            row["error"], events = str(error), []
+        except Exception as error:  # a fault of ours is that row's, and not the end
+            row["error"], events = f"{type(error).__name__}: {error}", []
+        return json.dumps([row, events])
+
+
+@lru_cache(maxsize=1)
+def _bench(job: str) -> Bench:
+    """Return what this process keeps for a job: its engine takes longer than a recording."""
+    held = json.loads(job)
+    changes = tuple((key, value) for key, value in held["changes"])
+    return Bench(Job(held["scene"], changes, held["trust"]))
+
+
+def columns(name: str, event: Event) -> list[object]:
+    """Return the values of `EVENTS`."""
+    row, column = event.where or (None, None)
+    x, y = event.place or (None, None)
+    values = (
+        name, event.time, event.kind, event.phase, event.frame, row, column, x, y, event.direction,
+        event.strength, event.unit, event.sense, event.after_gap, event.gap_end,
+        event.load_is_bound, event.saturated, event.rest_held,
+    )  # fmt: skip
+    kinds = zip(values, EVENTS.values(), strict=True)
+    return [None if value is None else kind(value) for value, kind in kinds]
+
+
+Part = tuple[Task, tuple[tuple[str, str], ...]]
+"""A task, and the names and absolute paths of its recordings."""
+
+
+def run_part(job: str, part: Part) -> tuple[Task, str]:
+    """Return a task and the lines of its recordings."""
+    task, sources = part
+    bench = _bench(job)
+    with bench.turn, warnings.catch_warnings():
+        warnings.simplefilter("ignore", RecordingWarning)  # the row counts what they say
+        return task, "".join(bench.line(name, path) + "\n" for name, path in sources)
+
+
+def sources_of(words: Sequence[str | PathLike[str]]) -> list[Path]:
+    """Return the recordings that files, folders and patterns such as "day*/*.mcap" name, sorted.
+
+    In a folder these are, at any depth, the files that `cnnum replay` reads and the folders of
+    uSkin trials and bags. A file that is named itself is taken as it is.
+
+    Raises
+    ------
+    RecordingError
+        If a pattern or a folder has none.
+    """
+    result = dict[Path, None]()
+    for word in words:
+        path = Path(word)
+        if path.is_dir():
+            files = sorted(_within(path))
+        elif not path.exists() and glob.has_magic(str(word)):
+            named = glob.glob(str(word), recursive=True)  # noqa: PTH207 - absolute ones too
+            fitting = sorted(map(Path, named))
+            files = [f for name in fitting for f in (_within(name) if name.is_dir() else [name])]
+        else:
+            files = [path]
+        if not files:
+            raise RecordingError(f"There is no recording in '{word}'.")
+        result |= dict.fromkeys(files)
+    return list(result)
+
+
+def _within(folder: Path) -> Iterator[Path]:
+    if (folder / PAD_FILES[0]).exists() or is_bag(folder):
+        yield folder
+        return
+    for path in sorted(folder.iterdir()):
+        if path.is_dir() and not path.name.endswith(PARTS):
+            yield from _within(path)
+        elif path.suffix.lower() in READERS and not path.name.endswith(OWN):
+            alone = path.suffix.lower() not in NEED_LAYOUT
+            if alone or path.with_suffix(".toml").exists():
+                yield path
+
+
+PARTS = ".parts"
+OWN = tuple(
+    f".{kind}{suffix}" for kind in ("recordings", "events") for suffix in (".parquet", ".csv")
+)
+"""Endings of tables that `process` wrote itself."""
+
+
+def process(
+    sources: Sequence[str | PathLike[str]] | str | PathLike[str],
+    scene: str | PathLike[str],
+    out: str | PathLike[str],
+    *,
+    changes: Mapping[str, object] | None = None,
+    workers: int = 1,
+    scheduler: str | None = None,
+    trust: bool = False,
+    force: bool = False,
+    done: Callable[[int, int], None] | None = None,
+) -> Processed:
+    """Run a scene over recordings, and write a table of events and one of the recordings.
+
+    Results are kept by parts in a folder beside `out`, so that a job that was killed goes on from
+    there, and ends in the same bytes with any number of workers. A recording that cannot be
+    processed is a row with the reason.
+
+    Parameters
+    ----------
+    sources : path, or sequence of paths
+        Files, folders, and patterns such as "day*/*.mcap".
+    scene : str or path
+        A scene file, or the name of a packaged scene, whose array each recording replaces.
+    out : path
+        Of the events: .parquet (extra `lerobot`, for pyarrow) or .csv. The recordings go to
+        NAME.recordings.parquet or .csv.
+    changes, trust
+        As `cnnum.load_scene`.
+    workers : int
+        Processes of this machine. A script that uses more than one needs the usual
+        ``if __name__ == "__main__":``.
+    scheduler : str, optional
+        Address of a Dask scheduler, whose workers see the same files.
+    force : bool
+        Whether tables that are there are replaced.
+    done : callable, optional
+        Called with (recordings done, all recordings) after each part.
+
+    Raises
+    ------
+    MissingExtraError
+        If pyarrow or Dask is asked for and not installed.
+    CnnumError
+        If there is no recording, the scene has a fault, a table is there already, or the parts
+        beside it are those of another job.
+    """
+    begin, target = time.perf_counter(), Path(out)
+    write = _writer(target)
+    tables = target, target.with_name(f"{target.stem}.recordings{target.suffix}")
+    for table in tables:
+        refuse_target(table, error=RecordingError, force=force)
+    given = [sources] if isinstance(sources, str | PathLike) else list(sources)
+    outputs = {table.absolute() for table in tables}
+    files = [file for file in sources_of(given) if file.absolute() not in outputs]
+    named = str(scene) if str(scene) in scene_names() else str(Path(scene).absolute())
+    read_scene(named, changes=changes, trust=trust)  # a fault of the scene is no recording's
+    job = json.dumps({"scene": named, "changes": list((changes or {}).items()), "trust": trust})
+    parts = Parts(beside(target, PARTS), _key(job, named, files), ".jsonl", RecordingError, "job")
+    chunk = parts.chunk()
+    if chunk is None:
+        chunk = CHUNK
+        parts.begin(chunk)
+    tasks = [(n, min(n + chunk, len(files))) for n in range(0, len(files), chunk)]
+    missing = list(parts.missing(tasks))
+    items = [
+        (task, tuple((file.as_posix(), str(file.absolute())) for file in files[slice(*task)]))
+        for task in missing
+    ]
+    now = sum(last - first for first, last in missing)
+    count = len(files) - now
+    work, name = partial(run_part, job), f"process-{parts.key}"
+    for (first, last), text in run_tasks(
+        work, items, scheduler=scheduler, workers=workers, name=name
+    ):
+        write_whole(parts.file((first, last)), text, error=RecordingError, force=True)
+        count += last - first
+        if done is not None:
+            done(count, len(files))
+    totals = _Totals()
+    for table, kinds, pick in (
+        (tables[1], RECORDINGS, totals.rows),
+        (tables[0], EVENTS, totals.events),
+    ):
+        with written(table, error=RecordingError, force=force) as file:
+            write(file, kinds, (values for part in _lines(parts, tasks) for values in pick(part)))
+    parts.remove()
+    spent = time.perf_counter() - begin
+    return Processed(*tables, len(files), totals.failed, totals.found, totals.frames, now, spent)
+
+
+@dataclass(slots=True)
+class _Totals:
+    """What is counted while the tables are written."""
+
+    failed: int = 0
+    found: int = 0
+    frames: int = 0
+
+    def rows(self, part: tuple[dict[str, Any], list[list[Any]]]) -> Iterator[list[Any]]:
+        row = part[0]
+        self.failed += row["error"] is not None
+        self.found += row["events"]
+        self.frames += row["frames"] or 0
+        yield [row[name] for name in RECORDINGS]
+
+    def events(self, part: tuple[dict[str, Any], list[list[Any]]]) -> Iterator[list[Any]]:
+        yield from part[1]
+
+
+def _lines(parts: Parts, tasks: Sequence[Task]) -> Iterator[tuple[dict[str, Any], list[list[Any]]]]:
+    """Yield the row and the events of each recording, in order."""
+    for task in tasks:
+        place = parts.file(task)
+        try:
+            with open_regular(place) as file:
+                lines = [json.loads(line) for line in file]
+            if len(lines) != task[1] - task[0]:
+                raise ValueError("a line is missing")
+        except (OSError, ValueError):
+            raise CodecError(
+                f"'{place}' is damaged: remove it, and the same command recreates it."
+            ) from None
+        yield from cast("list[tuple[dict[str, Any], list[list[Any]]]]", lines)
+
+
+def _key(job: str, scene: str, files: Iterable[Path]) -> str:
+    """Return what tells a job from others: the scene, and names, sizes and times of all files."""
+    digest = hashlib.sha256(f"{__version__}\n{job}\n".encode())
+    if Path(scene).is_file():
+        digest.update(read_text(Path(scene), most=MEGABYTE).encode())
+    for file in files:
+        inner = sorted(file.iterdir()) if file.is_dir() else [file]
+        facts = [
+            (p.name, s.st_size, s.st_mtime_ns) for p in inner if p.exists() for s in [p.stat()]
+        ]
+        digest.update(f"{file.as_posix()} {facts}\n".encode())
+    return digest.hexdigest()[:32]
+
+
+Rows = Iterator[list[Any]]
+
+
+def _writer(target: Path) -> Callable[[IO[bytes], Mapping[str, type], Rows], None]:
+    """Return the function that writes a table of this suffix."""
+    suffix = target.suffix.lower()
+    if suffix == ".csv":
+        return _write_csv
+    if suffix != ".parquet":
+        raise name_error("kind of table", target.suffix or target.name, (".parquet", ".csv"))
+    try:
+        arrow, parquet = import_module("pyarrow"), import_module("pyarrow.parquet")
+    except ImportError:
+        raise missing_extra(
+            "Parquet files", "pyarrow", "lerobot", "a name that ends in .csv needs nothing"
+        ) from None
+    return partial(_write_parquet, arrow, parquet)
+
+
+def _write_csv(file: IO[bytes], kinds: Mapping[str, type], rows: Rows) -> None:
+    text = io.TextIOWrapper(file, encoding="utf-8", newline="", write_through=True)
+    try:
+        table = csv.writer(text)
+        table.writerow(kinds)
+        table.writerows(
+            [int(value) if isinstance(value, bool) else value for value in row] for row in rows
+        )
+    finally:
+        text.detach()
+
+
+def _write_parquet(
+    arrow: Any, parquet: Any, file: IO[bytes], kinds: Mapping[str, type], rows: Rows
+) -> None:
+    types = {str: arrow.string(), float: arrow.float64(), int: arrow.int64(), bool: arrow.bool_()}
+    schema = arrow.schema([(name, types[kind]) for name, kind in kinds.items()])
+    group = list[list[Any]]()
+
+    def put() -> None:
+        arrays = [
+            arrow.array(list(column), kind.type)
+            for column, kind in zip(zip(*group, strict=True), schema, strict=True)
+        ]
+        table.write_table(arrow.Table.from_arrays(arrays, schema=schema))
+        group.clear()
+
+    with parquet.ParquetWriter(file, schema) as table:
+        for row in rows:
+            group.append(row)
+            if len(group) == ROWS:
+                put()
+        if group:
+            put()

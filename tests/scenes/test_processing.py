@@ -1,0 +1,178 @@
+"""A scene over many recordings: its tables hold what each recording alone gives."""
+
+import csv
+import sys
+
+import numpy as np
+import pytest
+
+import cnnum
+from cnnum.design.tasks import run_tasks
+from cnnum.errors import MissingExtraError, RecordingError, UnknownNameError
+from cnnum.scenes import processing
+from cnnum.scenes.processing import process, sources_of
+
+SCENE = """
+needs = ["contact"]
+[engine]
+name = "numba"
+[array]
+driver = "file"
+path = "none.npz"
+[program]
+name = "contact"
+[program.parameters]
+push = 1.0
+"""
+
+
+def drawn(seed: int, frames: int = 90, rate: float = 100.0) -> cnnum.Recording:
+    """Return a press on 3×3 taxels that begins, and may end, at a random frame."""
+    rng = np.random.default_rng(seed)
+    begin, end = rng.integers(35, 50), rng.integers(60, 120)
+    bump = np.exp(-((np.indices((3, 3)) - rng.uniform(0.5, 1.5)) ** 2).sum(axis=0) / 3.0)
+    force = np.zeros(frames)
+    force[begin:end] = rng.uniform(300.0, 900.0)
+    values = force[:, None, None, None] * bump[..., None] * np.array([0.1, 0.0, 1.0])
+    if seed % 3 == 0:
+        values[20] = np.nan  # a bad frame
+    return cnnum.Recording(values + rng.normal(0.0, 2.0, values.shape), rate=rate)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Return a folder of recordings of several kinds, among them files that are none."""
+    place = tmp_path_factory.mktemp("set")
+    (place / "scene.toml").write_text(SCENE)
+    for seed in range(9):
+        inner = place / f"day{seed % 2}"
+        inner.mkdir(exist_ok=True)
+        drawn(seed, rate=100.0 if seed < 7 else 50.0).save(
+            inner / f"r{seed}.{('npz', 'mcap', 'csv')[seed % 3]}"
+        )
+    (place / "day0" / "r4_cut.mcap").write_bytes((place / "day0" / "r4.mcap").read_bytes()[:80])
+    (place / "day1" / "junk.npz").write_bytes(b"PK nothing")
+    (place / "day1" / "notes.txt").write_text("no recording, and no layout beside it")
+    return place
+
+
+@pytest.fixture(scope="module")
+def whole(folder, tmp_path_factory):
+    """Return the tables of a run that nothing disturbs."""
+    out = tmp_path_factory.mktemp("whole") / "events.csv"
+    made = process(folder, folder / "scene.toml", out)
+    return made, out.read_bytes(), made.recordings.read_bytes()
+
+
+def test_the_tables_hold_what_each_recording_alone_gives(folder, whole):
+    made, events, recordings = whole
+    rows = list(csv.DictReader(recordings.decode().splitlines()))
+    names = [row["recording"] for row in rows]
+    assert names == sorted(names)
+    assert (made.count, made.failed, len(rows)) == (11, 2, 11)
+    assert {row["recording"].rpartition("/")[2] for row in rows if row["error"]} == {
+        "r4_cut.mcap", "junk.npz",
+    }  # fmt: skip
+    listed = list(csv.DictReader(events.decode().splitlines()))
+    assert len(listed) == made.events_count > 9
+    for row in rows:
+        own = [event for event in listed if event["recording"] == row["recording"]]
+        if row["error"]:
+            assert not own
+            assert row["recording"] in row["error"]
+            continue
+        # every recording by itself, with nothing kept from the one before
+        seed = int(row["recording"].rpartition("/")[2][1])
+        with cnnum.load_scene(folder / "scene.toml", recording=drawn(seed)) as scene:
+            expected = scene.collect().events if seed < 7 else None
+        assert (int(row["frames"]), int(row["bad"])) == (90, seed % 3 == 0)
+        assert float(row["seconds"]) == pytest.approx(89 / (100.0 if seed < 7 else 50.0))
+        if expected is not None:
+            assert [(float(e["time"]), e["kind"]) for e in own] == [
+                (event.time, event.kind) for event in expected
+            ]
+            assert [float(e["strength"]) for e in own if e["strength"]] == [
+                event.strength for event in expected if event.strength is not None
+            ]
+
+
+def test_a_job_that_was_cut_off_goes_on_to_the_same_bytes(folder, whole, tmp_path, monkeypatch):
+    monkeypatch.setattr(processing, "CHUNK", 3)
+    out = tmp_path / "events.csv"
+
+    def killed(count: int, total: int) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        process(folder, folder / "scene.toml", out, done=killed)
+    assert not out.exists()
+    with pytest.raises(RecordingError, match="results of another job"):
+        process(folder / "day0", folder / "scene.toml", out)
+    monkeypatch.setattr(processing, "CHUNK", 5)  # the parts say how they were cut
+    made = process(folder, folder / "scene.toml", out)
+    assert made.run_now == 11 - 3
+    assert (out.read_bytes(), made.recordings.read_bytes()) == whole[1:]
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        "events.csv", "events.recordings.csv",
+    ]  # fmt: skip
+    with pytest.raises(RecordingError, match="already exists"):
+        process(folder, folder / "scene.toml", out)
+
+
+def test_parquet_holds_the_same_numbers(folder, whole, tmp_path):
+    parquet = pytest.importorskip("pyarrow.parquet")
+    made = process([folder / "day0" / "r0.npz"], folder / "scene.toml", tmp_path / "e.parquet")
+    table = parquet.read_table(made.events).to_pylist()
+    lines = csv.DictReader(whole[1].decode().splitlines())
+    expected = [line for line in lines if line["recording"].endswith("r0.npz")]
+    assert [row["time"] for row in table] == [float(line["time"]) for line in expected]
+    assert table[0]["load_is_bound"] is False
+    assert parquet.read_table(made.recordings).to_pylist()[0]["bad"] == 1
+
+
+def test_sources_are_files_folders_and_patterns(folder):
+    files = sources_of([folder])
+    assert [file.name for file in files] == [
+        "r0.npz", "r2.csv", "r4.mcap", "r4_cut.mcap", "r6.npz", "r8.csv", "junk.npz", "r1.mcap",
+        "r3.npz", "r5.csv", "r7.mcap",
+    ]  # fmt: skip
+    assert sources_of([str(folder / "*" / "r*.npz"), files[0]]) == [files[0], files[4], files[8]]
+    assert sources_of(["nowhere.mcap"])[0].name == "nowhere.mcap"  # a row says that it is missing
+    with pytest.raises(RecordingError, match="no recording in"):
+        sources_of([str(folder / "*.bag")])
+
+
+def test_what_cannot_be_done_is_refused_before_the_work(folder, tmp_path, monkeypatch):
+    with pytest.raises(UnknownNameError, match=r"kind of table '\.xls'"):
+        process(folder, folder / "scene.toml", tmp_path / "e.xls")
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    with pytest.raises(MissingExtraError, match=r"ends in \.csv needs nothing"):
+        process(folder, folder / "scene.toml", tmp_path / "e.parquet")
+    assert not list(tmp_path.iterdir())
+
+
+DYING = """
+import os, signal
+from pathlib import Path
+
+def square(number):
+    mark = Path(__file__).with_name(f"died{number}")
+    if number in (3, 7) and not mark.exists():
+        mark.touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    if number < 0:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return number * number
+"""
+
+
+def test_a_task_whose_process_is_killed_runs_again(tmp_path, monkeypatch):
+    (tmp_path / "dying_tasks.py").write_text(DYING)
+    monkeypatch.syspath_prepend(tmp_path)
+    from dying_tasks import square
+
+    found = sorted(run_tasks(square, range(10), workers=2, name="squares"))
+    assert found == [n * n for n in range(10)]
+    assert len(list(tmp_path.glob("died*"))) == 2
+    with pytest.raises(RecordingError, match="died 3 times in a row"):
+        list(run_tasks(square, [-1, -2], workers=2, name="squares"))
