@@ -57,6 +57,9 @@ class Event:
         Whether the strength is a lower bound of a load, because a taxel was at an end of its range.
     saturated : bool
         Whether a taxel was at an end of its range: place, direction and strength may be wrong.
+    motion : str or None
+        "slide" or "pivot" for a gross slip; of a pivot, `sense` is that of its turn, and `where`
+        its centre if that can be told.
     rest_held : bool
         Whether the stream seems to have begun with the object held: what was held is missing from
         loads and ratios, so the event may be wrong.
@@ -77,6 +80,7 @@ class Event:
     place: tuple[float, float] | None = None
     saturated: bool = False
     rest_held: bool = False
+    motion: str | None = None
 
     @property
     def t(self) -> float:
@@ -95,6 +99,7 @@ class Event:
             "t": round(self.time, 6),
             "kind": self.kind,
             "phase": self.phase,
+            "motion": self.motion,
             "where": self.where and [round(number, 3) for number in self.where],
             "place_mm": self.place and [round(number, 3) for number in self.place],
             "direction": None if self.direction is None else round(self.direction, 4),
@@ -115,6 +120,8 @@ class Event:
 
     def __str__(self) -> str:
         parts = [f"{self.time:8.3f} s  {self.title}"]
+        if self.motion == "pivot":
+            parts[0] += " that pivots"
         if self.place:
             parts.append(f"at x {self.place[0]:.1f} mm, y {self.place[1]:.1f} mm")
         elif self.where:
@@ -176,6 +183,9 @@ class EventRule:
     shape : bool
         Whether the flag goes by the shape of the load, which is not known then: the event is
         reported from other frames alone.
+    pivots, centred : str
+        Outputs, which say whether a slip turns rather than slides, and whether its centre is known;
+        `sense` and `where` hold in these cases only.
     on, off : float
         The event begins where the flag's value is above `on`, and ends where it is no longer above
         `off`, which is `on` or less: a value that wavers between them changes nothing.
@@ -195,6 +205,8 @@ class EventRule:
     load: bool = False
     steady: float = 0.0
     shape: bool = False
+    pivots: str = ""
+    centred: str = ""
     on: float = 0.0
     off: float = 0.0
     own: bool = False
@@ -203,7 +215,15 @@ class EventRule:
     def needs(self) -> tuple[str, ...]:
         """Outputs that the rule reads."""
         pairs = (*(self.where or ()), *(self.direction or ()))
-        return tuple(name for name in (self.flag, *pairs, self.strength, self.sense) if name)
+        names = (self.flag, *pairs, self.strength, self.sense, self.pivots, self.centred)
+        return tuple(name for name in names if name)
+
+    @property
+    def plain(self) -> "EventRule":
+        """The rule without what only some programs know of a slip."""
+        if not self.pivots:
+            return self
+        return replace(self, pivots="", centred="", where=None, sense="")
 
     def event(
         self, kind: str, t: float, frame: int, outputs: Outputs, *, saturated: bool = False
@@ -212,16 +232,20 @@ class EventRule:
         began = kind == self.kind
         pair = self.direction if began else None
         strong = bool(self.strength) and began
+        pivots = bool(self.pivots) and _number(outputs, self.pivots) > 0.0
+        placed = not self.centred or _number(outputs, self.centred) > 0.0
+        sense = int(np.sign(_number(outputs, self.sense))) if self.sense and began else None
         return Event(
             time=t,
             kind=kind,
             frame=frame,
             phase=self.phase or None,
-            where=self._place(outputs),
+            where=self._place(outputs) if placed else None,
             direction=pair and math.atan2(_number(outputs, pair[1]), _number(outputs, pair[0])),
             strength=_number(outputs, self.strength) if strong else None,
             unit=(self.unit or None) if strong else None,
-            sense=int(np.sign(_number(outputs, self.sense))) if self.sense and began else None,
+            sense=sense if pivots or not self.pivots else None,
+            motion=("pivot" if pivots else "slide") if self.pivots else None,
             load_is_bound=saturated and strong and self.load,
             saturated=saturated,
         )
@@ -271,8 +295,12 @@ EVENT_RULES: dict[str, tuple[EventRule, ...]] = {
             "slip",
             "gross_slip",
             phase="gross",
+            where=("slip_row", "slip_column"),
             direction=("slip_x", "slip_y"),
             strength="slip_strength",
+            sense="slip_sense",
+            pivots="slip_pivots",
+            centred="slip_centred",
         ),
     ),
     "twist": (
@@ -409,8 +437,9 @@ def event_rule(table: Mapping[str, object], about: str) -> EventRule:
 def rules_that_fit(events: Iterable[str], outputs: Collection[str]) -> tuple[EventRule, ...]:
     """Return the rules of events that a program with these outputs can follow."""
     given = set(outputs)
-    rules = (rule for event in events for rule in EVENT_RULES.get(event, ()))
-    return tuple(rule for rule in rules if set(rule.needs) <= given)
+    rules = [rule for event in events for rule in EVENT_RULES.get(event, ())]
+    known = (rule if set(rule.needs) <= given else rule.plain for rule in rules)
+    return tuple(rule for rule in known if set(rule.needs) <= given)
 
 
 _NO_GAP = (0.0, 0.0)

@@ -26,7 +26,7 @@ from cnnum.programs.machine import FrameFields, root_sum
 from cnnum.programs.parameters import refuse_outside
 from cnnum.programs.reports import level_of, report
 from cnnum.programs.transients import apply, transient
-from cnnum.templates.tactile.shared.loads import Pad, RecentLoads
+from cnnum.templates.tactile.shared.loads import LEAST_LOAD, Pad, RecentLoads
 from cnnum.templating.library import get_template
 
 SPREAD = 4.0  # cells², diffusion time of the local mean of the shear
@@ -36,9 +36,12 @@ TOUCHED, STICKS = 0.1, 0.5  # load of a cell in contact, over the largest; share
 ALONG = 0.75  # weight of a motion over 1 plus its cosine to the shear: 1 at a third
 WAVE = RunSpec(method="euler")  # of a time constant: no cell turns back, so the picture is the same
 ALIGNED = 0.3  # cosine of the shear's map to the load's, from which a shear can be that of a slip
+PULL, TURN = ("pull_x", "pull_y"), ("torque", "row", "column")
 SIGNS = (
     "pattern_speed", "incoherent_shear", "trend", "load_rate", "ratio_rate", "stick_share"
 )  # fmt: skip
+PIVOTS, CENTRED = 0.1, 0.5  # turning, 1/s, from which a slip is a pivot; torque over ratio from
+# which its centre, at most two sizes of the contact away, can be told
 AXIAL = ("motion_cosine", "alignment")  # read-outs that are shown, the latter with known axes
 LEVELS = (
     (0.5, 0.60), (1.2, 0.50), (2.0, 0.40), (3.2, 0.36), (4.7, 0.32), (5.9, 0.28), (6.4, 0.25),
@@ -103,7 +106,11 @@ def slip(
         what it is made of: `slip_level`, and of the pad that counts `slip_pattern_speed`,
         `slip_incoherent_shear`, `slip_trend`, `slip_load_rate`, `slip_ratio_rate` (1/s),
         `slip_ratio`, `slip_stick_share`, and with known axes `slip_motion_cosine`,
-        `slip_alignment`; 0 during the rest.
+        `slip_alignment`. Of all pads `slip_torque` (of the shear about the middle of the load, over
+        load and size) and `slip_turning` (1/s: pattern speed times the torque's share in friction).
+        `slip_pivots` (flag: the slip turns), and of the pad that counts `slip_sense` (as
+        `twist_sense`), `slip_row`, `slip_column` (the place about which it turns, cells) and
+        `slip_centred` (flag: that place is known). All are 0 during the rest.
     """
     refuse_outside(load=(load, 1e-6, 1e6), hold_time=(hold_time, 0.0, 1e6))
     recent = frame.once(
@@ -130,17 +137,28 @@ def slip(
             strength = strength * (
                 counts * counts * minimum(maximum(signs["alignment"], 0.0) / ALIGNED, 1.0)
             )
-        rows.append([strength, *(signs[name] for name in ("pull_x", "pull_y", *names))])
-    strength, x, y, *others = most(rows)
+        rows.append([strength, *(signs[name] for name in (*PULL, *TURN, *names))])
+    strength, x, y, sense, row, column, *others = most(rows)
+    # an object that turns between fingers turns on all of them, by a torque of either sense
+    speed, torque, force = (
+        mean([abs(signs[name]) for signs in signs_of_pads])
+        for name in ("pattern_speed", "torque", "ratio")
+    )
+    turning = speed * torque / (length([torque, force]) + LEAST_LOAD)
     shown = recent.shown(slip_x=x, slip_y=y, slip_strength=strength)
     needed = level_of(false_reports, LEVELS if recent.pressed else SHEAR_LEVELS, level)
     flag = report(frame, shown["slip_strength"], needed, hold_time * frame.rate)
+    pivots = flag & (turning > PIVOTS)
     made_of = {f"slip_{name}": value for name, value in zip(names, others, strict=True)}
     return {
         "gross_slip": flag,
         **shown,
         "slip_level": frame.constant(needed),
-        **recent.shown(**made_of, slip_ratio=ratio),
+        **recent.shown(**made_of, slip_ratio=ratio, slip_torque=torque, slip_turning=turning),
+        "slip_pivots": pivots,
+        "slip_sense": where(pivots, where(sense > 0.0, 1.0, -1.0), 0.0),
+        "slip_centred": pivots & (abs(sense) > CENTRED * ratio),
+        **recent.shown(slip_row=row, slip_column=column),
     }
 
 
@@ -217,4 +235,5 @@ def _of_pad(recent: RecentLoads, pad: Pad, rests: list[Field], stick: Field) -> 
         "ratio_rate": recent.per_s * length(ways),
         "motion_cosine": along / (motion * root_sum(pad.inner, [right, down])),
         "alignment": pad.total(recent.z * shear) / (sqrt(pad.power) * root_sum(pad.total, [shear])),
+        **dict(zip(TURN, recent.turn(pad), strict=True)),
     }

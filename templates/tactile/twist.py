@@ -1,20 +1,27 @@
 """Twist of an object on the skin or in the hand, from the curl of its shear.
 
-The curl over the normal load must exceed the ratio of shear to normal load, else the contact is
-pulled. It must exceed a share of the divergence, too: a shear that settles pulls apart as well as
-it turns. Curl and divergence at the load's last change are taken off: a press alone can show both.
+The curl over the normal load must exceed twice the ratio of shear to normal load, else the contact
+is pulled: what turns under a pull is a slip that pivots. It must exceed a share of the divergence,
+too: a shear that settles pulls apart as well as it turns. Curl and divergence at the load's last
+change are taken off: a press alone can show both.
+
+A shear beyond any friction of the load above rest says that some load is part of the rest. No curl
+can be compared with it, so nothing is reported until the rest is learned anew.
 """
 
 from collections.abc import Mapping
 
 from cnnum.programs import program
-from cnnum.programs.fields import Field, most, square, where
+from cnnum.programs.fields import Field, most, where
 from cnnum.programs.machine import FrameFields
 from cnnum.programs.reports import level_of, report
 from cnnum.programs.transients import apply
 from cnnum.templates.tactile.shared.loads import Pad, RecentLoads
 from cnnum.templating.library import get_template
 
+PULLED = 2.0  # curl at least, over the ratio of shear to normal load
+HIDDEN, CLEAR = 3.0, 1 / 12  # shear over the load above rest beyond any friction, once it exceeds
+# that share of the least load: some load is hidden in the rest
 DIVERGING = 0.2  # curl at least, over the divergence, beyond the ratio of shear to normal load
 LEVELS = ((0.3, 0.1), (0.5, 0.03), (0.7, 0.02), (5.0, 0.01))
 SHEAR_LEVELS = ((1.2, 0.03), (4.6, 0.01))
@@ -62,7 +69,8 @@ def twist(
     signs = frame.once(read_outs, recent=recent, still=still)
     # decision
     strength, curl = abs(signs["curl"]), signs["curl"]
-    counts = ~recent.resting & (strength > signs["ratio"] + DIVERGING * signs["divergence"])
+    least = PULLED * signs["ratio"] + DIVERGING * signs["divergence"]
+    counts = ~recent.resting & ~load_hidden(recent) & (strength > least)
     needed = level_of(false_reports, LEVELS if recent.pressed else SHEAR_LEVELS, level)
     flag = report(frame, where(counts, strength, 0.0), needed, hold_time * frame.rate)
     return {
@@ -89,7 +97,7 @@ def read_outs(frame: FrameFields, *, recent: RecentLoads, still: float) -> dict[
     turns = [_since(recent, "curl", rate, changes) for rate in curls]
     parts = [abs(_since(recent, "divergence", part, changes)) for part in parts]
     rows = [
-        (abs(turn), turn, part, pad.ratio, *_centre(recent, pad))
+        (abs(turn), turn, part, pad.ratio, *recent.centre(pad))
         for turn, part, pad in zip(turns, parts, recent.pads, strict=True)
     ]
     return dict(
@@ -97,11 +105,16 @@ def read_outs(frame: FrameFields, *, recent: RecentLoads, still: float) -> dict[
     )
 
 
-def _centre(recent: RecentLoads, pad: Pad) -> tuple[Field, Field]:
-    """Return the centre of a pad's load, each cell by its square."""
-    frame, weight = recent.frame, square(recent.z)
-    row, column = (pad.total(weight * place) / pad.power for place in (frame.row, frame.column))
-    return row, column
+def load_hidden(recent: RecentLoads) -> Field:
+    """Return whether the stream began with the object held: a flag that stays."""
+    memory = recent.frame.memory("load is hidden", scalar=True, logic=True)
+    (beyond,) = most(
+        [
+            [pad.ratio * pad.load - HIDDEN * (pad.load - pad.least) - CLEAR * pad.least]
+            for pad in recent.pads
+        ]
+    )
+    return memory.latch(~recent.resting & (beyond > 0.0), recent.frame.age > 0.0)
 
 
 def _over_load(recent: RecentLoads, pad: Pad, slope: Field) -> Field:

@@ -89,6 +89,23 @@ def test_every_frame_is_what_numpy_says(engine, run, four, which):
         agree(got, expected, ("slip_x", "slip_y"), slice(PULL, None))
 
 
+def pulled_and_turned(four):
+    """A patch that moves on under its pull, and turns by a torque of half that size."""
+    both_of = four[:, SLIDES].copy()
+    both_of[..., :2] += 0.5 * four[:, TURNS, ..., :2]
+    return both_of
+
+
+def test_a_pivot_and_its_centre_are_what_numpy_says(engine, run, four):
+    frames = pulled_and_turned(four)
+    settings = replace(SETTINGS, axes=False, level=0.2)
+    got = run(engine, both({"slip": 11.6, "twist": 0.3}, **asdict(settings)), frames)
+    expected = played(frames, settings)
+    assert expected["slip_pivots"].any()
+    agree(got, expected, ("slip_pivots", "slip_sense", "slip_torque", "slip_turning"))
+    agree(got, expected, ("slip_row", "slip_column"), slice(PULL + 5, None))
+
+
 @pytest.mark.parametrize("axes", [True, False])
 def test_two_pads_are_what_numpy_says(fast, run, four, axes):
     frames = np.concatenate([four[:, SLIDES], 0.7 * four[:, SLIDES, ::-1]], axis=-2)

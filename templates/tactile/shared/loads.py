@@ -279,6 +279,7 @@ class Pad(NamedTuple):
     total: Sums
     inner: Sums
     load: Field  # normal load and the least load
+    least: Field  # the least load
     before: Field  # the same a moment ago
     power: Field  # sum of the squares of the normal load
     even: Field  # the same of the least load, spread evenly
@@ -325,6 +326,29 @@ class RecentLoads:
         self.load, before = mean([p.load for p in self.pads]), mean([p.before for p in self.pads])
         self.load_rate = self.per_s * abs(self.load - before) / self.load  # 1/s
 
+    def centre(self, pad: "Pad") -> tuple[Field, Field]:
+        """Return row and column of the centre of a pad's load, each cell by its square."""
+        weight = square(self.z)
+        row, column = (
+            pad.total(weight * place) / maximum(pad.power, TINY)
+            for place in (self.frame.row, self.frame.column)
+        )
+        return row, column
+
+    def turn(self, pad: "Pad") -> tuple[Field, Field, Field]:
+        """Return a pad's torque in use, and row and column of the place about which it turns.
+
+        The torque is that of the shear about the middle of the load, over load and size. Let
+        friction grow with the way from a place as k (row₀ − row, column − column₀) times the load.
+        Then its mean is the ratio of shear to load, and its torque k size².
+        """
+        row, column = self.centre(pad)
+        down, right = self.frame.row - row, self.frame.column - column
+        power = pad.total(self.z * (square(down) + square(right))) / pad.load + LEAST_LOAD
+        torque = pad.total(right * self.shear[1] - down * self.shear[0]) / pad.load
+        arm = pad.ratio * power / where(abs(torque) > LEAST_LOAD, torque, LEAST_LOAD)
+        return torque / sqrt(power), row + arm * pad.pull[0], column - arm * pad.pull[1]
+
     def shown(self, **outputs: Field) -> dict[str, Field]:
         """Return outputs that are 0 during the rest."""
         return {name: where(self.resting, 0.0, value) for name, value in outputs.items()}
@@ -352,4 +376,4 @@ class RecentLoads:
         even, pulls = least * least / cells, [total(shear) for shear in self.shear]
         force = length(pulls)
         pull = tuple(component / force for component in pulls)
-        return Pad(total, inner, load, before, power, even, force / load, pull)
+        return Pad(total, inner, load, least, before, power, even, force / load, pull)

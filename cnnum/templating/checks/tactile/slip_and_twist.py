@@ -18,6 +18,7 @@ FAST, SPREAD, HOLD = 0.02, 4.0, 0.5
 """Smoothing, s; diffusion time, cells²; share of a level below which a report ends."""
 
 LOOSE, STIRS, TOUCHED, STICKS, ALIGNED, DIVERGING = 0.25, 0.05, 0.1, 0.5, 0.3, 0.2
+PIVOTS, PULLED, HIDDEN = 0.1, 2.0, 3.0
 """As in the programs."""
 
 
@@ -107,6 +108,7 @@ class MovingContact:
     masses: Floats = field(default_factory=lambda: np.zeros(1))
     offsets: Floats = field(default_factory=lambda: np.zeros(1))
     opened: Floats = field(default_factory=lambda: np.zeros(1))
+    hidden: bool = False
     loose: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(1, dtype=bool))
 
     def step(self, frame: Floats) -> dict[str, float]:
@@ -171,6 +173,19 @@ class MovingContact:
             pulled = (x.sum() * x + y.sum() * y) / max(force, 1e-300)
             lengths = np.linalg.norm(z) * np.linalg.norm(pulled)
             heavy = (z**2).sum() + least**2 / (16.0 * z.size)
+            place: dict[str, Floats] = {
+                axis: np.asarray(np.indices(z.shape)[n], dtype=np.float64)
+                for n, axis in enumerate(("down", "right"))
+            }
+            middle = {
+                axis: float((z**2 * at).sum() / max((z**2).sum(), 1e-30))
+                for axis, at in place.items()
+            }
+            down, aside = (place[axis] - middle[axis] for axis in ("down", "right"))
+            size2 = (z * (down**2 + aside**2)).sum() / mass + 1e-12
+            torque = (aside * y - down * x).sum() / mass
+            # for friction k (row0 - row, col - col0) z: force k (row0 - row), torque k size2
+            k = torque / size2 if torque else 1e-300
             along = -((share - was)[:, inner] * slope).sum() / max(moved * steep, 1e-300)
             result.append({
                 "pattern_speed": per_s * moved * mass / size,
@@ -185,6 +200,10 @@ class MovingContact:
                 "stick_share": z[stick[:, cols]].sum() / mass,
                 "alignment": (z * pulled).sum() / max(lengths, 1e-300),
                 "mass": mass,
+                "torque": torque / np.sqrt(size2),
+                "row": middle["down"] + x.sum() / mass / k,
+                "column": wide * pad + middle["right"] - y.sum() / mass / k,
+                "beyond": force - HIDDEN * z.sum() - least / 12.0,
                 "load_rate": per_s * (z.sum() - before.sum()),
                 "motion_cosine": along,
                 "x": x.sum(),
@@ -236,7 +255,11 @@ class MovingContact:
         where = int(np.argmax(np.abs(curls - self.offsets)))
         turned, apart = float((curls - self.offsets)[where]), float((parts - self.opened)[where])
         slips = self.slips.step(strength)
-        pulled = pads[where]["ratio"] + DIVERGING * abs(apart)
+        self.hidden = self.hidden or max(pad["beyond"] for pad in pads) > 0.0
+        pulled = np.inf if self.hidden else PULLED * pads[where]["ratio"] + DIVERGING * abs(apart)
+        torque = float(np.mean([abs(pad["torque"]) for pad in pads]))
+        turning = mean["pattern_speed"] * torque / np.hypot(torque, mean["ratio"])
+        pivots = slips and turning > PIVOTS
         turns = self.turns.step(abs(turned) if abs(turned) > pulled else 0.0)
         force = max(float(np.hypot(most["x"], most["y"])), 1e-300)
         wide = now["z"].shape[1] // c.pads
@@ -250,6 +273,8 @@ class MovingContact:
         values = (
             slips, most["x"] / force, most["y"] / force, float(strength), turns,
             float(np.sign(turned)) * turns, abs(turned), row, column,
+            torque, turning, pivots, pivots * float(np.sign(most["torque"])),
+            most["row"], most["column"],
         )  # fmt: skip
         return dict(zip(OUTPUTS, map(float, values), strict=True))
 
@@ -257,6 +282,7 @@ class MovingContact:
 OUTPUTS = (
     "gross_slip", "slip_x", "slip_y", "slip_strength",
     "twist", "twist_sense", "twist_strength", "twist_row", "twist_column",
+    "slip_torque", "slip_turning", "slip_pivots", "slip_sense", "slip_row", "slip_column",
 )  # fmt: skip
 
 
