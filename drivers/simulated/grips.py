@@ -60,8 +60,9 @@ class Trial:
         Row of the log that each frame came from.
     setting : mapping
         Facts of the array for a program, as its parameters.
-    turning : (frames,) float, degrees/s, optional
-        How fast the object turns, where a camera has seen it; NaN where it has not.
+    turning, speed : (frames,) float, degrees/s and m/s, optional
+        How fast the object turns and a mark on it moves, where a camera has seen it; NaN where it
+        has not.
     """
 
     family: str
@@ -77,6 +78,7 @@ class Trial:
     rows: NDArray[np.int64]
     setting: Mapping[str, float | bool] = field(default_factory=dict[str, "float | bool"])
     turning: Floats | None = None
+    speed: Floats | None = None
 
     @property
     def shape(self) -> Shape:

@@ -28,6 +28,9 @@ OUTPUTS = {
     TWIST: ("twist", "twist_sense"),
 }
 
+MORE = {SLIP: ("slip_turning", "slip_pivots"), TWIST: ("twist_strength",)}
+"""Outputs that are looked at where a program has them."""
+
 BATCH = 32
 """Arrays side by side: enough to hide the cost of a launch, few enough to keep in memory."""
 
@@ -100,6 +103,8 @@ class Subject:
 
     def _one(self, name: str, outputs: tuple[str, ...], trials: Sequence[Trial]) -> list[Answers]:
         program = self.programs.get(name) or get_program(name)
+        if name not in self.programs:
+            outputs = (*outputs, *MORE[name])
         return side_by_side(self.engine, program, outputs, trials, self.constants)
 
 

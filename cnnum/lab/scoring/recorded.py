@@ -101,8 +101,8 @@ def flat_trial(folder: Folder) -> Trial:
     rate = float(read_table(folder.path / "meta_data.csv").numbers(["frequency_hz"])[0, 0])
     rows = np.array([row for row, _ in frames])
     values = np.stack([frame.values for _, frame in frames])
-    slips = labels(speeds(marker, rate))[rows]
-    trial = _trial(folder, frames, slips, held(values))
+    speed = speeds(marker, rate)[rows]
+    trial = replace(_trial(folder, frames, labels(speed), held(values)), speed=speed)
     turns = [f"marker1_quaternion_{axis}" for axis in "xyzw"]
     if not set(turns) <= set(table.header):
         return trial

@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from importlib.util import find_spec
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -256,19 +257,40 @@ TURNS, SLIDES = 20.0, 8.0
 """Degrees/s from which a slip is a pivot, and below which it is a slide."""
 
 
+BINS = (6e-3, 10e-3, 15e-3, 25e-3, 60e-3)
+"""m/s: between two of these, marks on pivots are compared with marks on slides that are as fast."""
+
+TURNED = ("slip_turning", "slip_pivots", "twist_strength")
+"""Further outputs that are scored against the turning of the marker."""
+
+LEAVES, TREES = 8, 100
+"""Of the boosted trees."""
+
+
 def turn_table(recorded: Recorded) -> Table:
     """Return the areas under the curve of slides and of pivots apart, and of one against the other.
 
     A trial counts for itself where it has both slips and rest of six frames or more.
     """
     rows = {name: scores for name, (scores, _) in _shipped(recorded).items()}
+    for name in TURNED:
+        if all(name in answers for answers in recorded.flat_answers):
+            rows[name] = [answers[name] for answers in recorded.flat_answers]
     rows |= {name: _change(recorded, *how)[0] for name, how in CHANGES.items()}
+    rows["change of curl over load, 1 frame"] = [curl_change(t) for t in recorded.flat]
+    if all(trial.speed is not None for trial in recorded.flat):
+        rows["true speed of the marker"] = [
+            np.nan_to_num(np.asarray(trial.speed)) for trial in recorded.flat
+        ]
+    if can_learn() and len({trial.family for trial in recorded.flat}) > 1:
+        rows["boosted trees without the object"] = _trees(recorded.flat)
     columns = (
         Column("score", "score"),
         Column("slides", f"slides (< {SLIDES:g}°/s) against none", 3),
         Column("pivots", f"pivots (> {TURNS:g}°/s) against none", 3),
-        Column("apart", "pivots against slides", 3),
+        Column("apart", "pivots against slides", 3, least=APART),
         Column("apart_of_all", "pivots against all other slips", 3),
+        Column("as_fast", "the same of marks as fast", 3),
         Column("within", "slips within a trial", 3),
     )
     note = "Of the flat data set, all objects together, by the turning of the marker."
@@ -276,27 +298,93 @@ def turn_table(recorded: Recorded) -> Table:
     return Table("turns", "Slides and pivots apart", note, columns, made)
 
 
+APART = 0.85
+"""Aim of pivots against slides."""
+
+
 def _turn_row(name: str, trials: Sequence[Trial], scores: Sequence[Floats]) -> Row:
     parts: dict[str, list[Floats]] = {key: [] for key in ("none", "slide", "pivot", "between")}
+    speeds: dict[str, list[Floats]] = {key: [] for key in parts}
     within = list[float]()
     for trial, score in zip(trials, scores, strict=True):
-        turning = np.full(len(score), np.nan) if trial.turning is None else trial.turning
+        unknown = np.full(len(score), np.nan)
+        turning = unknown if trial.turning is None else trial.turning
+        speed = unknown if trial.speed is None else trial.speed
         slips, none = trial.scored & (trial.slips == 1), trial.scored & (trial.slips == 0)
         pivot, slide = slips & (turning > TURNS), slips & (turning < SLIDES)
         between = slips & (turning >= SLIDES) & (turning <= TURNS)
         for key, flags in zip(parts, (none, slide, pivot, between), strict=True):
             parts[key].append(score[flags])
+            speeds[key].append(speed[flags])
         if min(slips.sum(), none.sum()) > 5:
             within.append(float(auc(score[slips], score[none])))
     none, slide, pivot, between = (np.concatenate(some) for some in parts.values())
+    _, of_slide, of_pivot, of_between = (np.concatenate(some) for some in speeds.values())
+    others, of_others = np.concatenate([slide, between]), np.concatenate([of_slide, of_between])
+    binned = [
+        auc(pivot[(of_pivot > a) & (of_pivot <= b)], others[(of_others > a) & (of_others <= b)])
+        for a, b in pairwise(BINS)
+    ]
     return {
         "score": name,
+        "baseline": name not in (SHIPPED, *TURNED),
         "slides": auc(slide, none),
         "pivots": auc(pivot, none),
         "apart": auc(pivot, slide),
-        "apart_of_all": auc(pivot, np.concatenate([slide, between])),
+        "apart_of_all": auc(pivot, others),
+        "as_fast": float(np.mean(binned)),
         "within": float(np.mean(within)) if within else float("nan"),
     }
+
+
+def curl_change(trial: Trial) -> Floats:
+    """Return the change of the mean curl of the shear over the load, of the pads' mean size."""
+    change = _change_of_frames(trial)
+    curl = np.gradient(change[..., 1], axis=3) - np.gradient(change[..., 0], axis=2)
+    return np.asarray(np.abs(curl.mean(axis=(2, 3))).mean(axis=1) / (_load(trial) + FAINT))
+
+
+def _trees(trials: Sequence[Trial]) -> list[Floats]:
+    """Return the chance of a pivot among slips by trees that learned on all other objects."""
+    ensemble: Any = import_module("sklearn.ensemble")
+    known = [t.scored & (t.slips == 1) & np.isfinite(_turning(t)) for t in trials]
+    inputs = [np.hstack([features(t), np.log(_moments(t) + 1e-3)]) for t in trials]
+    result: dict[int, Floats] = {}
+    for _, mine, others in folds(trials):
+        x = np.concatenate([inputs[n][known[n]] for n in others])
+        y = np.concatenate([_turning(trials[n])[known[n]] > TURNS for n in others])
+        if y.min(initial=True) == y.max(initial=False):
+            result |= {n: np.zeros(len(inputs[n])) for n in mine}
+            continue
+        model = ensemble.HistGradientBoostingClassifier(
+            max_iter=TREES, max_leaf_nodes=LEAVES, class_weight="balanced", random_state=0
+        ).fit(x, y)
+        result |= {n: model.predict_proba(inputs[n])[:, 1] for n in mine}
+    return [result[n] for n in range(len(trials))]
+
+
+def _turning(trial: Trial) -> Floats:
+    return np.full(len(trial.frames), np.nan) if trial.turning is None else trial.turning
+
+
+def _moments(trial: Trial) -> Floats:
+    """Return sizes of curl, divergence, torque and mean, of shear and its change, over the load."""
+    pads = _pads(trial)
+    above, columns = pads - pads[:4].mean(axis=0), list[Floats]()
+    load = (_load(trial) + FAINT)[:, None]
+    down, right = (np.indices(pads.shape[2:4]) - 1.5)[:2]
+    for maps in (above, _change_of_frames(trial)):
+        x, y = maps[..., 0], maps[..., 1]
+        parts = (
+            np.gradient(y, axis=3) - np.gradient(x, axis=2),
+            np.gradient(x, axis=3) + np.gradient(y, axis=2),
+            right * y - down * x, x, y,
+            np.gradient(maps[..., 2], axis=2), np.gradient(maps[..., 2], axis=3),
+        )  # fmt: skip
+        for part in parts:
+            means = np.abs(part.mean(axis=(2, 3)))
+            columns += [means.mean(axis=1), means.max(axis=1)]
+    return np.asarray(np.stack(columns, axis=1) / load)
 
 
 def _chosen(engine: Engine, trials: Sequence[Trial]) -> list[Floats]:

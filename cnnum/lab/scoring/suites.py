@@ -45,11 +45,12 @@ COLUMNS = (
     Column("delay_s", "delay, s"),
     Column("rows", "rows off", 0, most=ROWS),
     Column("false", "false / 10 min", 1),
+    Column("twists", "twists / 10 min still", 1),
 )
 NOTE = (
     "Slips of two frames or more, found by a report within 0.3 s of them. Delay and rows off: "
     "medians, of slips that begin while none is reported. False: reports that begin where the "
-    "object is known to be still."
+    "object is known to be still. Twists: reports of twist there, in ten minutes of it."
 )
 
 
@@ -127,7 +128,20 @@ def _row(name: str, trials: Sequence[Trial], answers: Sequence[Mapping[str, Floa
         "false": per_ten_minutes(
             sum(verdict.false for verdict in verdicts), sum(verdict.seconds for verdict in verdicts)
         ),
+        "twists": _twists(trials, answers),
     }
+
+
+def _twists(trials: Sequence[Trial], answers: Sequence[Mapping[str, Floats]]) -> float:
+    """Return the reports of twist in ten minutes in which the object is known to be still."""
+    if not all("twist" in answer for answer in answers):
+        return float("nan")
+    count, seconds = 0, 0.0
+    for trial, answer in zip(trials, answers, strict=True):
+        still = trial.scored & (trial.slips == 0)
+        count += sum(bool(still[start]) for start, _ in runs(answer["twist"] > 0))
+        seconds += float(still.sum()) / trial.rate
+    return per_ten_minutes(count, seconds)
 
 
 TRIAL_COLUMNS = (
@@ -297,7 +311,7 @@ def _recordings(
     gathered: Gathered,
 ) -> list[Table]:
     flat, uskin = read(root, request.objects, advance, gathered.recorded)
-    subject = Subject(engine, twists=False, programs=request.programs)
+    subject = Subject(engine, programs=request.programs)
     recorded = Recorded(flat, uskin, subject.play(flat), subject.play(uskin))
     groups = _grouped(flat, recorded.flat_answers)
     if flat:
