@@ -149,7 +149,10 @@ def slip_flow() -> tuple[Traced, list[Drawn]]:
         ("aligned with the load", signs["alignment"], (3, 5), "read-outs"),
         ("incoherent shear", signs["incoherent_shear"], (4, 5), "read-outs"),
         ("stick share", signs["stick_share"], (5, 5), "read-outs"),
+        ("torque in use", signs["torque"], (0, 4), "read-outs"),
         ("slip_strength", traced.unmasked("slip_strength"), (2, 6), "decision"),
+        ("slip_turning", traced.unmasked("slip_turning"), (0, 6), "decision"),
+        ("slip_pivots", nodes_of([traced.outputs["slip_pivots"]]), (1, 6), "decision"),
         ("gross_slip", nodes_of([traced.outputs["gross_slip"]]), (3, 6), "decision"),
     ]
 
@@ -171,6 +174,7 @@ def twist_flow() -> tuple[Traced, list[Drawn]]:
         ("divergence over load", [before[1].arguments[1]], (5, 3), "read-outs"),
         ("curl at the last jolt", traced.memory("curl at last change"), (4, 4), "read-outs"),
         ("divergence at that jolt", before, (5, 4), "read-outs"),
+        ("a load is hidden", traced.memory("load is hidden"), (2, 4), "read-outs"),
         ("twist_strength", [strength, turned], (3, 5), "decision"),
         ("twist", nodes_of([traced.outputs["twist"]]), (4, 5), "decision"),
         ("twist_sense", nodes_of([traced.outputs["twist_sense"]]), (5, 5), "decision"),
