@@ -134,10 +134,20 @@ times its peak. Around a pull along the skin, it is a pull of as much as the pus
 MOVES = 6.0
 """Change of a mean reading during the rest, over the noise of one reading, from which it moves."""
 
+MARKED = (
+    " If something slid or was held already, events have the mark 'rest_held' until it is let go."
+)
+
 ALL = "tactile"
 
 HELD = ("slip", "twist", "mindlin_slip", "grasp_code")
 """Programs that may begin with a held object: its release reads as a pull rightly."""
+
+
+def moved_in(seen: Floats) -> float:
+    """Return the largest change of a reading from the first half of (frames, …) to the last."""
+    half = len(seen) // 2
+    return float(np.abs(np.median(seen[:half], 0) - np.median(seen[-half:], 0)).max())
 
 
 class PushWatch:
@@ -210,16 +220,17 @@ class PushWatch:
         size = float(np.abs(self._rest).max())
         self._noise = max(float(np.sqrt(0.5 * np.median(steps))), 1e-6 * size)
         self._uneven = float(np.ptp(self._rest))
-        half = count // 2
-        moved = float(np.abs(np.median(seen[:half], 0) - np.median(seen[-half:], 0)).max())
+        moved = moved_in(seen)
         if moved > MOVES * self._noise and not self._said_of_rest:
             self._said_of_rest = True
+            marked = "" if self._name not in (*HELD, ALL) else MARKED
             logging.getLogger("cnnum").warning(
                 "The first %.2g s define the rest, but readings moved by %.3g in them (%.3g "
-                "times the noise): begin without motion, or tare once nothing touches.",
+                "times the noise): begin without motion, or tare once nothing touches.%s",
                 time - self._began,
                 moved,
                 moved / self._noise,
+                marked,
             )
 
     def _judge(self, normal: Floats, pull: float, push: float, since: float) -> None:
@@ -355,6 +366,8 @@ class HeldWatch:
             float(np.sqrt(0.5 * np.median(steps))), 1e-6 * float(np.abs(rest).max()), 1e-300
         )
         self._rest, self._uneven = rest, float(np.ptp(rest[..., self._places[2]]))
+        # what moves during the rest slides or is being touched; `PushWatch` says so
+        self.held = moved_in(seen[..., self._places[2]]) > MOVES * self._noise
 
     def _say(self) -> None:
         if self.said:

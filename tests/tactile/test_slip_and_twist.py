@@ -106,6 +106,18 @@ def test_a_pivot_and_its_centre_are_what_numpy_says(engine, run, four):
     agree(got, expected, ("slip_row", "slip_column"), slice(PULL + 5, None))
 
 
+def test_no_twist_is_reported_where_a_load_is_hidden(fast, run, four):
+    """A patch turns under a slight pull; from a start without contact on, that is a twist."""
+    frames = four[:, TURNS].copy()
+    frames[..., :2] += 0.1 * four[:, SLIDES, ..., :2]
+    held = np.concatenate([frames[PULL - 20 : PULL]] * 2 + [frames[PULL - 20 :]])
+    seen = run(fast, both(**BOUND), frames)["twist"]
+    hidden = run(fast, both(**BOUND), held)["twist"]
+    assert seen[GO:].all()
+    assert not hidden.any()
+    assert not played(held, SETTINGS)["twist"].any()
+
+
 @pytest.mark.parametrize("axes", [True, False])
 def test_two_pads_are_what_numpy_says(fast, run, four, axes):
     frames = np.concatenate([four[:, SLIDES], 0.7 * four[:, SLIDES, ::-1]], axis=-2)
