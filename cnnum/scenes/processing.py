@@ -5,9 +5,11 @@ import glob
 import hashlib
 import io
 import json
+import logging
 import time
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from importlib import import_module
@@ -143,10 +145,11 @@ class Bench:
         try:
             scene = self.scene(path)
             first = last = None
-            for moment in scene.results():
-                first = moment.frame.time if first is None else first
-                last = moment.frame.time
-                events += [columns(name, event) for event in moment.events]
+            with _quiet():
+                for moment in scene.results():
+                    first = moment.frame.time if first is None else first
+                    last = moment.frame.time
+                    events += [columns(name, event) for event in moment.events]
             seen = scene.summary()
             row |= {
                 "frames": seen.frames,
@@ -163,6 +166,21 @@ class Bench:
         except Exception as error:  # a fault of ours is that row's, and not the end
             row["error"], events = f"{type(error).__name__}: {error}", []
         return json.dumps([row, events])
+
+
+@contextmanager
+def _quiet() -> Generator[None]:
+    """Drop what is logged of the frames: a sentence that does not name its recording is no help."""
+    logger = logging.getLogger("cnnum")
+    logger.addFilter(_drop)
+    try:
+        yield
+    finally:
+        logger.removeFilter(_drop)
+
+
+def _drop(_: logging.LogRecord) -> bool:
+    return False
 
 
 @lru_cache(maxsize=1)

@@ -119,6 +119,17 @@ def test_a_job_that_was_cut_off_goes_on_to_the_same_bytes(folder, whole, tmp_pat
         process(folder, folder / "scene.toml", out)
 
 
+def test_sentences_that_do_not_name_a_recording_are_left_to_replay(folder, tmp_path, caplog):
+    moving = np.random.default_rng(3).normal(0.0, 2.0, (90, 3, 3, 3))
+    moving[:, 1, 1, 2] += np.minimum(20.0 * np.arange(90), 900.0)  # from the first frame on
+    file = cnnum.Recording(moving, rate=100.0).save(tmp_path / "moving.npz")
+    made = process([file], folder / "scene.toml", tmp_path / "e.csv")
+    assert (made.failed, caplog.messages) == (0, [])
+    with cnnum.load_scene(folder / "scene.toml", recording=cnnum.load_recording(file)) as scene:
+        scene.collect()
+    assert "define the rest" in caplog.text
+
+
 def test_parquet_holds_the_same_numbers(folder, whole, tmp_path):
     parquet = pytest.importorskip("pyarrow.parquet")
     made = process([folder / "day0" / "r0.npz"], folder / "scene.toml", tmp_path / "e.parquet")
