@@ -385,7 +385,7 @@ def checked(recording: Recording, pads: int = 1, *, timed: bool = False) -> list
     if len(values) < 2 * LEAST:
         few = f"{len(values)} good frames are too few to look at."
         return [*result, Finding("frames", few, wrong=False)]
-    rest, noise, begins = _rest(values, times)
+    rest, noise, begins = rest_and_noise(values, times)
     result += _rests(values, times, rest, noise, begins)
     result += _taxels(recording, values)
     result += _wraps(values)
@@ -458,7 +458,7 @@ def _rates(recording: Recording, *, timed: bool) -> list[Finding]:
     return [Finding("rate", said, wrong=False)]
 
 
-def _rest(values: Floats, times: Floats) -> tuple[Floats, Floats, bool]:
+def rest_and_noise(values: Floats, times: Floats) -> tuple[Floats, Floats, bool]:
     """Return the rest, the noise of each number, and whether the recording begins at rest."""
     count = int((times < times[0] + RESTING).sum())
     count = min(max(count, LEAST), MOST, len(values) // 2)

@@ -9,8 +9,10 @@ from typing import cast
 
 import numpy as np
 
-from cnnum.arrays import Floats
+from cnnum.arrays import Floats, Shape
 from cnnum.errors import CodecError
+from cnnum.recordings.press_shape import shape_shown, shapes_of
+from cnnum.recordings.recording import Recording
 
 WORDS: Mapping[str, tuple[str, ...]] = {
     "x": (
@@ -66,11 +68,21 @@ class Proposal:
         Sentences on what the file does not show, and what is taken.
     seen : list of str
         Sentences on what it shows.
+    shapes : list of (rows, cols)
+        Those that the taxels may have; none where the file says it.
+    usual : bool
+        Whether the shape is that of a usual array, and not one of several that are as likely.
     """
 
     table: dict[str, object] = field(default_factory=dict[str, object])
+    shapes: list[Shape] = field(default_factory=list[Shape])
+    usual: bool = True
     undecided: list[str] = field(default_factory=list[str])
     seen: list[str] = field(default_factory=list[str])
+
+    def asks(self, key: str) -> bool:
+        """Return whether a key is to be given."""
+        return any(said.startswith(f"{key}: ") for said in self.undecided)
 
     def text(self) -> str:
         """Return the layout as TOML."""
@@ -112,10 +124,40 @@ def shape_of(proposal: Proposal, taxels: int, sure: bool = False) -> tuple[int, 
             "positions = [[0, 0], [-7, 0], [7, 0], [0, -7], [0, 7]]"
         )
     if taxels > 1 and not sure:
+        proposal.shapes = shapes_of(taxels)
+        proposal.usual = shape[0] == shape[1] or taxels in KNOWN_SHAPES or len(proposal.shapes) < 2
         proposal.undecided.append(
             f"shape: {taxels} taxels are taken as {shape[0]} rows of {shape[1]}, from left to right"
         )
     return shape
+
+
+def settle_shape(proposal: Proposal, recording: Recording | None) -> bool:
+    """Set the shape by the presses of a recording, and return whether it is known then.
+
+    Unless they show it, it is that of a usual array, and else there is none.
+    """
+    rest = [said for said in proposal.undecided if not said.startswith("shape: ")]
+    if not proposal.shapes:
+        return True
+    shown = None if recording is None else shape_shown(recording, proposal.shapes)
+    taxels = math.prod(proposal.shapes[0])
+    if shown is not None:
+        proposal.table["shape"] = shown
+        proposal.seen.append(f"presses that show {shown[0]} rows of {shown[1]} taxels")
+        said = f"shape: by the presses, {taxels} taxels are {shown[0]} rows of {shown[1]}"
+    elif proposal.usual:
+        return True
+    else:
+        names = [f"{rows}×{cols}" for rows, cols in proposal.shapes]
+        proposal.table.pop("shape")
+        said = (
+            f"shape: {taxels} taxels may be {', '.join(names[:-1])} or {names[-1]} (rows×columns), "
+            "and no press shows which: give it, as in '--set shape=[1, "
+            f"{taxels}]'"
+        )
+    proposal.undecided = [said, *rest]
+    return shown is not None
 
 
 def channels_of(proposal: Proposal, numbers: int) -> int:

@@ -1,7 +1,7 @@
 """`cnnum layout`: the layout of a file of others, proposed and drawn."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import click
 
@@ -10,6 +10,8 @@ from cnnum.cli.output import Output
 from cnnum.safety.values import visible
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from cnnum.arrays import Floats
     from cnnum.recordings.recording import Recording
 
@@ -40,6 +42,7 @@ def command(
     from cnnum.drivers.own_data.driver import recording_by
     from cnnum.drivers.own_data.layout import DataLayout
     from cnnum.drivers.own_data.proposal import propose
+    from cnnum.drivers.own_data.proposed_shape import settle_shape
     from cnnum.errors import RecordingError, SceneError, missing_file
     from cnnum.safety.files import refuse_target, write_whole
     from cnnum.safety.reading import names_something
@@ -58,9 +61,15 @@ def command(
     proposal.undecided = [said for said in proposal.undecided if said.split(":")[0] not in known]
     proposal.table |= given
     recording: Recording | None = None
+    unshaped = "shape" not in given and bool(proposal.shapes)
     try:
-        layout = read_options(DataLayout, proposal.table, Path())
-        recording = recording_by(file, layout)
+        # its shape may follow from its presses, for which a rate is of no matter
+        spare = {"rate": 1.0} if unshaped and proposal.asks("rate") else {}
+        recording = recording_by(file, read_options(DataLayout, proposal.table | spare, Path()))
+        if (unshaped and not settle_shape(proposal, recording)) or spare:
+            recording = None
+        elif list(recording.shape) != list(cast("Sequence[int]", proposal.table["shape"])):
+            recording = recording_by(file, read_options(DataLayout, proposal.table, Path()))
     except SceneError as error:
         if given or "rate" not in str(error):
             raise
