@@ -70,6 +70,8 @@ class Proposal:
         Sentences on what it shows.
     shapes : list of (rows, cols)
         Those that the taxels may have; none where the file says it.
+    numbers : int
+        Numbers of a frame of which only their count is known; 0 where more is.
     usual : bool
         Whether the shape is that of a usual array, and not one of several that are as likely.
     """
@@ -77,6 +79,7 @@ class Proposal:
     table: dict[str, object] = field(default_factory=dict[str, object])
     shapes: list[Shape] = field(default_factory=list[Shape])
     usual: bool = True
+    numbers: int = 0
     undecided: list[str] = field(default_factory=list[str])
     seen: list[str] = field(default_factory=list[str])
 
@@ -132,6 +135,14 @@ def shape_of(proposal: Proposal, taxels: int, sure: bool = False) -> tuple[int, 
     return shape
 
 
+def take_channels(proposal: Proposal, count: int) -> None:
+    """Set the shape anew for a count of channels that is given."""
+    if proposal.numbers and count and proposal.numbers % count == 0:
+        proposal.undecided = [s for s in proposal.undecided if not s.startswith("shape: ")]
+        proposal.shapes = []
+        proposal.table["shape"] = shape_of(proposal, proposal.numbers // count)
+
+
 def settle_shape(proposal: Proposal, recording: Recording | None) -> bool:
     """Set the shape by the presses of a recording, and return whether it is known then.
 
@@ -170,8 +181,13 @@ def channels_of(proposal: Proposal, numbers: int) -> int:
         count = 3
     else:
         count = 1
+    proposal.numbers = numbers
+    other = 4 - count  # three or one
+    more = f", and may be {numbers // other} of {other}: then give '--set channels="
+    more += '["z"]' if other == 1 else '["x", "y", "z"]'
     proposal.undecided.append(
         f"channels: {numbers} numbers a frame are taken as {numbers // count} taxels of {count}"
+        + (f"{more}'" if numbers % other == 0 else "")
     )
     return count
 

@@ -42,7 +42,7 @@ def command(
     from cnnum.drivers.own_data.driver import recording_by
     from cnnum.drivers.own_data.layout import DataLayout
     from cnnum.drivers.own_data.proposal import propose
-    from cnnum.drivers.own_data.proposed_shape import settle_shape
+    from cnnum.drivers.own_data.proposed_shape import settle_shape, take_channels
     from cnnum.errors import RecordingError, SceneError, missing_file
     from cnnum.safety.files import refuse_target, write_whole
     from cnnum.safety.reading import names_something
@@ -59,6 +59,8 @@ def command(
     if "time" in given:
         known.add("rate")
     proposal.undecided = [said for said in proposal.undecided if said.split(":")[0] not in known]
+    if isinstance(channels := given.get("channels"), list):
+        take_channels(proposal, len(cast("list[object]", channels)))
     proposal.table |= given
     recording: Recording | None = None
     unshaped = "shape" not in given and bool(proposal.shapes)
