@@ -10,7 +10,7 @@ one direction, which is taken off. A twist or a load that slides has another pat
 nothing on orders.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import permutations, product
 
@@ -355,12 +355,15 @@ class Finding:
         Whether it is a fault, and not a fact.
     cure : dict of str to object
         Keys of a layout, or of a scene with their tables ("frames.dead"), that cure it.
+    others : sequence of dict
+        Keys that cure it as well, where what the recording shows has several causes.
     """
 
     what: str
     sentence: str
     wrong: bool = True
     cure: Mapping[str, object] = field(default_factory=dict[str, object])
+    others: Sequence[Mapping[str, object]] = ()
 
 
 def checked(recording: Recording, pads: int = 1, *, timed: bool = False) -> list[Finding]:
@@ -591,6 +594,8 @@ def _orders(
         return [_by_levels(rest, away) or Finding("order", said, wrong=False)]
     some = pressed[:: max(1, len(pressed) // PRESSES)]
     order, value, present = best_order(away[some], recording.unit, pads)
+    if order is None and (turned := _turned(away[pressed[:PRESSES]], away[some], pads)):
+        return [turned]
     if order is None:
         said = (
             "No press straight down is seen, so that nothing shows the orders and signs: press the "
@@ -600,7 +605,87 @@ def _orders(
     if order == Order():
         said = f"The orders and signs are right: the shear points away from a press ({value:.2f})."
         return [Finding("order", said, wrong=False)]
-    return [Finding("order", *sentence_of(order, value, present))]
+    others = _other_cures(order, square=values.shape[1] == values.shape[2])
+    return [Finding("order", *sentence_of(order, value, present), others)]
+
+
+TURNS = (Order((1, 0, 2), (1.0, -1.0, 1.0)), Order((1, 0, 2), (-1.0, 1.0, 1.0)))
+"""Shears that are turned by a quarter against rows and columns, to either side."""
+
+
+def _turned(first: Floats, some: Floats, pads: int) -> Finding | None:
+    """Return that the shear runs around a press, from its first frames on; None where it does not.
+
+    A pad that is turned with its axes is another frame, and shows nothing.
+    """
+    tried = [replace(order, grid=grid) for grid in (GRID, *GRIDS) for order in TURNS]
+    fits = list[list[float]]()
+    for presses in (first, some):
+        fits.append([])
+        for order in tried:
+            placed = np.moveaxis(pad_pressed(Order(grid=order.grid).of(presses), pads), -1, 0)
+            fits[-1].append(float(np.median(_scored(patterns(placed[2], placed), order))))
+    least = np.round(np.min(fits, axis=0), 2)
+    value, found = float(least.max()), tried[int(least.argmax())]
+    if value < CLEAR:
+        return None
+    said = (
+        f"The shear runs around a press ({value:.2f}) from its first frames on: the array was "
+        "twisted as it was pressed, or its rows and columns are turned by a quarter against the "
+        "axes of the shear, which the keys below turn back."
+    )
+    others = _other_cures(found, square=first.shape[1] == first.shape[2])
+    return Finding("order", said, wrong=False, cure=_keys(found), others=others)
+
+
+def _other_cures(order: Order, *, square: bool) -> list[dict[str, object]]:
+    """Return other keys under which a press looks as under those of an order.
+
+    A mirrored axis looks as a turned shear, a turned normal load as two turned shears, and on a
+    square array rows and columns that are swapped as swapped shears.
+    """
+    result = list[dict[str, object]]()
+    swaps = [False, True] if square else [False]
+    for swap, z, x, y in product(swaps, *[[False, True]] * 3):
+        # either the shear of an axis is turned or the axis itself
+        signs = list(order.signs)
+        if z:
+            signs = [-sign for sign in signs]
+        flip = [name for name, back in (("rows", y), ("cols", x)) if back]
+        signs[0] *= -1.0 if x else 1.0
+        signs[1] *= -1.0 if y else 1.0
+        grid, channels = order.grid, order.channels
+        if swap:
+            names = {"rows": "cols", "cols": "rows"}
+            grid = (
+                names.get(grid[0], grid[0]),
+                names.get(grid[1], grid[1]),
+                names.get(grid[2], grid[2]),
+            )
+            channels = (channels[1], channels[0], channels[2])
+            signs = [signs[1], signs[0], signs[2]]
+            flip = [names[axis] for axis in flip]
+        other = Order(channels, (signs[0], signs[1], signs[2]), grid)
+        keys = _keys(other) | ({"flip": flip} if flip else {})
+        if signs[2] > 0.0 or order.signs[2] < 0.0:
+            result.append(keys)
+    own = _keys(order)
+    result = [keys for keys in result if keys and keys != own]
+    return sorted(result, key=lambda keys: len(str(keys)))[:ALTERNATIVES]
+
+
+def _keys(order: Order) -> dict[str, object]:
+    """Return the keys of a layout for an order."""
+    keys: dict[str, object] = {}
+    if order.grid != GRID:
+        keys["order"] = " ".join(("frames", *order.grid))
+    if order.names() != ["x", "y", "z"]:
+        keys["channels"] = order.names()
+    return keys
+
+
+ALTERNATIVES = 7
+"""Other cures that are listed, the shortest first."""
 
 
 def _by_levels(rest: Floats, moved: Floats) -> Finding | None:
@@ -612,10 +697,12 @@ def _by_levels(rest: Floats, moved: Floats) -> Finding | None:
         "The numbers at rest are mixed in all channels, and would be alike in each if "
         f"{GRIDS[order.grid]}"
     )
+    others: list[dict[str, object]] = []
     if rest.shape[0] == rest.shape[1]:
         other = " ".join({"rows": "cols", "cols": "rows"}.get(n, n) for n in cure.split())
         said += f", or with rows and columns swapped, '{other}': a press shows which"
-    return Finding("order", f"{said}.", cure={"order": cure})
+        others = [{"order": other}]
+    return Finding("order", f"{said}.", cure={"order": cure}, others=others)
 
 
 def sentence_of(order: Order, value: float, present: float) -> tuple[str, bool, dict[str, object]]:

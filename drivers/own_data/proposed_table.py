@@ -216,7 +216,15 @@ def _of_table(
     whole = [fields for fields in rows if len(fields) >= len(names)]
     if not whole:
         raise _no_table(path)
-    columns = {name: [fields[n] for fields in whole] for n, name in enumerate(names)}
+    columns: dict[str, list[str]] = {}
+    for n, name in enumerate(names):
+        texts = [fields[n] for fields in whole]
+        if name and columns.get(name, texts) != texts:
+            raise CodecError(
+                f"'{path}' has two columns of the name {name!r:.80} with other numbers: rename "
+                "one of them."
+            )
+        columns.setdefault(name, texts)
     _columns(proposal, columns, form, bool(header), asked)
     proposal.seen.append(f"a table of {len(names)} columns")
     return proposal

@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 FAULTS = 1
 """Exit code where something is wrong."""
 
+SHOWN = 3
+"""Other cures of a fault that are shown; `--json` has all."""
+
 
 @click.command("check")
 @click.argument("recording", type=click.Path(path_type=Path))
@@ -54,7 +57,9 @@ def command(recording: Path, topic: str, as_json: bool) -> int:
     if not as_json:
         click.echo(visible(f"{recording}: {held!r}"))
     for finding in findings:
-        toml = "; ".join(f"{key} = {_toml(value)}" for key, value in finding.cure.items())
+        cures = [cure for cure in (finding.cure, *finding.others[:SHOWN]) if cure]
+        lines = ["; ".join(f"{key} = {_toml(value)}" for key, value in c.items()) for c in cures]
+        toml = f"\n       {'or':<8} ".join(lines)
         text = f"{'wrong' if finding.wrong else '     '}  {finding.what:<8} {finding.sentence}"
         output.record(
             {
@@ -63,6 +68,7 @@ def command(recording: Path, topic: str, as_json: bool) -> int:
                 "wrong": finding.wrong,
                 "sentence": finding.sentence,
                 "cure": dict(finding.cure),
+                "others": [dict(other) for other in finding.others],
             },
             visible(f"{text}\n       {'':<8} {toml}" if toml else text),
         )
@@ -87,10 +93,13 @@ def _on_grid(recording: "Recording", positions: "Positions", pitch: float | None
 def _of_scene(finding: "Finding") -> "Finding":
     """Return a finding with a cure in keys of a scene, of a recording that has no layout."""
     tables = {"rate": "program.parameters."} | dict.fromkeys(
-        ("channels", "order", "unit", "time_unit"), "frames."
+        ("channels", "order", "flip", "unit", "time_unit"), "frames."
     )
-    cure = {f"{tables.get(key, '')}{key}": value for key, value in finding.cure.items()}
-    return replace(finding, cure=cure)
+    cure, *others = (
+        {f"{tables.get(key, '')}{key}": value for key, value in keys.items()}
+        for keys in (finding.cure, *finding.others)
+    )
+    return replace(finding, cure=cure, others=others)
 
 
 def _toml(value: object) -> str:

@@ -363,6 +363,10 @@ REFUSED = {
         ["taxel,0,0,0,1,1,1", "axis,x,y,z,x,y,z", *(f"{n / 100},1,2,3,4,5,6" for n in range(20))],
         "line 2: names below names",
     ),
+    "two columns of a name": (
+        ["t,t0_x,t0_y,t0_y", *(f"{n / 100},{n % 3},2,{n}" for n in range(20))],
+        "two columns of the name 't0_y' with other numbers",
+    ),
     "Arduino's monitor": (
         [f"12:00:00.{10 * n:03d} -> {n},2,3" for n in range(20)],
         "Arduino's serial monitor",
@@ -460,6 +464,20 @@ INDICES = {
     ),
     "differences of times": lambda pd: pd.to_timedelta(np.arange(FRAMES) * STEP, unit="ns"),
 }
+
+
+def test_channels_before_rows_columns_and_frames_of_hdf5(call, tmp_path):
+    """(3, 3, 4, n): three channels of 3×4 taxels, or four of 3×3, which is said."""
+    h5py = pytest.importorskip("h5py")
+    values, path = press(3, 4, offset=900), tmp_path / "a.h5"
+    with h5py.File(path, "w") as file:
+        file["tactile"], file["t"] = values.transpose(3, 1, 2, 0), np.arange(FRAMES) / RATE
+    done = call("layout", path, "--write")
+    assert done.exit_code == 0
+    assert "order: 3 channels of 3×4 taxels fit, and 4 channels of 3×3, too" in done.stdout
+    recording = cnnum.load_recording(path)
+    np.testing.assert_array_equal(recording.values, values)
+    assert "are right" in call("check", path).stdout
 
 
 @pytest.mark.parametrize("name", [None, "when", "time_ms"])
