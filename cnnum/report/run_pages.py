@@ -1,5 +1,6 @@
 """Pages of a run to look at: the transient of a template, and every operation of a program."""
 
+import itertools
 import math
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
@@ -19,6 +20,7 @@ from cnnum.pictures import as_pixels, pillow
 from cnnum.runs.result import Result
 from cnnum.safety.files import write_whole, written
 from cnnum.sharing import picture, style_rules
+from cnnum.templating.numbers import matrices
 from cnnum.templating.template import Template
 
 TIMES = 13
@@ -85,7 +87,8 @@ def _stacked(shown: Floats, count: int) -> Floats:
 def write_transient(
     path: Path, template: Template, times: Floats, result: Result, *, force: bool = False
 ) -> None:
-    """Write the transient: .html with states, .png with outputs side by side, .gif moving.
+    """Write the transient: .html with states, .png with outputs side by side, .gif moving,
+    and .svg for a paper, with the template's matrices above outputs at up to seven times.
 
     Raises
     ------
@@ -155,6 +158,64 @@ def _write_moving(file: IO[bytes], template: Template, times: Floats, result: Re
     first.save(file, "GIF", save_all=True, append_images=rest, duration=MILLISECONDS, loop=0)
 
 
+STRIP = 7
+"""Times of a strip for a paper, at most."""
+
+
+def _write_figure(file: IO[bytes], template: Template, times: Floats, result: Result) -> None:
+    """Write matrices as stencils above outputs in time, all as shapes and text, 24 units a cell."""
+    cell, gap, x = 24.0, 16.0, 0.0
+    parts, tallest = list[str](), 0
+    for label, kernel in [*matrices(template), ("z", template.z)]:
+        grid = np.atleast_2d(kernel)
+        rows, cols = grid.shape
+        parts.append(f"<text x='{x:g}' y='14' class='name'>{escape(label)}</text>")
+        for (row, col), value in np.ndenumerate(grid):
+            left, top = x + 1.75 * cell * col, 22 + cell * row
+            parts.append(
+                f"<rect x='{left:g}' y='{top:g}' width='{1.75 * cell:g}' height='{cell:g}' "
+                f"class='box'/><text x='{left + 0.875 * cell:g}' y='{top + 16:g}' "
+                f"class='number'>{value:.4g}</text>"
+            )
+        x, tallest = x + 1.75 * cell * cols + gap, max(tallest, rows)
+    outputs = _layers(result.output, template)
+    shown = np.unique(np.linspace(0, len(times) - 1, min(STRIP, len(times))).round().astype(int))
+    height, width = outputs.shape[1:]
+    size, top, left = 112.0 / max(height, width), 44.0 + cell * tallest, 0.0
+    for at in shown.tolist():
+        parts += _cells(outputs[at], left, top, size)
+        label = escape(f"t = {template.timed(float(times[at]), 3)}")
+        parts.append(f"<text x='{left:g}' y='{top + size * height + 16:g}'>{label}</text>")
+        left += size * width + gap
+    wide, tall = max(x, left) - gap + 2, top + size * height + 24
+    text = (
+        f"<svg xmlns='http://www.w3.org/2000/svg' viewBox='-1 0 {wide:g} {tall:g}' "
+        f"width='{wide:g}' height='{tall:g}'><title>{escape(template.name)}</title><style>"
+        "text { font: 12px sans-serif; } .name { font-weight: bold; } .number { text-anchor: "
+        "middle; } .box { fill: none; stroke: #888; }</style>" + "".join(parts) + "</svg>\n"
+    )
+    file.write(text.encode("utf-8"))
+
+
+def _cells(output: Floats, left: float, top: float, size: float) -> list[str]:
+    """Return the cells of a map as shapes, equal ones of a row in one; +1 is black."""
+    grays, shapes = as_pixels(output), list[str]()
+    for row, line in enumerate(grays.tolist()):
+        starts = [0, *(np.flatnonzero(np.diff(line)) + 1).tolist(), len(line)]
+        for first, last in itertools.pairwise(starts):
+            gray = line[first]
+            shapes.append(
+                f"<rect x='{left + size * first:g}' y='{top + size * row:g}' "
+                f"width='{size * (last - first):g}' height='{size:g}' "
+                f"fill='#{gray:02x}{gray:02x}{gray:02x}'/>"
+            )
+    height, width = (size * count for count in output.shape)
+    return [
+        *shapes,
+        f"<rect x='{left:g}' y='{top:g}' width='{width:g}' height='{height:g}' class='box'/>",
+    ]
+
+
 def _pillow() -> Any:
     return pillow("pictures of a transient", "or write a .html page, which needs no library")
 
@@ -163,6 +224,7 @@ WRITERS: Mapping[str, Callable[[IO[bytes], Template, Floats, Result], None]] = {
     ".html": _write_page,
     ".png": _write_strip,
     ".gif": _write_moving,
+    ".svg": _write_figure,
 }
 """By the suffix of the file."""
 

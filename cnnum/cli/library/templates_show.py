@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 @click.argument("name", shell_complete=completed("template"))
 @target_option(
     "--transient",
-    "FILE.html|png|gif",
+    "FILE.html|png|gif|svg",
     "Run it on a picture, and write its state or output at several times.",
 )
 @click.option(

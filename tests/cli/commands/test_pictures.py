@@ -1,7 +1,10 @@
 """Picture files in and out, and transients that can be seen."""
 
+from xml.etree import ElementTree
+
 import numpy as np
 import pytest
+from scipy import ndimage
 
 import cnnum
 
@@ -73,6 +76,33 @@ def test_a_picture_file_is_the_input(call, tmp_path):
     black = (last[7::14, 7::14] < 128).astype(int)
     assert black.sum() == 8
     assert black[4, 4] == 0
+
+
+def test_a_figure_for_a_paper_has_the_numbers_and_the_answer_as_shapes(call, tmp_path):
+    """Painted cell by cell, the last map is the picture with its hole filled, as SciPy fills it."""
+    picture = -np.ones((9, 9))
+    picture[2:7, 1:7], picture[4, 3:5] = 1.0, -1.0
+    cnnum.save_picture(picture, tmp_path / "ring.png")
+    out = tmp_path / "hole.svg"
+    options = ("--transient", out, "--input", tmp_path / "ring.png", "--engine", "numba")
+    assert call("templates", "show", "HOLE", *options).exit_code == 0
+    tags = list(ElementTree.parse(out).iter())
+    written = [float(tag.text) for tag in tags if tag.get("class") == "number"]
+    hole = cnnum.get_template("HOLE")
+    assert written == [*hole.A.ravel(), *hole.B.ravel(), *hole.z]
+    shapes = [tag for tag in tags if tag.get("fill")]
+    x, y, width = (np.array([float(s.get(key)) for s in shapes]) for key in ("x", "y", "width"))
+    size = float(shapes[0].get("height"))
+    painted = np.zeros((9, 63))  # seven maps, 16 units apart
+    for shape, left, top, wide in zip(shapes, x, y, width, strict=True):
+        at = int(left // (9 * size + 16.0))
+        col = round((left - at * (9 * size + 16.0)) / size) + 9 * at
+        painted[round((top - y.min()) / size), col : col + round(wide / size)] = (
+            shape.get("fill") == "#000000"
+        )
+    truth = ndimage.binary_fill_holes(picture > 0)
+    np.testing.assert_array_equal(painted[:, -9:] > 0, truth)
+    assert painted[:, :9].all()  # HOLE begins black everywhere
 
 
 @pytest.mark.parametrize("name", ["t.wav", "no/t.html"])
