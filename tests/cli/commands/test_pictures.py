@@ -37,7 +37,7 @@ def test_black_is_plus_one_and_what_is_transparent_is_white(tmp_path):
         (lambda at: cnnum.load_picture(at / "text.png"), "not an image that Pillow reads"),
         (lambda at: cnnum.save_picture(PICTURE, at / "p.nothing"), "cannot be written"),
         (lambda at: cnnum.save_picture(PICTURE, at / "no" / "p.png"), "cannot be written"),
-        (lambda at: cnnum.save_picture(np.zeros(3), at / "p.png"), "holds .rows, cols."),
+        (lambda at: cnnum.save_picture(np.zeros(3), at / "p.png"), "needs .rows, cols."),
         (lambda at: cnnum.as_picture(PICTURE), "type bool or uint8"),
     ],
 )
