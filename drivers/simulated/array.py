@@ -10,7 +10,7 @@ import numpy as np
 from cnnum.arrays import Floats, Shape
 from cnnum.drivers.driver import Closing, Counters
 from cnnum.drivers.simulated.bodies import Brush, FaceTractions, FlatFace, TexturedFace, mirrored
-from cnnum.drivers.simulated.cover import Creeping, Layout, influence_of
+from cnnum.drivers.simulated.cover import FARTHEST, Creeping, Layout, influence_of
 from cnnum.drivers.simulated.settings import Command, Settings, commands, largest_load, total_scans
 from cnnum.drivers.simulated.springs import Pair, Springs, State, Tractions
 from cnnum.errors import PhysicsError
@@ -138,11 +138,8 @@ class SimulatedArray(Closing):
         self.cover = _cover(options)
         self.bumps = self.cover if isinstance(self.cover, BumpCover) else None
         layout = Layout(options.shape, options.pitch)
-        self.surface: Grid = layout.surface
-        contact = _contact(options, layout)
-        self._springs: Springs | Brush = contact[0]
-        self._tractions: Tractions | FaceTractions = contact[1]
-        self.influence = influence_of(options, layout) if influence is None else influence
+        self._springs: Springs | Brush = _contact(options, layout)
+        self._lay(layout, influence)
         self._creeping = Creeping(options)
         self._rng = np.random.default_rng(options.seed)
         self._taxel = _taxel(options, self._rng)
@@ -152,6 +149,19 @@ class SimulatedArray(Closing):
         self.total_frames = total_scans(options.script, options.rate)
         self._counters = Counters()
         self._closed = False
+
+    def _lay(self, layout: Layout, influence: Floats | None = None) -> None:
+        """Take a surface, and work out what its cells do to the taxels unless that is given."""
+        self._layout = layout
+        self.surface: Grid = layout.surface
+        springs = self._springs
+        self._tractions: Tractions | FaceTractions = (
+            Tractions(springs, layout.surface)
+            if isinstance(springs, Springs)
+            else FaceTractions(springs, layout.surface)
+        )
+        given = influence_of(self._options, layout) if influence is None else influence
+        self.influence: Floats = given
 
     @property
     def counters(self) -> Counters:
@@ -168,7 +178,7 @@ class SimulatedArray(Closing):
         Raises
         ------
         PhysicsError
-            If the contact leaves the surface.
+            If a contact reaches more than six pitches beyond the array.
         """
         self._rng.bit_generator.state = self._noise
         self._counters, self._closed = Counters(), False
@@ -210,13 +220,13 @@ class SimulatedArray(Closing):
         Raises
         ------
         PhysicsError
-            If a contact reaches beyond the surface.
+            If a contact reaches more than six pitches beyond the array.
         """
         facing = [state.facing for state in states if state.facing is not None]
         if facing:
             alone = [replace(state, facing=None) for state in states]
             return np.concatenate([self.strain(alone), self.strain(facing)], axis=2)
-        self._check_inside(states)
+        self._make_room(states)
         window = self._tractions.window(states)
         traction = self._tractions(states, window)
         influence = self.influence[:, :, window.rows, window.cols]
@@ -243,18 +253,23 @@ class SimulatedArray(Closing):
             saturated=saturated if at_end else None,
         )
 
-    def _check_inside(self, states: list[State]) -> None:
-        edge = np.array([self.surface.x_edges[-1], self.surface.y_edges[-1]])
+    def _make_room(self, states: list[State]) -> None:
+        """Widen the surface under contacts that reach beyond it, but not without end."""
         for state in states:
             if state.load == 0.0:
                 continue
             reach = self._springs.reach(state)
-            if (np.abs(state.position) + reach > edge).any():
+            sides = self.pitch / 2 * np.array(self._layout.shape[::-1])
+            beyond = float((np.abs(state.position) + reach - sides).max())
+            if self._layout.margin * self.pitch < beyond <= FARTHEST * self.pitch:
+                self._lay(replace(self._layout, margin=FARTHEST))
+            elif beyond > FARTHEST * self.pitch:
                 x, y = state.position * 1e3
+                wide, high = (sides + FARTHEST * self.pitch) * 1e3
                 raise PhysicsError(
                     f"The contact has left the array: radius {reach * 1e3:.2f} mm "
-                    f"around ({x:.2f}, {y:.2f}) mm, expected within ±{edge[0] * 1e3:.2f} and "
-                    f"±{edge[1] * 1e3:.2f} mm; pull or roll less far, or start elsewhere."
+                    f"around ({x:.2f}, {y:.2f}) mm, expected within ±{wide:.2f} and "
+                    f"±{high:.2f} mm; pull or roll less far, or start elsewhere."
                 )
 
 
@@ -273,15 +288,11 @@ class SimulatedOptions(Settings):
         return SimulatedArray(self)
 
 
-def _contact(
-    options: Settings, layout: Layout
-) -> tuple[Springs, Tractions] | tuple[Brush, FaceTractions]:
+def _contact(options: Settings, layout: Layout) -> Springs | Brush:
     if options.body == "sphere":
-        springs = _springs(options)
-        return springs, Tractions(springs, layout.surface)
+        return _springs(options)
     textured = options.body == "textured"
-    brush = Brush(TexturedFace(options, layout) if textured else FlatFace(options))
-    return brush, FaceTractions(brush, layout.surface)
+    return Brush(TexturedFace(options, layout) if textured else FlatFace(options))
 
 
 def _springs(options: Settings) -> Springs:

@@ -40,8 +40,9 @@ if TYPE_CHECKING:
 CELLS = 5
 """Cells a pitch: an odd number, so that a taxel lies below the middle of a cell."""
 
-MARGIN = 1
-"""Pitches of surface beyond the outermost taxels' own."""
+MARGIN, FARTHEST = 1, 6
+"""Pitches of surface beyond the outermost taxels' own, to begin with and under a body that goes
+over the rim: what is farther away, taxels no longer feel."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,15 +53,18 @@ class Layout:
     ----------
     shape : (rows, cols) int
     pitch : float, m
+    margin : int
+        Pitches of surface beyond the outermost taxels' own.
     """
 
     shape: Shape
     pitch: float
+    margin: int = MARGIN
 
     @property
     def surface(self) -> Grid:
         """The cells of the surface."""
-        sides = [(n + 2 * MARGIN) * CELLS for n in self.shape]
+        sides = [(n + 2 * self.margin) * CELLS for n in self.shape]
         return make_grid(sides, self.pitch / CELLS)
 
     @property
@@ -71,7 +75,7 @@ class Layout:
     def nearest(self) -> NDArray[np.intp]:
         """Return (rows, cols) of the surface: number of the pitch square that a cell lies in."""
         rows, cols = (np.arange(n) // CELLS for n in self.surface.shape)
-        return np.asarray(rows[:, None] * (self.shape[1] + 2 * MARGIN) + cols)
+        return np.asarray(rows[:, None] * (self.shape[1] + 2 * self.margin) + cols)
 
 
 def flat_influence(layout: Layout, thickness: float, youngs_modulus: float) -> Floats:
@@ -164,7 +168,7 @@ def bumpy_influence(
     """
     cover = BumpCover(thickness, youngs_modulus, bump_radius)
     taxels, surface = layout.taxels, layout.surface
-    bumps = make_grid([n + 2 * MARGIN for n in layout.shape], layout.pitch)
+    bumps = make_grid([n + 2 * layout.margin for n in layout.shape], layout.pitch)
     at_taxels = np.stack(np.meshgrid(taxels.x, taxels.y), axis=-1)
     at_bumps = np.stack(np.meshgrid(bumps.x, bumps.y), axis=-1).reshape(-1, 2)
     away = at_taxels[:, :, None, None] - at_bumps[:, None]

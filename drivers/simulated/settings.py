@@ -381,7 +381,7 @@ class Settings:
         rolls = self.body == "sphere" or "roll" not in kinds
         require("script", rolls, "without a 'roll': only a sphere rolls", "roll")
         on_bumps = self.body != "textured" or self.cover == "bumpy"
-        require("body", on_bumps, "'textured' on the cover 'bumpy' alone", self.body)
+        require("cover", on_bumps, "'bumpy' under the body 'textured'", self.cover)
         for name in SIZES.get(self.body, ()):
             value: float = getattr(self, name)
             if name == "relief":

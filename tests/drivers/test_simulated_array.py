@@ -11,7 +11,7 @@ from scipy.integrate import dblquad
 from cnnum.drivers import open_driver
 from cnnum.drivers.serial_array import SerialOptions
 from cnnum.drivers.simulated.array import SimulatedArray, SimulatedOptions
-from cnnum.drivers.simulated.cover import Layout, flat_influence
+from cnnum.drivers.simulated.cover import FARTHEST, Layout, flat_influence
 from cnnum.drivers.simulated.settings import DEFAULT, Phase
 from cnnum.drivers.simulated.springs import State, Tractions
 from cnnum.errors import PhysicsError, SceneError
@@ -316,12 +316,32 @@ def test_turns_are_counted_from_each_touch() -> None:
     assert truths[-1]["twist"] == 0.0
 
 
-def test_a_contact_whose_rim_leaves_the_array_is_refused() -> None:
-    """Its centre is still inside."""
-    array = clean(start=(0.0, 0.0))
-    edge = float(array.surface.x_edges[-1])
-    radius = end(array).contact_radius
+def test_a_contact_far_beyond_the_rim_is_refused() -> None:
+    """Six pitches: what is farther away, taxels no longer feel."""
+    edge = (4 + FARTHEST) * 1.5e-3
+    radius = end(clean()).contact_radius
     inside = clean(start=(edge - 1.01 * radius, 0.0))
     assert len(list(inside.frames())) == inside.total_frames
     with pytest.raises(PhysicsError, match="left the array"):
         list(clean(start=(edge - 0.5 * radius, 0.0)).frames())
+
+
+@pytest.mark.one_in(6)
+@pytest.mark.parametrize("cover", ["flat", "bumpy", "layer"])
+@pytest.mark.parametrize("body", ["sphere", "two bodies"])
+def test_a_body_that_goes_over_the_rim_reads_as_within_a_larger_array(
+    cover: str, body: str
+) -> None:
+    """The middle taxels of a larger array, whose own rim is not reached, read the same."""
+    script = (*PRESS, Phase("pull", 0.4, speed=10e-3, direction=0.3))
+    bumps = {"bump_radius": 0.2e-3, "thickness": 0.2e-3} if cover == "bumpy" else {}
+    strain = []
+    for side in (4, 10):
+        array = clean(shape=(side, side), cover=cover, body=body, script=script, rate=40.0, **bumps)
+        states = [state for state, _ in array.scans()]
+        parts = [array.strain(states[n : n + 4]) for n in range(0, len(states), 4)]
+        strain.append(np.concatenate(parts))
+    inner = strain[1][:, 3:7, 3:7]
+    assert np.abs(states[-1].position).max() > 2e-3  # the centre, where the array ends at 3 mm
+    # cells are sharpened by their neighbours, of which the last of a surface have fewer
+    np.testing.assert_allclose(strain[0], inner, atol=1e-6 * np.abs(inner).max())

@@ -163,7 +163,7 @@ def test_a_relaxed_hand_leaves_no_force():
     ("options", "sentence"),
     [
         ({"body": "cube"}, "'body' must be one of"),
-        ({"body": "textured"}, "'body' must be 'textured' on the cover 'bumpy'"),
+        ({"body": "textured"}, "'cover' must be 'bumpy' under the body 'textured'"),
         ({"body": "bar", "width": 1e-5}, "'width' must be"),
         ({"fingers": 3}, "'fingers' must be"),
         (
@@ -194,6 +194,6 @@ def test_a_body_is_asked_for_its_own_sizes_alone():
 
 
 def test_a_face_that_leaves_the_array_is_named():
-    away = clean(body="bar", length=16e-3)
+    away = clean(body="bar", start=(12e-3, 0.0))
     with pytest.raises(PhysicsError, match="left the array"):
         list(away.frames())

@@ -344,6 +344,38 @@ def test_edges_follows_the_outline_of_every_flat_body(body, thickness):
         assert (moments[n].outputs["edges"] > 0).sum() >= 6
 
 
+SEEN = {
+    "active_contour": "outline", "contact": "contact", "demo": "contact", "tactile": "contact",
+    "localize": "bump", "on_off": "onset", "receptors": "pressure", "grasp_code": "grasp_slip",
+    "edges": "edge", "edge_enhancement": "edge", "slip": "slip",
+}  # fmt: skip
+"""Events of scenes that any body makes; a sphere has no edge, and other scenes go by patterns."""
+
+SCENES = [name for name in scene_names() if name != "uskin_grasp"]
+
+
+@pytest.mark.one_in(19)  # of 75, of which no two in a row are of one body
+@pytest.mark.parametrize(("name", "body"), [(n, b) for n in SCENES for b in ("sphere", *BODIES)])
+def test_every_scene_takes_every_body_by_its_name(name, body):
+    """With the sizes of the scene or of the driver, also where it goes over the rim."""
+    _, moments, truths = played(name, **{"array.body": body})
+    assert any(truth["contact"] for truth in truths)
+    free = [n for n, truth in enumerate(truths) if not truth["contact"]]
+    assert len(free) > 50
+    flat = body != "sphere" or not name.startswith("edge")
+    assert SEEN.get(name) in (None, *kinds_of(moments)) or not flat
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_a_textured_face_needs_bumps(name):
+    spec = read_scene(name, changes={"array.body": "textured"})
+    if spec.driver_options.get("cover") == "bumpy":
+        open_driver(spec.driver, spec.driver_options).close()
+    else:
+        with pytest.raises(SceneError, match="'cover' must be 'bumpy' under the body 'textured'"):
+            open_driver(spec.driver, spec.driver_options)
+
+
 LETS_GO = [
     ("sphere", 50.0),
     ("ring", 50.0),

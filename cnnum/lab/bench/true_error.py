@@ -10,7 +10,8 @@ events have a delay and misses in its place.
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, partial
-from math import nan
+from itertools import accumulate, islice
+from math import ceil, nan
 from typing import Any
 
 import numpy as np
@@ -51,6 +52,7 @@ from cnnum.lab.bench.timing import Timing, timed
 from cnnum.plan import Plan
 from cnnum.programs import Program
 from cnnum.programs.library import get_program
+from cnnum.scenes.events import EVENT_RULES
 from cnnum.templating.checks.tactile.halfspace import cover_stress
 
 Row = Mapping[str, object]
@@ -63,7 +65,11 @@ PARTS = (("error", "-", 1.2, "total"), ("discretisation", "-", 5.0, "discretisat
 """Key, line, width and name; a broad line of the discretisation shows below the total."""
 
 COLOURS = {"float32": "#2f6db5", "float64": "#d1495b"}
-ACROSS = 4
+ACROSS, WIDE = 3, 9.0
+"""Panels side by side, and inches of the picture: its letters stay readable at a page's width."""
+
+OTHERS = {"euler 0.1": ("#e8a33d", "D"), "heun 0.1": ("#5b9a3c", "^")}
+"""Colour and mark of methods beside the chosen one."""
 
 NEAR = 5.0
 """Ratio of errors up to which a panel shows them on a linear axis."""
@@ -73,30 +79,30 @@ FEW_DECADES = 2.3
 
 
 def true_error(rows: Sequence[Row]) -> Picture:
-    """Return error over time by the knob, and delay over time of programs that report events."""
+    """Return error over time by the knob, and delay and misses over time of reports of events."""
     fields, events = (
         list(dict.fromkeys(_key(row) for row in rows if _is_event(row) == kind))
         for kind in (False, True)
     )
-    keys = [*fields, *events]
-    lines = -(-len(keys) // ACROSS)
-    figure: Picture = Figure(figsize=(13, 0.9 + 2.7 * lines), layout="constrained")
-    grid: list[Any] = list(figure.subplots(lines, ACROSS, squeeze=False).flat)
-    named: dict[str, Any] = {}
-    for axes, key in zip(grid, keys, strict=False):
-        own = [row for row in rows if _key(row) == key]
-        (_delays if key in events else _errors)(axes, own)
-        axes.set_title(f"{key[0]}\n{own[0]['truth']}", fontsize=8)
-        mark_few(axes)
-        axes.grid(visible=True, which="major", color="#dddddd", linewidth=0.6)
-        axes.tick_params(labelsize=7.5)
-        for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
-            named.setdefault(label, handle)
-    for axes in grid[len(keys) :]:
-        axes.set_axis_off()
-    order = sorted(named, key=lambda label: label.split(", ", 1)[::-1])
-    figure.legend([named[label] for label in order], order, loc="outside upper center", ncols=6,
-                  fontsize=8, frameon=False)  # fmt: skip
+    lines = [-(-len(keys) // ACROSS) for keys in (fields, events)]
+    heights = [0.7 + 2.3 * lines[0], 0.7 + 3.2 * lines[1]]
+    figure: Picture = Figure(figsize=(WIDE, sum(heights)), layout="constrained")
+    parts = figure.subfigures(2, 1, height_ratios=heights)
+    for part, keys, count, draw in zip(
+        parts, (fields, events), lines, (_errors, _reports), strict=True
+    ):
+        named: dict[str, Any] = {}
+        for place, key in enumerate(keys):
+            own = [row for row in rows if _key(row) == key]
+            for axes in draw(part, (max(count, 1), ACROSS), place, own):
+                axes.grid(visible=True, which="major", color="#dddddd", linewidth=0.6)
+                axes.tick_params(labelsize=8)
+                for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
+                    named.setdefault(label, handle)
+        order = sorted(named, key=lambda label: label.split(", ", 1)[::-1])
+        if order:
+            part.legend([named[label] for label in order], order, loc="outside upper center",
+                        ncols=4, fontsize=9, frameon=False)  # fmt: skip
     return figure
 
 
@@ -113,7 +119,9 @@ def _number(row: Row, key: str) -> float:
     return float(value) if isinstance(value, int | float) else float("nan")
 
 
-def _errors(axes: Axes, rows: Sequence[Row]) -> None:
+def _errors(part: Picture, shape: tuple[int, int], place: int, rows: Sequence[Row]) -> list[Axes]:
+    axes: Axes = part.add_subplot(*shape, place + 1)
+    _title(axes, rows[0])
     for precision, colour in COLOURS.items():
         own = [row for row in rows if row["precision"] == precision]
         x = [1e6 * _number(row, "seconds") for row in own]
@@ -130,8 +138,10 @@ def _errors(axes: Axes, rows: Sequence[Row]) -> None:
                           xytext=(2, 5), textcoords="offset points")  # fmt: skip
     _scaled(axes, [_number(row, key) for row in rows for key, *_ in PARTS])
     unit = "mm" if str(rows[0]["truth"]).endswith("mm") else "share"
-    axes.set_xlabel(f"µs a frame (at the points: {rows[0]['knob']})", fontsize=8)
-    axes.set_ylabel(f"error, {unit}", fontsize=8)
+    axes.set_xlabel(f"µs a frame; at points: {rows[0]['knob']}", fontsize=8.5)
+    axes.set_ylabel(f"error, {unit}", fontsize=8.5)
+    mark_few(axes)
+    return [axes]
 
 
 def _scaled(axes: Axes, values: Sequence[float]) -> None:
@@ -144,26 +154,51 @@ def _scaled(axes: Axes, values: Sequence[float]) -> None:
         axes.set_ylim(0.0, 1.3 * max(known))
 
 
-def _delays(axes: Axes, rows: Sequence[Row]) -> None:
-    names = dict.fromkeys((str(row["precision"]), str(row["method"])) for row in rows)
-    for (precision, method), mark in zip(names, "osD^v<>P", strict=False):
-        own = [r for r in rows if (r["precision"], r["method"]) == (precision, method)]
-        x = [1e6 * _number(row, "seconds") for row in own]
-        y = [1e3 * _number(row, "delay_s") for row in own]
-        colour = COLOURS[precision] if method == "auto" else None
-        axes.plot(x, y, color=colour, marker=mark, ms=4, lw=1.2, label=f"{precision}, {method}")
-        for at, delay, row in zip(x, y, own, strict=True):
-            missed, first = _number(row, "missed"), (precision, method) == next(iter(names))
-            text = [f"{_number(row, 'setting'):g}/s"] if first else []
-            text += [f"{missed:.0%} missed"] if missed else []
-            axes.annotate(", ".join(text), (at, delay), fontsize=7.5, xytext=(2, 5),
-                          textcoords="offset points")  # fmt: skip
-    axes.margins(0.12)
-    axes.set(xscale="log")
-    top = 1.3 * max([1.0, *(1e3 * _number(row, "delay_s") for row in rows)])
-    axes.set_ylim(-0.05 * top, top)  # many report with the first frame
-    axes.set_xlabel("µs of work a second of touch", fontsize=8)
-    axes.set_ylabel("delay of the report, ms", fontsize=8)
+def _reports(part: Picture, shape: tuple[int, int], place: int, rows: Sequence[Row]) -> list[Axes]:
+    """Draw the delays of a program's reports, and below them the share that is missed or early."""
+    grid = part.add_gridspec(*shape)[place // shape[1], place % shape[1]]
+    upper, lower = grid.subgridspec(2, 1, height_ratios=(2.0, 1.0), hspace=0.0)
+    delays: Axes = part.add_subplot(upper)
+    misses: Axes = part.add_subplot(lower, sharex=delays)
+    _title(delays, rows[0])
+    names = list(dict.fromkeys((str(row["precision"]), str(row["method"])) for row in rows))
+    for precision, method in names:
+        own = [row for row in rows if (row["precision"], row["method"]) == (precision, method)]
+        x = [1e3 * _number(row, "seconds") for row in own]
+        delay, missed, early = (
+            [scale * _number(row, key) for row in own]
+            for key, scale in (("delay_s", 1e3), ("missed", 100.0), ("too_early", 100.0))
+        )
+        colour, mark = OTHERS.get(method, (COLOURS[precision], "o"))
+        chosen = "the chosen method" if method == "auto" else method
+        style = {"color": colour, "ms": 4.5, "lw": 1.2}
+        delays.plot(x, delay, marker=mark, label=f"{precision}, {chosen}", **style)
+        misses.plot(x, missed, marker=mark, **style)
+        misses.plot(x, early, marker=mark, mfc="white", ls=":", **style)
+        for at, y, row in (
+            zip(x, delay, own, strict=True) if (precision, method) == names[0] else ()
+        ):
+            delays.annotate(f"{_number(row, 'setting'):g}/s", (at, y), fontsize=8, xytext=(2, 5),
+                            textcoords="offset points")  # fmt: skip
+    misses.plot([], [], "ko", ms=4.5, label="missed within 0.5 s")
+    misses.plot([], [], "ko:", mfc="white", ms=4.5, label="reported too early")
+    delays.margins(x=0.15)
+    delays.set(xscale="log")
+    top = 1.35 * max(
+        10.0, *(1e3 * value for row in rows if (value := _number(row, "delay_s")) >= 0)
+    )
+    delays.set_ylim(-0.06 * top, top)  # many report with the first frame
+    misses.set(ylim=(-12.0, 112.0), yticks=(0, 50, 100))
+    delays.tick_params(labelbottom=False, which="both")
+    delays.set_ylabel("delay, ms", fontsize=8.5)
+    misses.set_ylabel("share, %", fontsize=8.5)
+    misses.set_xlabel("ms of work per second of touch", fontsize=8.5)
+    mark_few(misses)
+    return [delays, misses]
+
+
+def _title(axes: Axes, row: Row) -> None:
+    axes.set_title(f"{row['case']}\n{row['truth']}", fontsize=8.5)
 
 
 def mark_few(axes: Axes) -> None:
@@ -484,13 +519,20 @@ class Reporter:
     known : mapping
         Parameters.
     touches : str
-        Its trials: "spheres", "spheres of known friction", "ridges" or "two fingers".
+        Its trials: "spheres", "spheres of known friction", "punches", "bumps", "ridges" or "two
+        fingers".
     """
 
     flag: str
     event: str
     known: Mapping[str, object] = field(default_factory=dict[str, object])
     touches: str = "spheres"
+
+    @property
+    def steady(self) -> float:
+        """Time for which the flag holds until it is an event, s."""
+        rules = (rule for rules in EVENT_RULES.values() for rule in rules)
+        return next(rule.steady for rule in rules if rule.flag == self.flag)
 
 
 DEEP: Mapping[str, object] = {"depth": THICKNESS / PITCH}
@@ -502,6 +544,10 @@ REPORTERS: Mapping[str, Reporter] = {
     "receptors": Reporter("sa1_active", "contact"),
     "slip": Reporter("gross_slip", "slip"),
     "twist": Reporter("twist", "twist"),
+    "edges": Reporter("edge_count", "contact", DEEP, "punches"),
+    "edge_enhancement": Reporter("edge_count", "contact", touches="punches"),
+    "localize": Reporter("bump_count", "contact", touches="bumps"),
+    "texture": Reporter("texture_rubs", "slip", {"taxels": "strain", "window": 16}, "ridges"),
     "mindlin_slip": Reporter(
         "incipient_slip", "incipient", {**DEEP, "friction": KNOWN_FRICTION},
         "spheres of known friction",
@@ -526,6 +572,11 @@ def trial(number: int, rate: float, touches: str = "spheres") -> Trial:
     body: dict[str, Any] = {"friction": friction}
     if touches == "two fingers":
         body |= {"fingers": 2, "body": "punch", "width": 12e-3, "start": (0.0, 0.0)}
+    elif touches == "punches":
+        body |= {"body": "punch", "width": float(rng.uniform(4.5e-3, 7e-3))}
+    elif touches == "bumps":
+        body |= {"cover": "bumpy", "bump_radius": BUMP, "thickness": BUMP}
+        down = [Phase("hold", 0.5), Phase("press", 0.3, load=0.15), Phase("hold", 0.3)]
     elif touches == "ridges":
         body |= {"cover": "bumpy", "bump_radius": BUMP, "thickness": BUMP, "body": "textured",
                  "period": 9e-3}  # fmt: skip
@@ -585,7 +636,10 @@ def _reported(
     for number in range(trials):
         one = trial(number, rate, reporter.touches)
         stream, frames = plan.stream(rate=rate), np.ascontiguousarray(one.strain[..., columns])
-        seen = np.array([float(np.any(stream.push(frame)[flag] > 0.5)) for frame in frames])
+        seen = _lasting(
+            [bool(np.any(stream.push(frame)[flag] > 0.5)) for frame in frames],
+            ceil(reporter.steady * rate - 1e-9),
+        )
         began = one.began[reporter.event]
         # a contact that goes on is no early report of itself
         early += bool(seen[: int(began * rate)].any())
@@ -605,6 +659,12 @@ def _reported(
         seconds=timing.least / len(frames) * rate,
         spread=timing.spread / len(frames) * rate,
     )
+
+
+def _lasting(flags: Sequence[bool], frames: int) -> Floats:
+    """Return 1 where a flag has held since so many frames before."""
+    lasts = accumulate(flags, lambda count, flag: (count + 1) * flag, initial=0)
+    return np.array([float(count > frames) for count in islice(lasts, 1, None)])
 
 
 def _played(push: Callable[[Floats], object], frames: Floats) -> None:

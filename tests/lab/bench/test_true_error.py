@@ -14,6 +14,7 @@ from cnnum.lab.bench.charts import CHARTS
 from cnnum.lab.bench.programs import known_answers
 from cnnum.lab.bench.records import as_row
 from cnnum.programs.library import program_names
+from cnnum.scenes.scene_file import read_scene, scene_names
 
 
 @pytest.fixture(scope="module")
@@ -183,13 +184,36 @@ def test_the_picture_has_a_panel_a_program():
                  method="auto", **numbers, delay_s=math.nan, missed=math.nan,
                  too_early=math.nan, seconds=1e-5, spread=0.0)  # fmt: skip
     event = field | dict.fromkeys(numbers, math.nan) | {
-        "knob": "frames a second", "delay_s": 0.02, "missed": 0.5, "too_early": 0.0,
+        "knob": "frames a second", "delay_s": 0.02, "missed": 0.5, "too_early": 0.25,
     }  # fmt: skip
     other = field | {"knob": "frames a second"}  # of the same name and knob as the reports
     each_row = (field, other, event)
     rows = [as_row(true_error.TrueError(**each)) for each in each_row]  # type: ignore[arg-type]
     figure = CHARTS["truth"](rows)
-    titles = [axes.get_title() for axes in figure.axes if axes.axison]
+    drawn = [axes for part in figure.subfigs for axes in part.axes]
+    titles = [axes.get_title() for axes in drawn if axes.get_title()]
     assert [title[0] for title in titles] == ["a", "a", "a"]
-    texts = [text.get_text() for axes in figure.axes for text in axes.texts]
-    assert texts == ["1", "1", "1/s, 50% missed"]
+    texts = [text.get_text() for axes in drawn for text in axes.texts]
+    assert texts == ["1", "1", "1/s"]
+    # below the delays, 20 ms, what is missed and too early, in per cent
+    delays, misses = drawn[2:]
+    assert [list(line.get_ydata()) for line in delays.lines] == [[20.0]]
+    assert [list(line.get_ydata()) for line in misses.lines if len(line.get_ydata())] == [
+        [50.0], [25.0]
+    ]  # fmt: skip
+    assert [axes.get_ylabel() for axes in (delays, misses)] == ["delay, ms", "share, %"]
+
+
+def test_a_report_counts_once_its_flag_has_lasted():
+    flags = [False, True, True, False, True, True, True, True]
+    assert true_error._lasting(flags, 2).tolist() == [0, 0, 0, 0, 0, 0, 1, 1]
+    assert true_error._lasting(flags, 0).tolist() == [float(flag) for flag in flags]
+    # 0.1 s of the rule of edges, and none of contacts
+    steady = {name: true_error.REPORTERS[name].steady for name in ("edges", "contact")}
+    assert steady == {"edges": 0.1, "contact": 0.0}
+
+
+def test_every_program_of_an_event_has_reports():
+    """The programs of the packaged scenes, but for one that is made of others."""
+    programs = {read_scene(name).program_name for name in scene_names()}
+    assert programs - {"tactile"} <= set(true_error.REPORTERS)
