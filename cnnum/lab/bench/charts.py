@@ -27,10 +27,18 @@ METHOD_STYLES = {
 and diamonds are steps that follow the error, a star none, a cross each transient's own method."""
 
 
+SAME = 2.0
+"""Ratio of errors up to which a method makes no difference: their roundings alone differ."""
+
+
 def work_precision(rows: Sequence[Row]) -> Picture:
-    """Return error over time, by method: a row of panels a case."""
+    """Return error over time, by method: a row of panels a case.
+
+    Cases whose error no method changes have no panels beside others, and are named.
+    """
     places = list(dict.fromkeys(_where(row) for row in rows))
-    cases = list(dict.fromkeys(str(row["case"]) for row in rows))
+    named = list(dict.fromkeys(str(row["case"]) for row in rows))
+    cases = [case for case in named if _changes([r for r in rows if r["case"] == case])] or named
     figure: Picture = Figure(
         figsize=(1.2 + 3.1 * len(places), _height(len(cases), len(places))), layout="constrained"
     )
@@ -40,12 +48,25 @@ def work_precision(rows: Sequence[Row]) -> Picture:
             inside = [r for r in rows if r["case"] == case and _where(r) == place]
             _methods(axes, inside)
             _frame(axes, place if line == 0 else "", axes is grid[line][0], case)
+            axes.set_visible(bool(inside) or line == 0)
     for axes in grid.flat:
         mark_few(axes)
     for axes in grid[-1]:
         axes.set_xlabel("µs a picture, or a frame of a stream")
     _legend(figure, grid)
+    if alike := [case for case in named if case not in cases]:
+        said = f"Of one error by all methods, and not shown: {', '.join(alike)}"
+        figure.text(0.5, 0.0, said, ha="center", va="bottom", fontsize=8.5)
+        figure.get_layout_engine().set(rect=(0.0, 0.02, 1.0, 0.98))
     return figure
+
+
+def _changes(rows: Sequence[Row]) -> bool:
+    """Return whether the error of a case changes with the method anywhere."""
+    at: dict[str, list[float]] = {}
+    for row in rows:
+        at.setdefault(_where(row), []).append(_point(row)[1])
+    return any(max(errors) > SAME * min(errors) for errors in at.values())
 
 
 def _height(lines: int, places: int) -> float:

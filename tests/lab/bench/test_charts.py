@@ -49,6 +49,18 @@ def boxes(figure):
     return [(text.get_text(), text.get_window_extent(canvas.get_renderer())) for text in seen]
 
 
+def test_a_case_that_no_method_changes_has_no_panel_and_is_named():
+    level = [row("even", PLACES[0], m, 1e-5, error) for m, error in (("rk4", 1e-4), ("heun", 2e-4))]
+    rows = [*rows_of(2.0, PLACES[:2]), *level]
+    figure = work_precision(rows)
+    labels = [axes.get_ylabel().split("\n")[0] for axes in figure.axes[::2]]
+    assert labels == ["DIFFUS", "halfspace_equilibrium", "slip"]
+    assert [text.get_text()[-4:] for text in figure.texts] == ["even"]
+    # alone it has one, with nothing to name
+    figure = work_precision(level)
+    assert (len(figure.axes), figure.texts) == (1, [])
+
+
 @pytest.mark.parametrize("decades", [0.5, 2.0, 4.0])
 @pytest.mark.parametrize("count", [1, 4])
 def test_no_text_lies_on_another(decades, count):
