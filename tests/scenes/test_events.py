@@ -3,8 +3,9 @@
 import math
 
 import numpy as np
+import pytest
 
-from cnnum.scenes.events import EVENT_RULES, Event, EventDetector
+from cnnum.scenes.events import EVENT_RULES, Event, EventDetector, rules_that_fit
 
 CONTACT, SLIP, TWIST = EVENT_RULES["contact"], EVENT_RULES["slip"], EVENT_RULES["twist"]
 
@@ -59,3 +60,20 @@ def test_twist_has_a_sense():
 
 def test_record_leaves_out_what_is_not_there():
     assert Event(1.5, "release", 30).record() == {"t": 1.5, "kind": "release", "frame": 30}
+
+
+@pytest.mark.parametrize("pivots", [False, True])
+def test_a_slip_is_a_slide_or_a_pivot_with_its_sense_and_centre(pivots):
+    values = {"slip_x": 1.0, "slip_y": 0.0, "slip_strength": 0.7, "slip_row": 2.0}
+    values |= {"slip_column": 5.0, "slip_sense": -1.0 * pivots, "gross_slip": 1.0}
+    values |= {"slip_pivots": 1.0 * pivots, "slip_centred": 1.0 * pivots}
+    outputs = {name: np.float64(value) for name, value in values.items()}
+    (rule,) = rules_that_fit(["slip"], outputs)
+    (event,) = EventDetector((rule,)).update(0.5, 50, outputs)
+    assert event.motion == ("pivot" if pivots else "slide")
+    assert event.where == ((2.0, 5.0) if pivots else None)
+    assert event.sense == (-1 if pivots else None)
+    assert ("that pivots" in str(event)) == pivots
+    (plain,) = rules_that_fit(["slip"], ("gross_slip", "slip_x", "slip_y", "slip_strength"))
+    (event,) = EventDetector((plain,)).update(0.5, 50, outputs)
+    assert (event.motion, event.where, event.sense) == (None, None, None)

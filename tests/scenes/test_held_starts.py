@@ -60,3 +60,15 @@ def test_events_of_a_held_start_are_marked_until_the_object_is_let_go(strain, ca
     assert all(event.rest_held for event in events if event.time < 1.9)
     assert "the rest was held" in str(next(event for event in events if event.rest_held))
     assert next(event for event in events if event.rest_held).record()["rest_held"] is True
+
+
+def test_a_start_in_a_slide_is_said_and_marks_events(strain, caplog):
+    """From the middle of the first slide on; the object is let go 0.6 s later."""
+    events, _ = played(strain[245:], caplog)
+    assert len([each for each in caplog.messages if "define the rest" in each]) == 1
+    assert "'rest_held'" in next(each for each in caplog.messages if "define the rest" in each)
+    early = [event for event in events if event.time < 1.0]
+    assert all(event.rest_held for event in early)
+    late = [event for event in events if event.time > 2.6]
+    assert late
+    assert not any(event.rest_held for event in late)

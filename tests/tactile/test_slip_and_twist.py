@@ -13,6 +13,7 @@ from cnnum.drivers.simulated.grips import Arrays
 from cnnum.drivers.simulated.hands import oblique
 from cnnum.drivers.uskin_csv import UskinCsvOptions
 from cnnum.errors import ProgramError
+from cnnum.lab.scoring.families import bristles
 from cnnum.programs import program
 from cnnum.templates.tactile.shared.loads import RecentLoads
 from cnnum.templates.tactile.slip import WAVE, slip
@@ -116,6 +117,23 @@ def test_no_twist_is_reported_where_a_load_is_hidden(fast, run, four):
     assert seen[GO:].all()
     assert not hidden.any()
     assert not played(held, SETTINGS)["twist"].any()
+
+
+@pytest.mark.parametrize(("arm", "pivots"), [(-0.75, True), (12.0, False)])
+def test_bristles_that_turn_about_a_place_pivot_and_far_ones_slide(run, numba, arm, pivots):
+    trial = bristles.scene(bristles.swung(arm))(Arrays(), "swung", 7)
+    got = run(numba, slip.bind(rate=trial.rate), trial.frames)
+    at = int(np.argmax(trial.scored & (got["gross_slip"] > 0)))
+    assert got["gross_slip"][at] > 0
+    assert bool(got["slip_pivots"][at]) == pivots
+    if pivots:
+        brush = bristles.Brush.drawn("swung", 7)
+        column, row = brush.place_of(arm) / bristles.PITCH + 3.5
+        assert got["slip_sense"][at] == np.sign(arm)
+        # Coulomb's friction does not grow with the way from the place, as the program supposes:
+        # that puts it at 0.75 (near) to 2 times (far) its true distance from the middle
+        away = np.hypot(got["slip_row"][at] - row, got["slip_column"][at] - column)
+        assert away < abs(arm) * brush.contact / bristles.PITCH
 
 
 @pytest.mark.parametrize("axes", [True, False])

@@ -353,7 +353,7 @@ def _trees(trials: Sequence[Trial]) -> list[Floats]:
     for _, mine, others in folds(trials):
         x = np.concatenate([inputs[n][known[n]] for n in others])
         y = np.concatenate([_turning(trials[n])[known[n]] > TURNS for n in others])
-        if y.min(initial=True) == y.max(initial=False):
+        if len(np.unique(y)) < 2:  # the marker's turning is not known
             result |= {n: np.zeros(len(inputs[n])) for n in mine}
             continue
         model = ensemble.HistGradientBoostingClassifier(

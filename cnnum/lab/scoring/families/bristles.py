@@ -129,6 +129,16 @@ class Brush:
         """Return the frames in a time, at least one."""
         return max(1, round(seconds * self.rate))
 
+    def place_of(self, arm: float) -> Floats:
+        """Return the place (m, from the middle of the pad) about which `swung` turns a body."""
+        aside = np.array([-np.sin(self.direction), np.cos(self.direction)])
+        return np.asarray(self.start + arm * self.contact * aside)
+
+    @property
+    def contact(self) -> float:
+        """Radius of a whole touch, m."""
+        return self.radius if self.flat else (2.0 * self.radius * self.depth) ** 0.5
+
     def bends(self, share: float) -> float:
         """Return how far a body is moved on a whole touch for that share of friction's limit."""
         return share * self.friction * STIFFNESS * self.depth
@@ -200,6 +210,44 @@ def pivot(brush: Brush) -> Way:
     turn = _ramp(brush, abs(angle) / brush.rng.uniform(0.3, 1.5), 0.0, angle)
     depth = _touch(brush, np.full(len(turn), brush.depth))
     return Way.of(depth, angle=np.concatenate([np.zeros(len(depth) - len(turn)), turn]))
+
+
+def swung(arm: float) -> Moves:
+    """Return a turn by 0.6 to 1.2 mm about a place that is so many contact radii from the middle.
+
+    The middle first moves along the body's direction; the place lies on its right-hand side, or on
+    its left where the sign of the arm is negative.
+    """
+
+    def moves(brush: Brush) -> Way:
+        long, sense = abs(arm) * brush.contact, float(np.sign(arm))
+        widest = max(long, 0.5 * brush.contact)
+        far = brush.bends(1.0) + brush.rng.uniform(0.6e-3, 1.2e-3)
+        angle = sense * min(far / widest, 1.2)
+        turn = _ramp(brush, abs(angle) * widest / brush.speed, 0.0, angle)
+        depth = _touch(brush, np.full(len(turn), brush.depth))
+        turned = np.concatenate([np.zeros(len(depth) - len(turn)), turn])
+        x, y = brush.place_of(arm) - brush.start
+        return Way.of(
+            depth,
+            x=x - (np.cos(turned) * x - np.sin(turned) * y),
+            y=y - (np.sin(turned) * x + np.cos(turned) * y),
+            angle=turned,
+        )
+
+    return moves
+
+
+def slid_then_turned(brush: Brush) -> Way:
+    """Return a slide, 0.4 s of rest, and a turn of 0.25 to 0.5 rad in place."""
+    way = slide(brush)
+    angle = brush.rng.choice([-1.0, 1.0]) * brush.rng.uniform(0.25, 0.5)
+    turn = _ramp(brush, abs(angle) / brush.rng.uniform(0.3, 1.5), 0.0, angle)
+    waits = brush.scans(0.4)
+    depth, x, y = (
+        np.pad(v, (0, waits + len(turn)), mode="edge") for v in (way.depth, way.x, way.y)
+    )
+    return Way.of(depth, x=x, y=y, angle=np.concatenate([np.zeros(len(way.depth) + waits), turn]))
 
 
 def oblique(frequency: float) -> Moves:
