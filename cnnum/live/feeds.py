@@ -16,6 +16,7 @@ from cnnum.frame import Frame
 from cnnum.live.hub import Hub
 from cnnum.safety.values import is_real
 from cnnum.scenes.conversion import unit_of
+from cnnum.scenes.explaining import explained, explained_kinds, read_outs_of
 from cnnum.scenes.frame_path import FrameResult
 from cnnum.scenes.pipeline import Passage, Scene
 
@@ -335,6 +336,17 @@ def shown_of(scene: Scene) -> Rested:
 def hub_of(scene: Scene, shown: Rested, duration: float = 0.0) -> Hub:
     """Return the hub of a scene."""
     conversion, driver = scene.conversion, scene.driver
+    known = set(scene.plan.schedule.outputs)
+    kinds = [
+        k for k in explained_kinds(known) if known.issuperset(read_outs_of([k], scene.offered))
+    ]
+    weights = scene.weights()
+
+    def why(moment: FrameResult) -> list[dict[str, object]]:
+        time, number = moment.frame.time, moment.number
+        said = explained(moment.outputs, kinds, time, number, weights)
+        return [{**report.record(), "said": str(report)} for report in said]
+
     return Hub(
         scene.spec.name,
         scene.shape,
@@ -344,4 +356,5 @@ def hub_of(scene: Scene, shown: Rested, duration: float = 0.0) -> Hub:
         shown,
         lambda: driver.counters,
         duration,
+        why if kinds else None,
     )

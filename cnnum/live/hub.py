@@ -31,6 +31,7 @@ FLAGS = {"contact": CONTACT, "gross_slip": GROSS, "twist": TWIST}
 """Outputs of a program that are a flag, by their bit."""
 
 Read = Callable[[Frame], Floats]
+Why = Callable[[FrameResult], list[dict[str, object]]]
 
 
 def planes(values: Floats, channels: tuple[str, ...]) -> Floats:
@@ -107,6 +108,8 @@ class Hub:
         The source's own counts.
     duration : float
         s of a recording; 0 of a live array.
+    why : callable, optional
+        From a moment to what is said of slip and twist in it, as JSON objects.
     """
 
     def __init__(
@@ -119,7 +122,10 @@ class Hub:
         read: Read,
         counters: Callable[[], Counters],
         duration: float = 0.0,
+        why: Why | None = None,
     ) -> None:
+        self._why = why
+        self._told: FrameResult | None = None
         self.name, self.shape, self.channels = name, shape, channels
         self.unit, self.rate, self.duration = unit, rate, duration
         self._read, self._counters = read, counters
@@ -201,6 +207,14 @@ class Hub:
         slip = self._slip
         going_on = slip is not None and 0 <= newest.frame.time - slip[0] < SLIPPING
         return newest, encoded(newest, loads, slip[1] if slip and going_on else None)
+
+    def why(self) -> dict[str, object] | None:
+        """Return every read-out of slip and twist against its level, unless it was returned."""
+        newest = self._newest
+        if self._why is None or newest is None or newest is self._told or newest.values is None:
+            return None
+        self._told = newest
+        return {"kind": "why", "t": newest.frame.time, "reports": self._why(newest)}
 
     def status(self) -> dict[str, object]:
         """Return rate, losses, warnings, and whether the source has ended."""

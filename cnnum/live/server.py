@@ -19,6 +19,7 @@ from cnnum.errors import PortError, SceneError, missing_extra
 from cnnum.live.feeds import Feed
 from cnnum.live.hub import Hub
 from cnnum.scenes.frame_path import FrameResult
+from cnnum.sharing import json_value
 
 if TYPE_CHECKING:
     from websockets.asyncio.server import Server, ServerConnection
@@ -26,6 +27,9 @@ if TYPE_CHECKING:
 
 PICTURES = 60.0
 """Pictures a second, at most."""
+
+WHY, STATUS = 6, 30
+"""Pictures from one message of read-outs, or of the status, to the next."""
 
 BEHIND = 1 << 18
 """Bytes that wait for a slow page; it is left out until it has taken them."""
@@ -219,18 +223,18 @@ class Pages(Door):
             self._feed.command(cast("dict[str, Any]", wanted))
 
     async def show(self) -> None:
-        """Send the newest picture 60 times a second, events at once, and a status twice."""
+        """Send a picture 60 times a second, read-outs 10 times, a status twice, events at once."""
         hub, shown, sent = self._feed.hub, None, self._feed.hub.count
         loop = asyncio.get_running_loop()
         due, count = loop.time(), 0
         while True:
             due = max(due + 1.0 / PICTURES, loop.time())
             await asyncio.sleep(due - loop.time())
-            shown, sent = self._once(hub, shown, sent, with_status=count % 30 == 0)
+            shown, sent = self._once(hub, shown, sent, count)
             count += 1
 
     def _once(
-        self, hub: Hub, shown: FrameResult | None, sent: int, *, with_status: bool
+        self, hub: Hub, shown: FrameResult | None, sent: int, count: int
     ) -> tuple[FrameResult | None, int]:
         sent, events = hub.events_since(sent)
         if not self._open:
@@ -241,7 +245,9 @@ class Pages(Door):
         if picture:
             self.pictures += 1
             self._send(picture)
-        if with_status:
+        if count % WHY == 0 and (why := hub.why()) is not None:
+            self._send(json.dumps(json_value(why)))
+        if count % STATUS == 0:
             self._send(json.dumps({**hub.status(), "late": self.late}))
         return shown, sent
 

@@ -91,6 +91,18 @@ def test_the_live_page(browser: Browser, viewing: Callable[..., Viewing], tmp_pa
     # an event appears, on the list and on the time line
     browser.until("document.querySelector('#events li[data-kind=contact]') !== null")
     browser.until("document.querySelector('#events li[data-kind=slip]') !== null")
+    # why: the gauge of slip is beyond its level, and the one sentence says so
+    browser.until("document.querySelector('#why [data-kind=slip].over') !== null")
+    said = browser.value("document.querySelector('#why p').textContent")
+    assert "slip is reported: the strength is" in said
+    report = browser.value("view.why.reports.find((one) => one.kind === 'slip')")
+    assert report["margin"] > 0.5  # a report goes on until half of its level
+    assert report["margin"] == pytest.approx(report["strength"] / report["level"], rel=1e-6)
+    width = browser.value("document.querySelector('#why .gauge i').style.width")
+    now = browser.value("view.why.reports.find((one) => one.kind === 'slip').margin")
+    assert 33.0 < float(width.rstrip("%")) <= 100.0  # logarithmic from 0.01 to 10 of the level
+    assert now > 0.5
+    assert browser.value("document.querySelectorAll('#why [data-kind=slip] dd').length") == 9
     shot(browser, tmp_path, "live-1300-light")
     # the last minute can be gone through
     browser.value("at('scrub').value = 985; at('scrub').dispatchEvent(new Event('input'))")
@@ -99,6 +111,7 @@ def test_the_live_page(browser: Browser, viewing: Callable[..., Viewing], tmp_pa
     browser.until(f"view.newest.time > {held[1] + 0.1}")
     assert browser.value("view.shown.time") == held[0]
     assert browser.value("document.body.dataset.held") == "yes"
+    assert abs(browser.value("view.why.t") - held[0]) < 0.3  # the reasons are those of that time
     browser.value("at('live').click()")
     browser.until(f"view.shown.time > {held[1]}")
     # pause holds the picture, and lets go
@@ -167,6 +180,7 @@ def test_rest_is_learned_anew(
     server = viewing(str(scene), "--port", "0")
     browser.open(server.address)
     browser.until("document.querySelector('#contact.on') !== null")
+    assert browser.value("at('why').hidden")  # nothing is said of slip where none is wanted
     browser.value(tare)
     browser.until("document.querySelector('#events li[data-kind=release]') !== null")
     browser.until("document.querySelector('#contact.on') === null")

@@ -13,6 +13,7 @@ from cnnum.cli.signals import stoppable
 if TYPE_CHECKING:
     from cnnum.live.feeds import Feed
     from cnnum.scenes.pipeline import Scene
+    from cnnum.scenes.scene_file import SceneSpec
 
 SHOWN = (
     ("contact_map", "bump_contact", "load_normal", "twist"),
@@ -97,11 +98,31 @@ def _scene(name: str, changes: dict[str, Any], trust: bool) -> "Scene":
     from cnnum.scenes.pipeline import load_scene
     from cnnum.scenes.scene_file import read_scene
 
-    wants = read_scene(name, changes=changes, trust=trust).needs
-    for more in SHOWN[:-1]:
+    spec = read_scene(name, changes=changes, trust=trust)
+    why = _read_outs(spec)
+    for more in dict.fromkeys(((*SHOWN[0], *why), (*SHOWN[1], *why), why, *SHOWN[:-1])):
         try:
-            every = list(dict.fromkeys((*wants, *more)))
+            every = list(dict.fromkeys((*spec.needs, *more)))
             return load_scene(name, changes=changes | {"needs": every}, trust=trust)
         except (SceneError, UnknownNameError):
             continue  # the program lacks one of them
     return load_scene(name, changes=changes, trust=trust)
+
+
+def _read_outs(spec: "SceneSpec") -> tuple[str, ...]:
+    """Return the outputs behind the slips and twists that a scene wants; none of other programs."""
+    from cnnum.errors import CnnumError
+    from cnnum.frame import FORCE_AXES
+    from cnnum.scenes.arrangement import program_of
+    from cnnum.scenes.explaining import explained_kinds, read_outs_of
+
+    program = program_of(spec)
+    given = {k: v for k, v in spec.parameters.items() if k in ("axes", "pads")}
+    pads = given.get("pads", 1)
+    try:
+        shape = (8, 8 * (pads if isinstance(pads, int) else 1))
+        outputs = program.bind(**given, rate=100.0).trace(shape, FORCE_AXES).outputs
+    except CnnumError:
+        return ()
+    kinds = [kind for kind in explained_kinds(outputs) if kind in spec.needs]
+    return tuple(read_outs_of(kinds, outputs))

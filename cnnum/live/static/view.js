@@ -6,7 +6,7 @@ const FLAG = { contact: 1, incipient: 2, gross: 4, twist: 8, bad: 16, dropped: 3
 const MARK = { contact: 1, bump: 2, edge: 4 };
 
 const view = {
-  hello: null, past: [], events: [], shown: null, held: null, paused: false, scale: 0, shearScale: 0,
+  hello: null, past: [], whys: [], events: [], shown: null, held: null, paused: false, scale: 0, shearScale: 0,
   pictures: 0, drawn: 0, latency: 0, wait: 500, dirty: true, lineDirty: true,
 };
 
@@ -38,6 +38,7 @@ function received(message) {
   if (message.kind === "hello") greet(message);
   else if (message.kind === "events") message.events.forEach(note);
   else if (message.kind === "status") status(message);
+  else if (message.kind === "why") reasons(message);
 }
 
 function greet(hello) {
@@ -49,6 +50,7 @@ function greet(hello) {
   at("speed").hidden = !hello.duration;
   at("live").hidden = Boolean(hello.duration);
   if (!same) view.past = [];
+  view.whys = [];
   view.events = [];
   at("events").replaceChildren();
   hello.events.slice(-200).forEach(note);
@@ -99,6 +101,7 @@ function picture(buffer) {
 
 function show(one) {
   view.shown = one;
+  if (view.held || view.whys.length) explain();
   view.dirty = true;
   document.body.dataset.number = one.number;
 }
@@ -118,6 +121,84 @@ function note(event) {
   at("events").prepend(item);
   while (at("events").children.length > 200) at("events").lastChild.remove();
   view.lineDirty = true;
+}
+
+// ---- why ---------------------------------------------------------------------------------------
+
+const RATES = ["pattern_speed", "incoherent_shear", "trend", "load_rate", "ratio_rate"];
+const PLACES = ["x", "y", "row", "column", "sense"];
+const HELD = { still: "slowest movement", trend: "load has changed", load_rate: "load changes", ratio_rate: "ratio changes" };
+const LOW = 0.01, HIGH = 10; // of the level, at the ends of a gauge
+const along = (margin) => 100 * Math.min(1, Math.max(0, Math.log(Math.max(margin, 1e-9) / LOW) / Math.log(HIGH / LOW)));
+
+function reasons(why) {
+  const whys = view.whys;
+  if (whys.length && why.t < whys[whys.length - 1].t) whys.length = 0; // a recording moved back
+  whys.push(why);
+  while (whys.length > 10 * MINUTE) whys.shift();
+  if (!view.held) explain();
+}
+
+function explain() {
+  const at_time = view.held ? view.held.time : Infinity;
+  let why = view.whys[0];
+  for (const one of view.whys) if (one.t <= at_time) why = one;
+  if (!why || why === view.why) return;
+  view.why = why;
+  if (at("why").children.length !== why.reports.length) at("why").replaceChildren(...why.reports.map(block));
+  at("why").hidden = false;
+  why.reports.forEach((report, n) => fill(at("why").children[n], report));
+}
+
+function made(name, style, ...children) {
+  const item = Object.assign(document.createElement(name), { className: style });
+  item.append(...children);
+  return item;
+}
+
+function numbersOf(report) {
+  return Object.entries(report.read_outs)
+    .map(([name, value]) => [name.slice(report.kind.length + 1), value])
+    .filter(([name]) => !PLACES.includes(name));
+}
+
+function block(report) {
+  const gauge = made("div", "gauge", made("i", ""), made("b", ""));
+  for (const margin of [0.1, 1, 10]) {
+    const tick = made("small", "", margin === 1 ? "level" : `×${margin}`);
+    tick.style.left = `${along(margin)}%`;
+    gauge.append(tick);
+  }
+  gauge.children[1].style.left = `${along(1)}%`;
+  gauge.setAttribute("role", "meter");
+  const numbers = made("dl", "", ...numbersOf(report).map(([name]) => made("div", "",
+    made("dt", "", name.replaceAll("_", " ")), made("dd", ""))));
+  const parts = [made("h2", "", report.kind, made("span", "")), gauge, made("p", ""), numbers];
+  const held = Object.keys(report.holds);
+  if (held.length) {
+    parts.push(made("div", "holds", ...held.map(() => made("i", ""))),
+      made("ul", "key", ...held.map((name) => made("li", "", HELD[name] || name))));
+  }
+  const box = made("div", "", ...parts);
+  box.dataset.kind = report.kind;
+  return box;
+}
+
+function fill(box, report) {
+  const { strength, level, margin } = report;
+  box.classList.toggle("over", report.reported);
+  box.querySelector("h2 span").textContent = `strength ${strength.toPrecision(2)}, level ${level.toPrecision(2)}, margin ${(margin ?? 0).toPrecision(2)}`;
+  const gauge = box.querySelector(".gauge");
+  gauge.firstChild.style.width = `${along(margin ?? 0)}%`;
+  gauge.setAttribute("aria-label", `strength of ${report.kind} over its level`);
+  gauge.setAttribute("aria-valuenow", (margin ?? 0).toPrecision(3));
+  box.querySelector("p").textContent = report.said;
+  const cells = box.querySelectorAll("dd");
+  numbersOf(report).forEach(([name, value], n) => {
+    cells[n].textContent = `${value.toFixed(2)}${RATES.includes(name) ? " /s" : ""}`;
+  });
+  const held = Object.values(report.holds), whole = held.reduce((sum, part) => sum + part, 0) || 1;
+  box.querySelectorAll(".holds i").forEach((part, n) => { part.style.width = `${(100 * held[n]) / whole}%`; });
 }
 
 // ---- taxels ------------------------------------------------------------------------------------
