@@ -14,11 +14,11 @@ from cnnum.safety.files import write_whole
 from cnnum.scenes.explaining import CAUSES, Explained
 from cnnum.scenes.tuning import Outcome, Tuned
 
-RATES = ("pattern_speed", "incoherent_shear", "trend", "load_rate", "ratio_rate")
+RATES = ("pattern_speed", "incoherent_shear", "trend", "load_rate", "ratio_rate", "turning")
 """Read-outs in 1/s; the others have no unit."""
 
-PLACES = ("x", "y", "row", "column", "sense")
-"""Outputs of a kind that say where and which way, and not whether."""
+PLACES = ("x", "y", "row", "column", "sense", "centred", "pivots")
+"""Outputs of a kind that say where, which way and how, and not whether."""
 
 HELD = {"still": "slowest movement that counts", **CAUSES}
 """What the movement of a slip is divided by, in words."""

@@ -763,12 +763,9 @@ def _toml(
         table["array"] = dict(array)
     parameters = {**dial.spec.parameters, **dict(choice.constants), dial.parameter: choice.level}
     parameters.pop("false_reports", None)  # the level is given
-    program = dial.spec.program_name
-    if ".py:" in program:  # a scene elsewhere finds it, too
-        program = str((dial.spec.base / program).absolute())
     table |= {
         "name": f"{dial.spec.name}, tuned", "needs": list(dial.spec.needs),
-        "program": {"name": program, "parameters": parameters},
+        "program": {"name": dial.spec.program_name, "parameters": parameters},
     }  # fmt: skip
     lines = [f"# {sentence}" for sentence in tuned]
     lines += [f"{key} = {toml_text(v)}" for key, v in table.items() if not isinstance(v, dict)]

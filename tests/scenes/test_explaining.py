@@ -10,7 +10,7 @@ from cnnum.cli import main
 from cnnum.drivers.simulated.array import SimulatedOptions
 from cnnum.drivers.simulated.settings import Phase
 from cnnum.errors import ReportError, SceneError
-from cnnum.report.read_outs import draw_explained
+from cnnum.report.read_outs import PLACES, draw_explained
 from cnnum.scenes.pipeline import load_scene
 
 SCRIPT = (
@@ -90,7 +90,8 @@ def test_the_picture_shows_every_read_out_around_the_time(recording, tmp_path):
     path = tmp_path / "why.svg"
     draw_explained(path, around, alone.time)
     text = path.read_text()
-    names = {name.removeprefix("slip_") for name in alone.read_outs} - {"x", "y"}
+    names = {name.removeprefix("slip_") for name in alone.read_outs} - set(PLACES)
+    assert {"pattern_speed", "trend", "ratio", "stick_share", "torque"} <= names
     assert all(f">{name}</text>" in text for name in names)
     assert "level, 0.4" in text
     assert "1/s" in text

@@ -125,8 +125,8 @@ function note(event) {
 
 // ---- why ---------------------------------------------------------------------------------------
 
-const RATES = ["pattern_speed", "incoherent_shear", "trend", "load_rate", "ratio_rate"];
-const PLACES = ["x", "y", "row", "column", "sense"];
+const RATES = ["pattern_speed", "incoherent_shear", "trend", "load_rate", "ratio_rate", "turning"];
+const PLACES = ["x", "y", "row", "column", "sense", "centred", "pivots"];
 const HELD = { still: "slowest movement", trend: "load has changed", load_rate: "load changes", ratio_rate: "ratio changes" };
 const LOW = 0.01, HIGH = 10; // of the level, at the ends of a gauge
 const along = (margin) => 100 * Math.min(1, Math.max(0, Math.log(Math.max(margin, 1e-9) / LOW) / Math.log(HIGH / LOW)));
