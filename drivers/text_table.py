@@ -62,17 +62,41 @@ def nanoseconds(text: str) -> int | None:
     return _since_epoch(result) + (_part(fraction[1]) if fraction else 0)
 
 
+MONTHS = {
+    word: english
+    for english, words in {
+        "Jan": "januar jänner janv janvier ene enero january",
+        "Feb": "februar févr février febrero february",
+        "Mar": "mär mrz märz mars marzo march",
+        "Apr": "april avr avril abr abril",
+        "May": "mai mayo",
+        "Jun": "juni juin junio june",
+        "Jul": "juli juil juillet julio july",
+        "Aug": "august août ago agosto",
+        "Sep": "sept september septembre septiembre",
+        "Oct": "okt oktober octobre octubre october",
+        "Nov": "november novembre noviembre",
+        "Dec": "dez dezember déc décembre dic diciembre december",
+    }.items()
+    for word in words.split()
+}
+"""English names of months by those of other languages."""
+
+_WORD = re.compile(r"[^\W\d_]{3,}")
+
+
 def by_format(form: str) -> Callable[[str], int | None]:
     """Return a function as `nanoseconds` for one form.
 
     Parameters
     ----------
     form : str
-        As `datetime.strptime` takes it.
+        As `datetime.strptime` takes it. Names of months may be English, German, French or Spanish.
     """
 
     def read(text: str) -> int | None:
         try:
+            text = _WORD.sub(lambda word: MONTHS.get(word[0].lower(), word[0]), text)
             return _since_epoch(datetime.strptime(text.strip(), form))
         except ValueError:
             return None
@@ -604,6 +628,14 @@ def _rows(path: Path, form: TextForm, text: TextIOWrapper) -> Iterator[tuple[int
     for number, row in _chained(rest, content):
         while len(row) > len(names) and not row[-1].strip():
             row.pop()
+        if [text.strip() for text in row] == names:
+            warnings.warn(
+                f"'{path}', line {number}: the header is there again, as where a second recording "
+                "follows: it is left out.",
+                RecordingWarning,
+                stacklevel=2,
+            )
+            continue
         if len(row) < len(names) and lines.torn:
             warnings.warn(
                 f"'{path}' ends within line {number}, which is left out: whatever wrote it was "

@@ -541,19 +541,25 @@ def _taxels(recording: Recording, values: Floats) -> list[Finding]:
 def _wraps(values: Floats) -> list[Finding]:
     if not (values % 1.0 == 0.0).all():
         return []
-    for bits in (8, 10, 12, 16):
+    for bits, low in product((8, 10, 12, 16), (0.0, -0.5)):
         top = float(1 << bits)
+        begin = low * top
+        if low and values.min() >= 0.0:
+            continue
+        values = values - begin
         if values.min() >= 0.0 and top / 2 < values.max() < top:
             jumps = np.abs(np.diff(values, axis=0)) > WRAPPED * top
             # a load that passes the end of the range comes back from the other one
             if np.count_nonzero(jumps.any(axis=0)) and (values.max(axis=0) > 0.9 * top).any():
                 row, col = np.argwhere(jumps.any(axis=(0, 3)))[0].tolist()
                 said = (
-                    f"Numbers jump from one end of 0 to {top - 1:.0f} to the other, first in the "
+                    f"Numbers jump from one end of {begin:.0f} to {begin + top - 1:.0f} to the "
+                    "other, first in the "
                     f"taxel ({row}, {col}): numbers of {bits} bits that ran over. The loads are "
                     "lost: record them with more bits."
                 )
                 return [Finding("wrap", said)]
+        values = values + begin
     return []
 
 

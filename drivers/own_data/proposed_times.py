@@ -122,13 +122,20 @@ def take_unit(proposal: Proposal, names: Iterable[str], whole: bool) -> None:
         proposal.undecided.append("unit: the file does not say it; 'count' has no scale")
 
 
+CLOCKS = ("%H:%M:%S.%f", "%H:%M:%S,%f", "%H:%M:%S", "%I:%M:%S.%f %p", "%I:%M:%S %p")
+"""Forms of the time of day behind a date."""
+
+
 def date_forms(texts: list[str]) -> list[str]:
     """Return the forms that dates of a column have other than ISO's, days before months."""
-    result: list[str] = []
+    result, forms = list[str](), list[str]()
     for sign, days in product("/.-", ("%d{0}%m{0}%Y", "%m{0}%d{0}%Y", "%d{0}%m{0}%y")):
-        for clock in ("%H:%M:%S.%f", "%H:%M:%S,%f", "%H:%M:%S", "%I:%M:%S.%f %p", "%I:%M:%S %p"):
-            form = f"{days.format(sign)} {clock}"
-            read = by_format(form)
-            if all(read(text) is not None for text in texts):
-                result.append(form)
+        for clock in CLOCKS:
+            forms.append(f"{days.format(sign)} {clock}")
+    words = ("%d. %b %Y", "%d %b %Y", "%d-%b-%Y", "%b %d %Y", "%b %d, %Y")
+    forms += [f"{days} {clock}" for days in words for clock in CLOCKS]
+    for form in forms:
+        read = by_format(form)
+        if all(read(text) is not None for text in texts):
+            result.append(form)
     return result

@@ -126,6 +126,32 @@ def test_thousands_that_may_be_decimals_are_said(tmp_path):
              'values=["a", "b"]\n')  # fmt: skip
 
 
+def test_a_header_that_comes_again_is_left_out_and_said(tmp_path):
+    text = "t,a,b\n0,1,2\n0.1,3,4\nt,a,b\n0.2,5,6\n"
+    with pytest.warns(RecordingWarning, match="line 4: the header is there again"):
+        assert load(tmp_path, text, TIMED).values.ravel().tolist() == [1, 2, 3, 4, 5, 6]
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "form"),
+    [
+        ("03. Mai 2024 12:00:00,10", "03. Mai 2024 12:00:00,35", "%d. %b %Y %H:%M:%S,%f"),
+        ("03 Dez 2024 12:00:00.10", "03 Dez 2024 12:00:00.35", "%d %b %Y %H:%M:%S.%f"),
+        ("3-août-2024 12:00:00.10", "3-août-2024 12:00:00.35", "%d-%b-%Y %H:%M:%S.%f"),
+        ("May 03, 2024 12:00:00.10", "May 03, 2024 12:00:00.35", "%b %d, %Y %H:%M:%S.%f"),
+    ],
+)
+def test_dates_with_names_of_months_are_proposed_and_read(first, second, form, tmp_path):
+    path = tmp_path / "a.csv"
+    head, loads = [f"p{n}" for n in range(16)], map(str, range(16))
+    end = ";" + ";".join(loads)
+    path.write_text(f"when;{';'.join(head)}\n{first}{end}\n{second}{end}\n")
+    proposal = propose(path)
+    assert proposal.table["time_format"] == form
+    path.with_suffix(".toml").write_text(proposal.text())
+    assert cnnum.load_recording(path).times == pytest.approx([0.0, 0.25])
+
+
 def test_a_row_that_its_writer_did_not_end_is_left_out_and_said(tmp_path):
     text = "t,a,b\n0,1,2\n0.1,3,4\n0.2,5"
     with pytest.warns(RecordingWarning, match="ends within line 4, which is left out"):

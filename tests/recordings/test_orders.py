@@ -196,6 +196,11 @@ def test_a_rate_and_a_unit_that_cannot_be(what):
 def test_counts_that_run_over():
     values = np.rint(press(8, 8, offset=40, size=260, noise=1.0)) % 256
     assert "wrap" in {one.what for one in checked(cnnum.Recording(values, rate=100.0)) if one.wrong}
+    signed = (np.rint(press(8, 8, offset=0, size=200, noise=1.0)) + 128) % 256 - 128
+    (found,) = (one for one in checked(cnnum.Recording(signed, rate=100.0)) if one.what == "wrap")
+    assert "-128 to 127" in found.sentence
+    pulled = np.clip(np.rint(press(8, 8, offset=0, size=-100, noise=1.0)), -128, 127)
+    assert "wrap" not in {one.what for one in checked(cnnum.Recording(pulled, rate=100.0))}
     below = np.clip(np.rint(press(8, 8, offset=40, size=260, noise=1.0)), 0, 255)
     assert "wrap" not in {one.what for one in checked(cnnum.Recording(below, rate=100.0))}
 
