@@ -382,15 +382,24 @@ def checked(recording: Recording, pads: int = 1, *, timed: bool = False) -> list
         if places != [0, 1, 2]:
             recording = _in_order(recording, places)
     good = recording.quality & int(Quality.CORRUPT | Quality.REPEATED) == 0
+    lost: NDArray[np.bool_] = np.logical_not(np.isfinite(recording.values).any(axis=0).all(axis=-1))
+    result: list[Finding] = []
+    if lost.any() and not lost.all():
+        gone = np.argwhere(lost).tolist()
+        shown = ", ".join(f"({row}, {col})" for row, col in gone[:LISTED])
+        said = f"The taxels {shown}{' …' if len(gone) > LISTED else ''} have no number at all."
+        result.append(Finding("dead", said, cure={"frames.dead": gone}))
+        rest = np.where(lost[..., np.newaxis], 0.0, recording.values)
+        recording = _with_values(recording, rest)
     good &= np.isfinite(recording.values).all(axis=(1, 2, 3))
-    result = [*_counted(recording, good), *_rates(recording, timed=timed)]
+    result += [*_counted(recording, good), *_rates(recording, timed=timed)]
     values, times = recording.values[good], recording.times[good]
     if len(values) < 2 * LEAST:
         few = f"{len(values)} good frames are too few to look at."
         return [*result, Finding("frames", few, wrong=False)]
     rest, noise, begins = rest_and_noise(values, times)
     result += _rests(values, times, rest, noise, begins)
-    result += _taxels(recording, values)
+    result += _taxels(recording, values, lost)
     result += _wraps(values)
     result += _units(recording, values, rest)
     result += _orders(recording, values, rest, noise, pads)
@@ -398,11 +407,17 @@ def checked(recording: Recording, pads: int = 1, *, timed: bool = False) -> list
 
 
 def _in_order(recording: Recording, places: list[int]) -> Recording:
+    return _with_values(recording, recording.values[..., places], FORCE_AXES)
+
+
+def _with_values(
+    recording: Recording, values: Floats, channels: Sequence[str] | None = None
+) -> Recording:
     return Recording(
-        recording.values[..., places],
+        values,
         rate=recording.rate,
         unit=recording.unit,
-        channels=FORCE_AXES,
+        channels=channels or recording.channels,
         times=recording.times,
         quality=recording.quality,
         sequence=recording.sequence,
@@ -511,14 +526,14 @@ def _tare(values: Floats, times: Floats, rest: Floats, noise: Floats) -> dict[st
     return {}
 
 
-def _taxels(recording: Recording, values: Floats) -> list[Finding]:
+def _taxels(recording: Recording, values: Floats, lost: NDArray[np.bool_]) -> list[Finding]:
     still = (values == values[0]).all(axis=0)
     noise = steps_noise(values)
     middle = np.median(noise, axis=(0, 1))
     loud = (noise > LOUD * middle) & (middle > 0.0)
     result: list[Finding] = []
     for what, marks, said in (
-        ("dead", still & (values[0] == 0.0), "read 0 all the time"),
+        ("dead", still & (values[0] == 0.0) & ~lost[..., np.newaxis], "read 0 all the time"),
         ("stuck", still & (values[0] != 0.0), "read the same number all the time"),
         ("noisy", loud, f"are more than {LOUD:g} times as noisy as the others"),
     ):

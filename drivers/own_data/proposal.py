@@ -253,11 +253,12 @@ def _line_times(path: Path, proposal: Proposal, asked: str) -> None:
             with suppress(CodecError):  # its reader counts it
                 some.append(message.content())
     stamps = [set(pair) for pair in STAMPS]
-    for name in _paths(some[0]):
-        if asked in ("", name) and set(names_of(part_of(some[0], name))) in stamps:
+    usual: Any = max(some, key=lambda content: len(names_of(content)), default=None)
+    for name in _paths(usual):
+        if asked in ("", name) and set(names_of(part_of(usual, name))) in stamps:
             proposal.table["time"] = name
             return
-    for name in names_of(some[0]):
+    for name in names_of(usual):
         held = [part_of(one, name) for one in some if name in names_of(one)]
         wanted = name == asked if asked else TIME.search(name)
         if wanted and all(isinstance(one, int | float) for one in held):

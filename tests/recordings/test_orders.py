@@ -168,6 +168,17 @@ def test_dead_stuck_and_noisy_taxels_and_touched_ones():
     assert found["noisy"].cure == {"frames.dead": [[7, 7]]}
 
 
+def test_taxels_without_numbers_are_dead_and_the_others_are_looked_at():
+    """One column of NaN made all frames bad, and nothing else was said."""
+    values = press(8, 8, offset=16_000)
+    values[:, 2, 3, 1] = np.nan
+    found = {one.what: one for one in checked(cnnum.Recording(values, rate=100.0))}
+    assert found["dead"].cure == {"frames.dead": [[2, 3]]}
+    assert "no number at all" in found["dead"].sentence
+    assert "are right" in found["order"].sentence
+    assert "bad" not in found
+
+
 def test_a_probe_calls_no_touched_cell_noisy():
     values = press(8, 8, offset=16_000, size=20_000)
     values[:, 7, 7] += np.random.default_rng(1).normal(0.0, 40.0, (len(values), 3))

@@ -101,6 +101,8 @@ def test_messages_without_their_field_are_bad_frames_that_are_said(what, suffix,
         made(path, fill)
     proposal = propose(path)
     assert proposal.table["values"] == "data"
+    if suffix == ".jsonl":
+        assert proposal.table["time"] == "header.stamp"
     assert proposal.table["shape"] == (2, 2)
     layout = LAYOUT if suffix == ".mcap" else LAYOUT.replace('topic = "/skin"\n', "")
     pattern = rf"^{len(bad)} of 60 messages are bad.*{re.escape(said)}"
