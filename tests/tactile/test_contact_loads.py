@@ -2,8 +2,10 @@
 
 import numpy as np
 import pytest
+from scipy.optimize import linprog
 from scipy.signal import correlate2d
 
+from cnnum.drivers.simulated.cover import Layout, flat_influence
 from cnnum.drivers.simulated.settings import Phase
 from cnnum.errors import UnknownNameError
 from cnnum.lab.bench.programs.contact_errors import aliased, errors, run_contact
@@ -199,3 +201,34 @@ def test_left_kernel_is_what_the_filter_leaves(reads):
     np.testing.assert_allclose(
         left_kernel(0.8, reads), (load[..., 2] - back)[middle, middle], atol=1e-12
     )
+
+
+@pytest.mark.parametrize(("thickness", "least", "most"), [(0.5e-3, 0.65, 1.25), (1e-3, 0.9, 1.17)])
+def test_readings_under_a_thin_cover_leave_the_load_open(thickness, least, most):
+    """A linear program: the least and largest load of pressures that read as a sphere of 1 N does.
+
+    They press, nowhere pull, within half a pitch around its contact, and read alike to 0.5 % of the
+    peak. Without the shape of the body no program can know more.
+    """
+    layout = Layout((8, 8), PITCH)
+    place = np.hypot(*np.meshgrid(layout.surface.x, layout.surface.y))
+    radius = (0.75 * 25e-3 * (1.0 - 0.25) / MODULUS) ** (1 / 3)
+    true = np.sqrt(np.maximum(0.0, 1.0 - (place / radius) ** 2))
+    near = place < radius + PITCH / 2
+    response = flat_influence(layout, thickness, MODULUS)[..., 2, 2][:, :, near].reshape(64, -1)
+    read = response @ true[near]
+    scale, off = np.abs(response).max(), 0.005 * np.abs(read).max()
+    bounds = [
+        linprog(
+            sign * np.ones(near.sum()),
+            A_ub=np.vstack([response, -response]) / scale,
+            b_ub=np.concatenate([read + off, off - read]) / scale,
+        ).x.sum()
+        / true.sum()
+        for sign in (1, -1)
+    ]
+    if thickness < PITCH / 2:  # docs/programs/contact.md
+        assert bounds[0] < least
+        assert bounds[1] > most
+    else:
+        assert least < bounds[0] < 1.0 < bounds[1] < most
