@@ -441,7 +441,7 @@ def field_arrays(path: Path, topic: str, names: Sequence[str]) -> dict[str, NDAr
                 try:
                     row.append(_value(path, message, content, name))
                 except CodecError as error:
-                    faults.append(error)
+                    faults += [error] if all(part is not None for part in row) else []
                     row.append(None)
             rows.append((message.log_time, row))
             held += sum(getattr(part, "nbytes", 8) for part in row)

@@ -119,13 +119,13 @@ def test_messages_without_their_field_are_bad_frames_that_are_said(what, suffix,
 
 def test_lines_of_json_that_are_cut_off_or_torn_are_said(tmp_path):
     lines = [json.dumps({"t": n / 100.0, "data": VALUES[n].tolist()}) for n in range(60)]
-    lines[20] = lines[20][:40]
+    lines[20], lines[30] = lines[20][:40], '{"status": "ok"}'
     path = tmp_path / "a.jsonl"
     path.write_text("\n".join(lines)[:-30])
     assert propose(path).table["time"] == "t"
-    with pytest.warns(RecordingWarning, match=r"2 of 60 messages are bad.*line 21: expected JSON"):
+    with pytest.warns(RecordingWarning, match=r"3 of 60 messages are bad.*line 21: expected JSON"):
         recording = read(path, LAYOUT.replace('topic = "/skin"\n', 'values = "data"\ntime = "t"\n'))
-    np.testing.assert_array_equal(recording.values, np.delete(VALUES[:59], 20, axis=0))
+    np.testing.assert_array_equal(recording.values, np.delete(VALUES[:59], [20, 30], axis=0))
 
 
 def test_any_order_is_sorted_and_said(tmp_path):
