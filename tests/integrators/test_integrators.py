@@ -11,7 +11,13 @@ from scipy.linalg import expm
 from cnnum.errors import MethodError, UnknownNameError
 from cnnum.integrators.choice import FixedSteps
 from cnnum.integrators.exact_ends import Spectral, propagator, spectral
-from cnnum.integrators.exponential import ETD_RK2, EXPONENTIAL_EULER, EXPONENTIAL_METHODS, phi
+from cnnum.integrators.exponential import (
+    ETD_RK2,
+    EXPONENTIAL_EULER,
+    EXPONENTIAL_METHODS,
+    followed_step,
+    phi,
+)
 from cnnum.integrators.schemes import ChebyshevSteps
 from cnnum.integrators.spectrum import spectrum
 from cnnum.integrators.stability import stability_bound
@@ -259,7 +265,7 @@ def test_exponential_steps_state_their_error(method, decay):
     Of short steps to a hundredth; of long ones, while the mode does not grow, to a factor of 3.
     """
     tau = 0.7
-    followed = method.followed(decay * tau, tau)
+    followed = followed_step(method, decay * tau, tau)
     for mode in (-1.3, 0.3j, 0.6, -1.0 + 1.0j):
         z, slopes = decay * (mode - 1.0), []
         for row in followed.a:
