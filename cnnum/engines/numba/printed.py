@@ -29,7 +29,7 @@ from cnnum.engines.notices import refuse_unfinished
 from cnnum.engines.numba.compiling import SHELF, cores
 from cnnum.engines.numba.evaluation import NumbaExecutable
 from cnnum.engines.numba.records import Real, Reals
-from cnnum.engines.opencl.lowering.kernel_source import Statements, statements
+from cnnum.engines.opencl.lowering.kernel_source import PRIVATE, Statements, statements
 from cnnum.engines.opencl.lowering.storage import Tables
 from cnnum.graph.schedule import Schedule
 from cnnum.integrators.series import Stretch
@@ -190,7 +190,7 @@ class PrintedExecutable(OnHost):
     @cached_property
     def _plan(self) -> Statements:
         tables = Tables(self.dtype, 1, 1, 0, by_vectors=False, vectors=False)
-        return statements(self.schedule, self.solvers, tables)
+        return statements(self.schedule, self.solvers, tables, PRIVATE)
 
     @cached_property
     def _printed(self) -> tuple[str, tuple[int, int]]:

@@ -25,7 +25,7 @@ from cnnum.engines.opencl.launching import (
     WholeRunner,
     exchanges,
 )
-from cnnum.engines.opencl.lowering.kernel_source import KernelSource, lower
+from cnnum.engines.opencl.lowering.kernel_source import KernelSource, lower, stays_private
 from cnnum.engines.opencl.lowering.storage import Places, Tables
 from cnnum.graph.schedule import Schedule
 from cnnum.integrators.solver import Solvers
@@ -182,6 +182,12 @@ class OpenCLExecutable:
     _no_memory: dict[_Site, SharedArray] = field(default_factory=dict[_Site, SharedArray])
     _bound: tuple[object, ...] = ()
     _turn: RLock = field(default_factory=RLock)
+    _small: bool = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._small = self.schedule.cells <= WIDE_CELLS and stays_private(
+            self.schedule, self.solvers
+        )
 
     @property
     def launches(self) -> int:
@@ -216,7 +222,7 @@ class OpenCLExecutable:
 
     def lanes_for(self, batch: int) -> int:
         """Return how many frames of a batch lie side by side in one work item."""
-        wide = batch >= self.wide_lanes and self.schedule.cells <= WIDE_CELLS
+        wide = batch >= self.wide_lanes and self._small
         return self.wide_lanes if wide else 1
 
     def queue_for(self, batch: int) -> cl.CommandQueue:
@@ -252,7 +258,7 @@ class OpenCLExecutable:
     def one(self, memory: object) -> OneFrame | None:
         """Return the quick way for the single frames of a stream; None where there is none."""
         assert isinstance(memory, SharedArray)
-        if self.schedule.cells > WIDE_CELLS:
+        if not self._small:
             return None
         with self._guarded():
             built = self._build(1)

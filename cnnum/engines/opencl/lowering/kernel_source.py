@@ -19,13 +19,15 @@ from cnnum.engines.opencl.lowering.storage import (
     Values,
 )
 from cnnum.engines.opencl.text import WIDE_BYTES, fill, indented
-from cnnum.graph.nodes import Node
+from cnnum.graph.nodes import Node, Transient
 from cnnum.graph.schedule import Schedule
+from cnnum.integrators.schemes import FixedSteps
 from cnnum.integrators.solver import Solvers
 from cnnum.kernels.kernel_split import PartKernel, split_kernels
 from cnnum.kernels.launch_plan import LaunchPlan
 from cnnum.kernels.number_types import NumberType
 from cnnum.kernels.printer import OpenCLPrinter
+from cnnum.templating.network import delays_outputs, lag
 
 OUTPUT, IS_FIRST = ir.names("output is_first")
 """The buffer of results, and the host's word for the first frame of a stream."""
@@ -33,6 +35,10 @@ OUTPUT, IS_FIRST = ir.names("output is_first")
 Key = TypeVar("Key", str, int)
 
 _MINE = ir.Verbatim(("__global real *const mine = scratch + get_global_id(0) * FRAME_SIZE;",))
+
+PRIVATE_DELAYED = 2**14
+"""Most numbers of delayed outputs in private memory. In 16 lanes of float32 they take 1 MiB of a
+thread's stack, which on Linux has at least 2."""
 
 WHOLE_CELLS = 256 * 256
 """Largest array that one work item runs the whole plan for. Other work had one of two cores then.
@@ -52,7 +58,7 @@ class Form:
     ----------
     name, reason : str
     fits : callable
-        Whether a plan of a number of cells can be of this form.
+        Whether a plan can be of this form, by its schedule and solvers.
     private : bool
         Whether arrays are private to a work item.
     split : bool
@@ -61,24 +67,42 @@ class Form:
 
     name: str
     reason: str
-    fits: Callable[[int], bool]
+    fits: Callable[[Schedule, Solvers], bool]
     private: bool = False
     split: bool = False
 
 
+def stays_private(schedule: Schedule, solvers: Solvers) -> bool:
+    """Return whether a work item keeps all arrays of a plan in private memory.
+
+    Delayed outputs are kept for every step of the delay, and so many do not fit the stack of a
+    thread, which is where a processor's private memory lies.
+    """
+    late = 0
+    for node in schedule.nodes:
+        operation = node.operation
+        if isinstance(operation, Transient) and delays_outputs(operation.template):
+            scheme, template = solvers[node.index].scheme, operation.template
+            if isinstance(scheme, FixedSteps):
+                late += (lag(template, scheme.step) + 1) * template.layers * schedule.cells
+    return schedule.cells <= PRIVATE_CELLS and late <= PRIVATE_DELAYED
+
+
+PRIVATE = Form(
+    "private memory of one work item",
+    "arrays of so few cells stay close to it",
+    stays_private,
+    private=True,
+)
+
 FORMS = (
-    Form(
-        "private memory of one work item",
-        "arrays of so few cells stay close to it",
-        lambda cells: cells <= PRIVATE_CELLS,
-        private=True,
-    ),
+    PRIVATE,
     Form(
         "global memory of one work item",
         "more launches cost more than other cores save",
-        lambda cells: cells <= WHOLE_CELLS,
+        lambda schedule, _: schedule.cells <= WHOLE_CELLS,
     ),
-    Form("kernels of many work items", "all cores share each sweep", lambda _: True, split=True),
+    Form("kernels of many work items", "all cores share each sweep", lambda *_: True, split=True),
 )
 """In their order: the first that fits is taken."""
 
@@ -159,9 +183,13 @@ class Statements:
         )
 
 
-def statements(schedule: Schedule, solvers: Solvers, tables: Tables) -> Statements:
+def form_of(schedule: Schedule, solvers: Solvers) -> Form:
+    """Return the first form that a plan fits."""
+    return next(form for form in FORMS if form.fits(schedule, solvers))
+
+
+def statements(schedule: Schedule, solvers: Solvers, tables: Tables, form: Form) -> Statements:
     """Return the records of a schedule, with tables that hold nothing yet."""
-    form = next(form for form in FORMS if form.fits(schedule.cells))
     arena = Arena(private=form.private)
     outputs, used = _places(schedule, schedule.outputs)
     size = used + 1  # the last one is `unfinished`
@@ -180,7 +208,7 @@ def statements(schedule: Schedule, solvers: Solvers, tables: Tables) -> Statemen
 
 def lower(schedule: Schedule, solvers: Solvers, tables: Tables) -> KernelSource:
     """Return the kernel text of a schedule, with tables that hold nothing yet."""
-    plan, parts = statements(schedule, solvers, tables), None
+    plan, parts = statements(schedule, solvers, tables, form_of(schedule, solvers)), None
     body, form, arena = list(plan.body), plan.form, plan.arena
     own = "\n".join([tables.text, *dict.fromkeys(tables.strips)])
     if form.split:
