@@ -67,7 +67,7 @@ class Affine:
         return self.parts.get(number, np.zeros((n, n)))
 
 
-def is_linear(operation: Transient, scheme: Scheme, asked: Sequence[Pick]) -> bool:
+def is_linear(operation: Transient, scheme: Scheme, picks: Sequence[Pick]) -> bool:
     """Whether the wanted result of a transient is an affine map of inputs, states and biases.
 
     A cell that may leave the linear range of its output is not linear, however its input may be:
@@ -78,7 +78,7 @@ def is_linear(operation: Transient, scheme: Scheme, asked: Sequence[Pick]) -> bo
     if not operation.template.plain or operation.has_mask or operation.has_previous:
         return False
     maps = {"state", "output"} if operation.template.output.linear else {"state"}
-    return all(pick.what in maps for pick in asked)
+    return all(pick.what in maps for pick in picks)
 
 
 def local(node: Node, arguments: Sequence[Affine], cells: int) -> Affine:
@@ -257,22 +257,22 @@ def fuse(schedule: Schedule, solvers: Mapping[int, Solver]) -> Schedule:
 
 def _sources(schedule: Schedule, solvers: Mapping[int, Solver]) -> dict[int, frozenset[int]]:
     """Return the arguments of linear operations, at first hand or through other linear ones."""
-    asked: dict[int, list[Pick]] = {}
+    picks: dict[int, list[Pick]] = {}
     for node in schedule.nodes:
         if isinstance(node.operation, Pick):
-            asked.setdefault(node.arguments[0].index, []).append(node.operation)
+            picks.setdefault(node.arguments[0].index, []).append(node.operation)
     result: dict[int, frozenset[int]] = {}
     for node in schedule.nodes:
         # a number that is not constant is not worth a matrix
         if any(argument.scalar and argument.index not in result for argument in node.arguments):
             continue
         # nor are stacks, which no transient can read
-        if any(each.maps > 1 for each in (node, *node.arguments)):
+        if any(operand.maps > 1 for operand in (node, *node.arguments)):
             continue
         operation = node.operation
         if isinstance(operation, Transient):
             scheme = solvers[node.index].scheme
-            kept = is_linear(operation, scheme, asked.get(node.index, []))
+            kept = is_linear(operation, scheme, picks.get(node.index, []))
         elif isinstance(operation, Pick):
             kept = node.arguments[0].index in result
         else:

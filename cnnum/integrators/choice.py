@@ -164,11 +164,11 @@ def choose(transient: Transient, shape: tuple[int, int]) -> Solver:
         )
     if spec.method == "propagator":
         raise MethodError("A propagator takes no steps: leave dt out.")
-    asked = spec.method != "auto" or spec.dt is not None
+    chosen = spec.method != "auto" or spec.dt is not None
     choice = _Choice(transient.template, shape, spec, duration, settle)
     stepping, reason, forced = choice.stepping()
-    about = (stepping.name, reason, stepping, duration, settle)
-    return Solver(*about, spec.rtol, spec.atol, asked, forced)
+    parts = (stepping.name, reason, stepping, duration, settle)
+    return Solver(*parts, spec.rtol, spec.atol, chosen, forced)
 
 
 def check_spec(spec: RunSpec) -> None:
@@ -237,15 +237,15 @@ class _Choice:
         method, preset, reason = _preset(template, self.spec)
         if method is None:
             return self._cheapest(result)
-        bound, about = tableau_step(method, result), result.reason
+        bound, why = tableau_step(method, result), result.reason
         delayed = delayed_rates(template, self.shape)
         if delayed is not None and keeps_delays(method):
-            bound, about = delayed_step(method, delayed), delayed.reason
+            bound, why = delayed_step(method, delayed), delayed.reason
         if preset is None and method.adaptive and template.delayed is None:
             return self._adaptive(method, bound, result), "steps follow the error estimate", False
         if preset is not None and self.spec.dt is None and preset > 0.5 * bound > 0.0:
             preset, reason = None, f"{reason}, in steps of half its stability bound"
-        step, forced = self._bounded(method.name, bound, about, preset)
+        step, forced = self._bounded(method.name, bound, why, preset)
         own = self.spec.dt is not None
         fixed = _fixed(template, method, step, self.duration, self.settle, given=own)
         if forced:
@@ -300,36 +300,38 @@ class _Choice:
             f"'{self.template.name}' ({reason}): take a shorter step, method='auto', or force=True."
         )
 
-    def _cheapest(self, found: Spectrum) -> tuple[Stepping, str, bool]:
+    def _cheapest(self, spectrum: Spectrum) -> tuple[Stepping, str, bool]:
         """Return the method that takes the fewest evaluations of the rates, as far as is known."""
-        bounds = {method: tableau_step(method, found) for method in PAIRS}
-        steps = {method.name: self._adaptive(method, bounds[method], found) for method in PAIRS}
+        bounds = {method: tableau_step(method, spectrum) for method in PAIRS}
+        steps = {method.name: self._adaptive(method, bounds[method], spectrum) for method in PAIRS}
         # a pair without a stable step is taken where no other has one either
         stable = [m for m in PAIRS if bounds[m] > 0.0] or [*PAIRS]
         methods = [pair(method, steps[method.name]) for method in stable]
-        if self._has_stages(found):
-            methods.append(chebyshev(CHEBYSHEV, found.fastest))
+        if self._has_stages(spectrum):
+            methods.append(chebyshev(CHEBYSHEV, spectrum.fastest))
         if not self.duration:
             return steps[methods[0].name], "it takes no time", False
         tolerances = (self.spec.rtol, self.spec.atol)
         known = motion(
-            self.template, self.shape, found, self.duration, tolerances, settle=self.settle
+            self.template, self.shape, spectrum, self.duration, tolerances, settle=self.settle
         )
         efforts = [effort(method, known) for method in methods]
-        best = min(efforts, key=lambda one: one.evaluations)
+        best = min(efforts, key=lambda candidate: candidate.evaluations)
         reason = _against(best, efforts)
-        surest = next((one for one in efforts if one.name == DORMAND_PRINCE.name), best)
+        surest = next(
+            (candidate for candidate in efforts if candidate.name == DORMAND_PRINCE.name), best
+        )
         if known.bends and not self.settle and not surest.stable and best is not surest:
             best, reason = surest, f"{_against(surest, efforts)}, which see bends of the rates less"
         if best.name == CHEBYSHEV:
-            stages, about, _ = self._chebyshev(found)
-            return stages, f"{reason}; {about}", False
+            stages, why, _ = self._chebyshev(spectrum)
+            return stages, f"{reason}; {why}", False
         return steps[best.name], reason, False
 
-    def _adaptive(self, method: ButcherTableau, bound: float, found: Spectrum) -> AdaptiveSteps:
+    def _adaptive(self, method: ButcherTableau, bound: float, spectrum: Spectrum) -> AdaptiveSteps:
         """Return steps of a pair within its stability bound."""
         longest = min(bound, self.duration or bound)
-        first = 0.1 * min(longest, 1.0 / found.fastest) if found.fastest else 0.1 * longest
+        first = 0.1 * min(longest, 1.0 / spectrum.fastest) if spectrum.fastest else 0.1 * longest
         share = 0.8 if self.settle else 1.0
         safe = share * bound if 0.0 < bound < math.inf else self.duration
         # at a rest the errors of the way have decayed
@@ -338,25 +340,25 @@ class _Choice:
         longest = min(safe, self.duration)
         return AdaptiveSteps((method,), first, self.settle, longest, bent, stops)
 
-    def _has_stages(self, found: Spectrum) -> bool:
+    def _has_stages(self, spectrum: Spectrum) -> bool:
         steady = self.template.plain and not self.template.output.limited
-        moving = found.real and found.fastest > 0.0
+        moving = spectrum.real and spectrum.fastest > 0.0
         return steady and moving
 
-    def _chebyshev(self, found: Spectrum) -> tuple[ChebyshevSteps, str, bool]:
-        if not self._has_stages(found):
+    def _chebyshev(self, spectrum: Spectrum) -> tuple[ChebyshevSteps, str, bool]:
+        if not self._has_stages(spectrum):
             raise MethodError(
-                f"'{CHEBYSHEV}' needs rates that are known to be real ({found.reason}) and linear "
-                f"couplings: template '{self.template.name}' runs with method='auto'."
+                f"'{CHEBYSHEV}' needs rates that are known to be real ({spectrum.reason}) and "
+                f"linear couplings: template '{self.template.name}' runs with method='auto'."
             )
         if self.spec.dt is not None:
             raise MethodError(f"'{CHEBYSHEV}' chooses its own steps: leave dt out.")
-        first = min(0.5 / found.fastest, self.duration or 1.0)
+        first = min(0.5 / spectrum.fastest, self.duration or 1.0)
         reason = (
-            f"rates up to {found.fastest:.3g} ({found.reason}) are real, so that stages grow with "
-            "the root of a step's length"
+            f"rates up to {spectrum.fastest:.3g} ({spectrum.reason}) are real, so that stages grow "
+            "with the root of a step's length"
         )
-        return ChebyshevSteps(found.fastest, first, self.settle), reason, False
+        return ChebyshevSteps(spectrum.fastest, first, self.settle), reason, False
 
     def _by_layer(self, method: LayerMethod) -> tuple[Stepping, str, bool]:
         if not self.template.plain:
@@ -371,8 +373,8 @@ class _Choice:
         reason = "a fixed step was asked for" if self.spec.dt else "half of the stability bound"
         taus = self.template.tau.tolist()
         if not self.spec.estimate or forced:
-            each = tuple(fixed_step(method, even, tau) for tau in taus)
-            return FixedSteps(each, even, count, self.settle, even), reason, forced
+            steps = tuple(fixed_step(method, even, tau) for tau in taus)
+            return FixedSteps(steps, even, count, self.settle, even), reason, forced
         self._refuse_many(count)
         if method.order > 1 and self.template.output.limited:
             self._refuse(f"'{method.name}' with a limited state")
@@ -384,13 +386,13 @@ def _against(best: Effort, efforts: list[Effort]) -> str:
     """Return the limit of the steps, and the evaluations of this and the other methods."""
     limit = "stability" if best.stable else "the error estimate"
     text = f"{limit} sets most steps: about {_rounded(best)} evaluations of the rates"
-    others = sorted(efforts, key=lambda one: one.evaluations)
+    others = sorted(efforts, key=lambda effort: effort.evaluations)
     listed = [f"{_rounded(other)} of {other.name}" for other in others if other is not best]
     return f"{text}, against {' and '.join(listed)}" if listed else text
 
 
-def _rounded(one: Effort) -> float:
-    rounded = float(f"{one.evaluations:.2g}")
+def _rounded(effort: Effort) -> float:
+    rounded = float(f"{effort.evaluations:.2g}")
     return int(rounded) if math.isfinite(rounded) else rounded
 
 
@@ -400,16 +402,20 @@ def _preset(template: Template, spec: RunSpec) -> tuple[ButcherTableau | None, f
         steps = (*TABLEAUX, CHEBYSHEV, *LAYER_METHODS, *IMPLICIT_METHODS)
         known = ("auto", "propagator", *steps)
         raise name_error("method", spec.method, known)
-    asked = TABLEAUX.get(spec.method)
+    tableau = TABLEAUX.get(spec.method)
     if spec.dt is not None:
-        return asked or (HEUN if template.delayed else EULER), spec.dt, "a fixed step was asked for"
+        return (
+            tableau or (HEUN if template.delayed else EULER),
+            spec.dt,
+            "a fixed step was asked for",
+        )
     if template.delayed is not None:
         step = DELAY_STEP * float(template.tau.min())
-        return asked or HEUN, step, "its delay needs outputs of earlier steps"
+        return tableau or HEUN, step, "its delay needs outputs of earlier steps"
     if jumps(template):
         step = JUMP_STEP * float(template.tau.min())
-        return asked or EULER, step, "its rates jump, which no error estimate follows"
-    return asked, None, "half of the stability bound"
+        return tableau or EULER, step, "its rates jump, which no error estimate follows"
+    return tableau, None, "half of the stability bound"
 
 
 def _fixed(

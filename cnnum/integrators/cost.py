@@ -270,23 +270,23 @@ def motion(
 def effort(method: Stepper, known: Motion) -> Effort:
     """Return about how many evaluations of the rates a method takes for a transient."""
     times = known.times()
-    each = (method.smooth / known.tolerance) ** (1.0 / method.order) / method.safety
-    wanted = 1.0 / (each * known.wanted(times, method.order))
+    share = (method.smooth / known.tolerance) ** (1.0 / method.order) / method.safety
+    wanted = 1.0 / (share * known.wanted(times, method.order))
     steps = np.minimum(wanted, method.longest)
     smooth = float(np.trapezoid(1.0 / steps, times))
     held = float(np.trapezoid((wanted >= method.longest) / steps, times))
-    bends = _around_bends(method, known, each)
+    bends = _around_bends(method, known, share)
     # the first and the last step are shorter than they could be; the first rates come before it
     short = 1.0 + (1.0 + bends) * float(method.stages(np.zeros(1))[0])
     count = float(np.trapezoid(method.stages(steps) / steps, times)) + short
     return Effort(method.name, count, stable=held > 0.5 * (smooth + bends))
 
 
-def _around_bends(method: Stepper, known: Motion, each: float) -> float:
+def _around_bends(method: Stepper, known: Motion, share: float) -> float:
     """Return how many steps more a method takes where the rates bend or jump."""
     if not known.bends:
         return 0.0
-    usual = min(1.0 / (each * known.growth), method.longest)
+    usual = min(1.0 / (share * known.growth), method.longest)
     if known.jumps:
         short = known.tolerance / method.jumped / known.growth
     else:

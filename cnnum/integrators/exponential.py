@@ -119,7 +119,7 @@ class ExponentialMethod:
         (steps, stages, stages) and (steps, stages) float
         """
         decay = (steps / tau)[:, np.newaxis]
-        one, two, three = (phi(k, -decay) for k in (1, 2, 3))
+        phi_1, phi_2, phi_3 = (phi(k, -decay) for k in (1, 2, 3))
         n = 2 * self.order
         start = np.eye(n)[0]
 
@@ -127,14 +127,14 @@ class ExponentialMethod:
             """Return N − N₀ of a stage, as parts of the rates: k − k₀ + its move over τ."""
             return np.asarray(np.eye(n)[stage] - start + decay * move, dtype=np.float64)
 
-        first = one * start
+        first = phi_1 * start
         if self.order == 1:
-            return np.stack([0.0 * first, first], axis=1), two * change(1, first)
+            return np.stack([0.0 * first, first], axis=1), phi_2 * change(1, first)
         beyond = change(1, first)
         amid = 0.5 * (phi(1, -0.5 * decay) * start + phi(2, -0.5 * decay) * beyond)
         bend = beyond - 2.0 * change(2, amid)
-        rows = [0.0 * first, first, amid, first + two * beyond]
-        return np.stack(rows, axis=1), (4.0 * three - 2.0 * two) * bend
+        rows = [0.0 * first, first, amid, first + phi_2 * beyond]
+        return np.stack(rows, axis=1), (4.0 * phi_3 - 2.0 * phi_2) * bend
 
     def growth(self, steps: Floats, values: NDArray[np.complex128]) -> NDArray[np.complex128]:
         """Return the factors of modes a step, (steps, modes), where 1/τ = 1 and J has `values`."""

@@ -156,7 +156,7 @@ class AdaptiveSteps:
 
         Where rates bend it makes up for the worst place of a bend among a step's stages.
         """
-        least = min(each.least_bent for each in self.tableaux) if self.bends else 1.0
+        least = min(tableau.least_bent for tableau in self.tableaux) if self.bends else 1.0
         return max(SAFETY, 1.0 / least)
 
     @property
@@ -265,7 +265,7 @@ class Stages:
     @property
     def arrays(self) -> int:
         """Arrays that keep states and sums."""
-        return 1 + max(one.place for stage in self.stages for one in stage.sums)
+        return 1 + max(term.place for stage in self.stages for term in stage.sums)
 
 
 def stages_of(scheme: FixedSteps, layer: int, tau: float) -> Stages | None:

@@ -85,12 +85,12 @@ def discs(network: Network) -> Discs:
     return Discs(distinct(np.concatenate(parts)), growth, reach)
 
 
-def _around(one: float, other: float, radius: float) -> Complexes:
+def _around(this: float, other: float, radius: float) -> Complexes:
     """Return points around two discs and those in between, upper half."""
     angles = np.linspace(0.0, np.pi, 2 * POINTS)
     turn = np.asarray(radius * np.exp(1j * angles), dtype=np.complex128)
-    tops = np.linspace(one, other, POINTS, dtype=np.complex128) + 1j * radius
-    return np.concatenate([one + turn, other + turn, tops])
+    tops = np.linspace(this, other, POINTS, dtype=np.complex128) + 1j * radius
+    return np.concatenate([this + turn, other + turn, tops])
 
 
 def _own(template: Template) -> Floats:

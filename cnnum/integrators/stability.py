@@ -154,12 +154,12 @@ def delayed_step(method: ButcherTableau, rates: DelayedRates) -> float:
     ladder = sorted(
         {round(float(count)) for count in np.geomspace(1.0, MOST_STEPS, 41)}, reverse=True
     )
-    found = next((k for k, count in enumerate(ladder) if _grows(method, rates, count)), None)
-    if found is None:
+    place = next((k for k, count in enumerate(ladder) if _grows(method, rates, count)), None)
+    if place is None:
         return math.inf
-    if not found:
+    if not place:
         return 0.0
-    stable, grows = ladder[found - 1], ladder[found]
+    stable, grows = ladder[place - 1], ladder[place]
     while stable - grows > 1:
         middle = (stable + grows) // 2
         if _grows(method, rates, middle):
@@ -182,9 +182,11 @@ def _modes(template: Template, late: Floats, shape: Shape) -> tuple[Complexes, C
     other = replace(template, A=late)
     tau = float(template.tau[0])
     if diagonal_in_modes(template) and diagonal_in_modes(other):
-        result = [mode_rates(one, shape).ravel().astype(np.complex128) for one in (template, other)]
+        result = [
+            mode_rates(form, shape).ravel().astype(np.complex128) for form in (template, other)
+        ]
     elif template.boundary.pad_mode == "wrap":
-        result = [(torus_coupling(one, shape).ravel() - 1.0) / tau for one in (template, other)]
+        result = [(torus_coupling(form, shape).ravel() - 1.0) / tau for form in (template, other)]
     else:
         return none, none
     return result[0], result[1] + 1.0 / tau
@@ -407,59 +409,59 @@ def stability_bound(
     return StabilityBound(step, result.exact, result.reason)
 
 
-def tableau_step(method: ButcherTableau, found: Spectrum) -> float:
+def tableau_step(method: ButcherTableau, spectrum: Spectrum) -> float:
     """Return the longest stable step of a Runge–Kutta method for a spectrum."""
-    values = _decaying(found)
+    values = _decaying(spectrum)
     fastest = float(np.abs(values).max(initial=0.0))
-    if found.real:
+    if spectrum.real:
         return method.real_stability / fastest if fastest else math.inf
     # |R(z)| > 1 beyond |z| = 8 for every method of up to 7 stages here
     longest = 8.0 / fastest if fastest else math.inf
-    if found.discs is not None and found.discs.reach:
-        longest = min(longest, method.real_stability / found.discs.reach)
+    if spectrum.discs is not None and spectrum.discs.reach:
+        longest = min(longest, method.real_stability / spectrum.discs.reach)
     if math.isinf(longest):
         return math.inf
 
     def growth(steps: Floats, rates: Complexes) -> Complexes:
         return method.growth(steps[:, np.newaxis] * rates)
 
-    step = _first(_Growth(growth, found), longest * np.geomspace(SHORTEST, 1.0, 500))
+    step = _first(_Growth(growth, spectrum), longest * np.geomspace(SHORTEST, 1.0, 500))
     return min(step, longest)
 
 
-def chebyshev_step(stages: int, found: Spectrum) -> float:
+def chebyshev_step(stages: int, spectrum: Spectrum) -> float:
     """Return the longest stable step of a Chebyshev method; 0 where the rates are not real.
 
     Its region of stability is long and thin along the negative real axis.
     """
-    if not found.real:
+    if not spectrum.real:
         return 0.0
-    values = _decaying(found)
+    values = _decaying(spectrum)
     fastest = float(np.abs(values).max(initial=0.0))
     return chebyshev_method(stages).real_stability / fastest if fastest else math.inf
 
 
-def _layer_step(method: LayerMethod, found: Spectrum, template: Template) -> float:
+def _layer_step(method: LayerMethod, spectrum: Spectrum, template: Template) -> float:
     if np.ptp(template.tau) > 0.0:
         # several decays: the couplings of the fastest layer, as if all decayed like Euler's
-        return tableau_step(TABLEAUX["euler"], found)
+        return tableau_step(TABLEAUX["euler"], spectrum)
     tau = float(template.tau[0])
 
     def growth(steps: Floats, rates: Complexes) -> Complexes:
         return method.growth(steps / tau, rates * tau)
 
     steps = tau * np.geomspace(1e-4, 60.0, 500)
-    step = _first(_Growth(growth, found), steps)
-    if found.discs is None:
+    step = _first(_Growth(growth, spectrum), steps)
+    if spectrum.discs is None:
         return step
-    slowest = np.array([-found.discs.reach], dtype=np.complex128)
-    ends = Spectrum(slowest, exact=False, real=True, reason=found.reason)
+    slowest = np.array([-spectrum.discs.reach], dtype=np.complex128)
+    ends = Spectrum(slowest, exact=False, real=True, reason=spectrum.reason)
     return min(step, _first(_Growth(growth, ends), steps))
 
 
-def _decaying(found: Spectrum) -> Complexes:
+def _decaying(spectrum: Spectrum) -> Complexes:
     """Return the values that decay or only turn, one of each conjugate pair."""
-    values = found.values[found.values.real <= 1e-10 * found.fastest]
+    values = spectrum.values[spectrum.values.real <= 1e-10 * spectrum.fastest]
     return np.asarray(values.real + 1j * np.abs(values.imag), dtype=np.complex128)
 
 
@@ -479,12 +481,14 @@ class _Growth:
 
     __slots__ = ("_all", "_few", "_growth")
 
-    def __init__(self, growth: Callable[[Floats, Complexes], Complexes], found: Spectrum) -> None:
+    def __init__(
+        self, growth: Callable[[Floats, Complexes], Complexes], spectrum: Spectrum
+    ) -> None:
         self._growth = growth
-        self._all = [(_decaying(found), found.growth)]
-        self._few = [(_few(self._all[0][0]), found.growth)]
-        if found.discs is not None:
-            around = (found.discs.points, found.discs.growth)
+        self._all = [(_decaying(spectrum), spectrum.growth)]
+        self._few = [(_few(self._all[0][0]), spectrum.growth)]
+        if spectrum.discs is not None:
+            around = (spectrum.discs.points, spectrum.discs.growth)
             self._few.append((around[0][::16], around[1]))
             self._all.append(around)
 
@@ -544,9 +548,9 @@ def _before(grows: Grows, steps: Floats, rates: int) -> float:
     """Return the longest step before the first that lets one of these rates grow."""
     count = max(1, TOGETHER // max(rates, 1))
     for start in range(0, len(steps), count):
-        found = grows(steps[start : start + count])
-        if found.any():
-            at = start + int(found.argmax())
+        growing = grows(steps[start : start + count])
+        if growing.any():
+            at = start + int(growing.argmax())
             return _bisect(grows, float(steps[at - 1]), float(steps[at])) if at else 0.0
     return math.inf
 

@@ -173,9 +173,9 @@ def smoothness(values: Floats) -> Floats:
             count[second] += 1
     if not count.all():
         return np.zeros(len(values))
-    one, other = (each - each.mean(axis=(1, 2), keepdims=True) for each in (values, total / count))
-    size = np.sqrt((one * one).sum(axis=(1, 2)) * (other * other).sum(axis=(1, 2)))
-    both = (one * other).sum(axis=(1, 2))
+    near, other = (maps - maps.mean(axis=(1, 2), keepdims=True) for maps in (values, total / count))
+    size = np.sqrt((near * near).sum(axis=(1, 2)) * (other * other).sum(axis=(1, 2)))
+    both = (near * other).sum(axis=(1, 2))
     return np.asarray(np.divide(both, size, out=np.zeros(len(values)), where=size > 0.0))
 
 
@@ -236,7 +236,7 @@ def best_order(
     if min(shape) < SMALLEST or presses.shape[3] != 3:
         return None, -1.0, -1.0
     known: dict[tuple[tuple[str, ...], int], tuple[Floats, float]] = {}
-    each = list[Floats]()
+    parts = list[Floats]()
     tried = list(orders((shape[0], shape[1])))
     for n, order in enumerate(tried):
         *_, normal = order.channels
@@ -245,18 +245,19 @@ def best_order(
             placed = np.moveaxis(placed, -1, 0)
             sense = float(placed[normal].sum())
             known[order.grid, normal] = patterns(placed[normal], placed), sense
-        found, sense = known[order.grid, normal]
-        each.append(_scored(found, order))
+        axes, sense = known[order.grid, normal]
+        parts.append(_scored(axes, order))
         falls = sense < 0.0
         if order.signs[:2] == (-1.0, -1.0) and falls != (unit in FALLS):
             tried[n] = replace(order, signs=(1.0, 1.0, -1.0))
-    fits = np.median(each, axis=1).tolist()
+    fits = np.median(parts, axis=1).tolist()
     ranked = [(fit, -order.changes, order) for fit, order in zip(fits, tried, strict=True)]
     present = ranked[0][0]
     most = max(value for value, _, _ in ranked)
     # of those that fit nearly as well, the one that changes least
     value, _, order = max(
-        (one for one in ranked if one[0] > most - 0.05), key=lambda one: (one[1], one[0])
+        (candidate for candidate in ranked if candidate[0] > most - 0.05),
+        key=lambda candidate: (candidate[1], candidate[0]),
     )
     if most < CLEAR:
         return None, most, present
@@ -297,7 +298,7 @@ def levelled(rest: Floats, moved: Floats) -> Order | None:
     if rest.shape[0] * rest.shape[1] < TAXELS or not total > 0.0:
         return None
     result = [Order(grid=grid) for grid in (GRID, *GRIDS)]
-    shares = [float(one.of(rest[np.newaxis]).var(axis=(1, 2)).mean()) / total for one in result]
+    shares = [float(order.of(rest[np.newaxis]).var(axis=(1, 2)).mean()) / total for order in result]
     if min(shares) > LEVELLED or shares[0] < MIXED:
         return None
     alike = [n for n, share in enumerate(shares) if share <= min(shares) + 1e-9]
@@ -403,7 +404,7 @@ def checked(recording: Recording, pads: int = 1, *, timed: bool = False) -> list
     result += _wraps(values)
     result += _units(recording, values, rest)
     result += _orders(recording, values, rest, noise, pads)
-    return sorted(result, key=lambda one: not one.wrong)
+    return sorted(result, key=lambda finding: not finding.wrong)
 
 
 def _in_order(recording: Recording, places: list[int]) -> Recording:

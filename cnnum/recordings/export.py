@@ -135,8 +135,8 @@ def write_index(file: IO[bytes], layout: Layout) -> None:
     file.seek(0, 2)
     if held:
         with summary.group(Opcode.ATTACHMENT_INDEX):
-            for start, stop, one in held:
-                summary.add(one.index(start, stop))
+            for start, stop, chunk in held:
+                summary.add(chunk.index(start, stop))
     with summary.group(Opcode.STATISTICS):
         summary.add(totals.statistics(len(held)))
     file.seek(0, 2)

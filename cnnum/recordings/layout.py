@@ -77,8 +77,8 @@ def attached(
     budget : Budget, optional
         Budget of the work; a CodecError says that it is spent.
     """
-    while found := read_prefix(file, place, size):
-        opcode, end = found
+    while prefix := read_prefix(file, place, size):
+        opcode, end = prefix
         if budget is not None:
             budget.look(RECORD)
         if opcode in (Opcode.DATA_END, Opcode.FOOTER):
@@ -105,7 +105,7 @@ def _held(data: bytes) -> Held | None:
 
 def records(held: Sequence[Held]) -> bytes:
     """Return the records of all these files."""
-    return b"".join(one.record() for one in held)
+    return b"".join(item.record() for item in held)
 
 
 KIND = "cnnum recording 2"

@@ -68,18 +68,18 @@ def packed(recording: Recording, fps: float, pictures: int | None = None) -> Pac
     """
     if not 0.0 < fps < 1e4:
         raise ArrayError(f"The picture rate must be above 0 Hz and below 10 kHz, got {fps!r}.")
-    each = max(1, int(np.ceil(recording.rate / fps - 1e-9)))
-    if each > MOST_FRAMES:
-        raise ArrayError(f"A picture can hold at most {MOST_FRAMES} taxel frames, got {each}.")
+    stride = max(1, int(np.ceil(recording.rate / fps - 1e-9)))
+    if stride > MOST_FRAMES:
+        raise ArrayError(f"A picture can hold at most {MOST_FRAMES} taxel frames, got {stride}.")
     since = recording.times - recording.times[0]
     count = int(since[-1] * fps + 1e-9) + 1 if pictures is None else pictures
     times = np.arange(count) / fps
     # the newest frame that had come at each picture; half a ns of rounding is no delay
     last = np.searchsorted(since, times + 5e-10, side="right") - 1
-    index = np.maximum(last[:, np.newaxis] + np.arange(1 - each, 1), 0)
+    index = np.maximum(last[:, np.newaxis] + np.arange(1 - stride, 1), 0)
     before = np.concatenate([[-1], last[:-1]])
     values = np.asarray(recording.values[index], np.float32)
-    return Packed(values, np.minimum(last - before, each), times)
+    return Packed(values, np.minimum(last - before, stride), times)
 
 
 def write_lerobot(

@@ -207,14 +207,14 @@ def _of_mcap(path: Path, topic: str) -> Generator[Message, None, None]:
                             schema = schemas.get(channel.schema_id)
                             channels[channel.id] = channel, _Decoding(path, channel, schema)
                     elif opcode == Opcode.MESSAGE:
-                        one = McapMessage.read(ReadDataStream(BytesIO(data)), len(data))
-                        if one.channel_id not in channels:
+                        record = McapMessage.read(ReadDataStream(BytesIO(data)), len(data))
+                        if record.channel_id not in channels:
                             raise CodecError(f"'{path}' has a message of no channel.")
-                        of, decoding = channels[one.channel_id]
+                        of, decoding = channels[record.channel_id]
                         budget.take(1)
                         if topic in ("", of.topic):
-                            content = _Later(decoding.kind, decoding, one.data)
-                            yield Message(of.topic, one.log_time, one.publish_time, content)
+                            content = _Later(decoding.kind, decoding, record.data)
+                            yield Message(of.topic, record.log_time, record.publish_time, content)
     except OSError as error:
         if isinstance(error, CnnumError):
             raise
@@ -317,7 +317,7 @@ def _of_bag(path: Path, topic: str) -> Generator[Message, None, None]:
     try:
         usual = types.get_typestore(types.Stores.LATEST)
         with reading.AnyReader(bags, default_typestore=usual) as reader:
-            wanted = [one for one in reader.connections if topic in ("", one.topic)]
+            wanted = [link for link in reader.connections if topic in ("", link.topic)]
             if not wanted:
                 return
             for connection, when, data in reader.messages(connections=wanted):
@@ -347,8 +347,8 @@ def _of_lines(path: Path) -> Generator[Message, None, None]:
     try:
         with open_regular(path) as file:
             if (listed := _listed(file)) is not None:
-                for number, one in enumerate(listed, 1):
-                    yield Message("", number, number, _Later("JSON", _itself, one))
+                for number, item in enumerate(listed, 1):
+                    yield Message("", number, number, _Later("JSON", _itself, item))
                 return
             while line := file.readline(LONGEST_LINE):
                 number += 1
@@ -378,7 +378,7 @@ def _listed(file: IO[bytes]) -> list[object] | None:
     if not isinstance(held, list) or not held:
         return None
     listed = cast("list[object]", held)
-    return listed if all(isinstance(one, dict) for one in listed) else None
+    return listed if all(isinstance(item, dict) for item in listed) else None
 
 
 def _checked(path: Path, line: int, content: _Later) -> _Later:
@@ -533,7 +533,7 @@ def part_of(content: Any, name: str) -> Any:
     """
     for part in name.split(".") if name else ():
         if _is_list(content):
-            content = [_child(one, part) for one in content]
+            content = [_child(item, part) for item in content]
         else:
             content = _child(content, part)
     return content
@@ -588,7 +588,7 @@ def numbers_of(value: Any) -> NDArray[np.float64]:
     if issubclass(kind, bytes | bytearray | memoryview):
         return np.frombuffer(bytes(value), np.uint8).astype(np.float64)
     if _is_list(value):
-        parts = [numbers_of(one) for one in value]
+        parts = [numbers_of(item) for item in value]
         return np.stack(parts) if parts else np.zeros(0)
     names = names_of(value)
     axes = [name for name in XYZ if name in names] or names

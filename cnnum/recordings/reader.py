@@ -141,8 +141,8 @@ def _follow(file: IO[bytes], place: int, size: int, budget: Budget) -> tuple[int
             return 0, False
         place = len(MAGIC)
     data_end = None
-    while found := read_prefix(file, place, size):
-        opcode, end = found
+    while prefix := read_prefix(file, place, size):
+        opcode, end = prefix
         budget.look(RECORD)
         if opcode not in _SMALL:
             break
@@ -348,7 +348,7 @@ def look(path: Path, budget: float = 1.0) -> Contents:
             else:
                 tally.indexed = part.indexed
         with _of(path):
-            held = tuple(one for _, _, one in attached(file, len(MAGIC), size, spent))
+            held = tuple(item for _, _, item in attached(file, len(MAGIC), size, spent))
     if decoder.layout is None or not tally.frames:
         raise CodecError(
             f"'{path}' is not a recording of cnnum: there is no whole chunk of frames in its "

@@ -268,7 +268,7 @@ class Recording(ByContent):
             )
         values = dataset["values"].transpose(*sizes)
         own = ("values", "quality", "saturated")
-        truth = {str(n): one.values for n, one in dataset.items() if n not in own}
+        truth = {str(n): variable.values for n, variable in dataset.items() if n not in own}
         return cls(
             values.values,
             rate=dataset.attrs.get("rate"),
@@ -307,7 +307,7 @@ class Recording(ByContent):
             If a taxel is missing, a column has another name, or the parts do not fit together.
         """
         columns = {str(name): frame[name] for name in frame.columns}
-        cells = {name: found for name in columns if (found := CELL.fullmatch(name))}
+        cells = {name: match for name in columns if (match := CELL.fullmatch(name))}
         names = list(dict.fromkeys(cell[1] for cell in cells.values()))
         rows, cols = (max((int(f[n]) for f in cells.values()), default=-1) + 1 for n in (2, 3))
         wanted = [f"{n}[{r}, {c}]" for n in names for r in range(rows) for c in range(cols)]
@@ -329,8 +329,8 @@ class Recording(ByContent):
         if "saturated" in columns:
             marks = np.zeros((len(frame), rows, cols), dtype=np.bool_)
             for number, text in enumerate(columns["saturated"]):
-                for found in MARKED.finditer(text if isinstance(text, str) else ""):
-                    marks[number, int(found[1]), int(found[2])] = True
+                for match in MARKED.finditer(text if isinstance(text, str) else ""):
+                    marks[number, int(match[1]), int(match[2])] = True
         whole = {"sequence": "sequence", "quality": "quality", "wall_ns": "log time (ns)"}
         said = {k: columns[k].iloc[0] for k in ("rate (Hz)", "unit", "pads") if k in columns}
         return cls(

@@ -31,7 +31,7 @@ def refuse_unknown_kind(path: Path) -> None:
         raise name_error("kind of picture", path.suffix or path.name, KINDS)
 
 
-def write_comparison(path: Path, found: Comparison, *, force: bool = False) -> None:
+def write_comparison(path: Path, comparison: Comparison, *, force: bool = False) -> None:
     """Write a comparison of two templates as a picture, of the kind that the suffix names.
 
     Raises
@@ -43,23 +43,23 @@ def write_comparison(path: Path, found: Comparison, *, force: bool = False) -> N
     """
     refuse_unknown_kind(path)
     with own_defaults():
-        content = drawn(_figure(found), path.suffix.lower().removeprefix("."))
+        content = drawn(_figure(comparison), path.suffix.lower().removeprefix("."))
     write_whole(path, content, error=ReportError, force=force)
 
 
-def _figure(found: Comparison) -> Any:
+def _figure(comparison: Comparison) -> Any:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    shown = found.inputs[:MOST] if found.exhaustive else found.inputs[:1]
+    shown = comparison.inputs[:MOST] if comparison.exhaustive else comparison.inputs[:1]
     across = min(ACROSS, max(1, len(shown)))
-    down = -(-len(shown) // across) if found.exhaustive else len(shown)
-    text = _text(found)
+    down = -(-len(shown) // across) if comparison.exhaustive else len(shown)
+    text = _text(comparison)
     high = 0.16 * (text.count("\n") + 1)
     wide = 9.0
-    panels = 4 if found.states is None else 5
-    each = wide / ACROSS if found.exhaustive else wide / panels
-    figure: Any = Figure(figsize=(wide, high + 0.4 + each * 1.35 * down))
+    panels = 4 if comparison.states is None else 5
+    side = wide / ACROSS if comparison.exhaustive else wide / panels
+    figure: Any = Figure(figsize=(wide, high + 0.4 + side * 1.35 * down))
     FigureCanvasAgg(figure)
     top = high / figure.get_figheight()
     figure.text(
@@ -69,18 +69,22 @@ def _figure(found: Comparison) -> Any:
     for number, picture in enumerate(shown):
         row, column = divmod(number, across)
         height = below / max(1, down)
-        if found.exhaustive:
+        if comparison.exhaustive:
             place = (column / ACROSS, below - (row + 1) * height, 0.9 / ACROSS, 0.8 * height)
-            black = found.names[0 if found.answers[0][number] > 0.0 else 1]
-            state = "" if found.states is None else f", state {found.states[number][1, 1]:+.0f}"
+            black = comparison.names[0 if comparison.answers[0][number] > 0.0 else 1]
+            state = (
+                ""
+                if comparison.states is None
+                else f", state {comparison.states[number][1, 1]:+.0f}"
+            )
             _draw(figure.add_axes(place), picture, f"{black}{state}")
             continue
-        answers = [found.answers[0][number], found.answers[1][number]]
+        answers = [comparison.answers[0][number], comparison.answers[1][number]]
         differ = np.sign(answers[0]) - np.sign(answers[1])
         named = {"input": picture}
-        if found.states is not None:
-            named["state"] = found.states[number]
-        named |= {**dict(zip(found.names, answers, strict=True)), "difference": differ / 2.0}
+        if comparison.states is not None:
+            named["state"] = comparison.states[number]
+        named |= {**dict(zip(comparison.names, answers, strict=True)), "difference": differ / 2.0}
         for at, (title, panel) in enumerate(named.items()):
             place = (at / panels + 0.005, below - (row + 1) * height, 0.95 / panels, 0.85 * height)
             _draw(figure.add_axes(place), panel, title)
@@ -97,11 +101,13 @@ def _draw(ax: Any, picture: Floats, title: str) -> None:
     ax.set_title(title, fontsize=6)
 
 
-def _text(found: Comparison) -> str:
+def _text(comparison: Comparison) -> str:
     """Return what differs, in two columns."""
-    rows = [("", *found.names)]
-    rows += [(key, _value(one), _value(other)) for key, (one, other) in found.differs.items()]
-    rows += comparison_rows(found)
+    rows = [("", *comparison.names)]
+    rows += [
+        (key, _value(this), _value(other)) for key, (this, other) in comparison.differs.items()
+    ]
+    rows += comparison_rows(comparison)
     lines = list[str]()
     split = [[cell.split("\n") for cell in row] for row in rows]
     widths = [max(len(line) for row in split for line in row[at]) for at in range(3)]
@@ -109,34 +115,38 @@ def _text(found: Comparison) -> str:
         for number in range(max(map(len, row))):
             cells = [part[number] if number < len(part) else "" for part in row]
             lines.append("  ".join(c.ljust(w) for c, w in zip(cells, widths, strict=True)).rstrip())
-    lines.append(verdict(found))
-    if found.exhaustive and found.unlike:
-        some = f" The first {MOST} are drawn." if found.unlike > MOST else ""
+    lines.append(verdict(comparison))
+    if comparison.exhaustive and comparison.unlike:
+        some = f" The first {MOST} are drawn." if comparison.unlike > MOST else ""
         lines.append(f"Above each neighbourhood stands the template that answers black.{some}")
     return "\n".join(lines)
 
 
-def comparison_rows(found: Comparison) -> list[tuple[str, str, str]]:
+def comparison_rows(comparison: Comparison) -> list[tuple[str, str, str]]:
     """Return stability class, cost, settling time and margin of both, as words."""
-    pair = found.figures
+    pair = comparison.figures
     words = {
-        "stability": [each.stability for each in pair],
-        "products a step": [str(each.products) for each in pair],
-        "look-ups a step": [str(each.tables) for each in pair],
-        "products once": [str(each.once) for each in pair],
-        "settles within": [_known(each.settle) for each in pair],
-        "margin of the bias": [_known(each.margin) for each in pair],
+        "stability": [figures.stability for figures in pair],
+        "products a step": [str(figures.products) for figures in pair],
+        "look-ups a step": [str(figures.tables) for figures in pair],
+        "products once": [str(figures.once) for figures in pair],
+        "settles within": [_known(figures.settle) for figures in pair],
+        "margin of the bias": [_known(figures.margin) for figures in pair],
     }
-    return [(key, one, other) for key, (one, other) in words.items()]
+    return [(key, this, other) for key, (this, other) in words.items()]
 
 
-def verdict(found: Comparison) -> str:
+def verdict(comparison: Comparison) -> str:
     """Return in how many cases the answers differ, as a sentence."""
-    if not found.cases:
+    if not comparison.cases:
         return "Answers of templates of several layers or inputs are not compared."
-    kind = "neighbourhoods" if found.states is None else "neighbourhoods and states"
-    of = f"{found.cases} {kind}" if found.exhaustive else f"{found.cases:,} cells of pictures"
-    return f"Their answers differ in {found.unlike:,} of {of}."
+    kind = "neighbourhoods" if comparison.states is None else "neighbourhoods and states"
+    of = (
+        f"{comparison.cases} {kind}"
+        if comparison.exhaustive
+        else f"{comparison.cases:,} cells of pictures"
+    )
+    return f"Their answers differ in {comparison.unlike:,} of {of}."
 
 
 def _known(value: float | None) -> str:

@@ -69,7 +69,7 @@ def filmstrip(template: Template, engine: Engine) -> tuple[tuple[str, Floats], .
 
 def _liveliest(outputs: Sequence[Floats]) -> int:
     """Return the picture that varies most before and after; empty ones show little."""
-    spread = [[_plane(each).std() for each in a] for a in (outputs[0], outputs[-1])]
+    spread = [[_plane(plane).std() for plane in a] for a in (outputs[0], outputs[-1])]
     return int(np.argmax(np.sum(spread, axis=0)))
 
 

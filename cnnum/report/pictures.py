@@ -40,8 +40,8 @@ def key_frames(record: SceneRecord) -> tuple[KeyFrame, ...]:
 
     They follow the ground truth; without one, the reported events.
     """
-    found = _by_truth(record) if record.truth else _by_events(record)
-    unique = {key.frame: key for key in sorted(found, key=lambda key: key.frame)}
+    chosen = _by_truth(record) if record.truth else _by_events(record)
+    unique = {key.frame: key for key in sorted(chosen, key=lambda key: key.frame)}
     return tuple(unique.values())
 
 

@@ -174,6 +174,6 @@ def _figure(
 def drawn(figure: Any, kind: str = "png") -> bytes:
     """Return a figure as a picture file; a PNG says that cnnum made it."""
     made = io.BytesIO()
-    about = {"metadata": {"Software": "cnnum"}} if kind == "png" else {}
-    figure.savefig(made, dpi=110, format=kind, **about)
+    options = {"metadata": {"Software": "cnnum"}} if kind == "png" else {}
+    figure.savefig(made, dpi=110, format=kind, **options)
     return made.getvalue()

@@ -118,13 +118,13 @@ def _write_page(file: IO[bytes], template: Template, times: Floats, result: Resu
         picture(template.timed(time, 4), state, top, styled=True)
         for time, state in zip(times, states, strict=True)
     )
-    about = escape(" ".join(template.description.split()))
+    summary = escape(" ".join(template.description.split()))
     name = escape(template.name)
     text = (
         "<!doctype html><html lang='en'><head><meta charset='utf-8'>"
         '<meta name="generator" content="cnnum">'
         "<meta name='viewport' content='width=device-width, initial-scale=1'>"
-        f"<title>{name}</title><style>{_STYLE}{style_rules()}</style></head><body><h1>{name}</h1><p>{about}</p>"
+        f"<title>{name}</title><style>{_STYLE}{style_rules()}</style></head><body><h1>{name}</h1><p>{summary}</p>"
         f"<p>The state at {len(times)} times: blue above 0, orange below, to "
         f"±{top:.3g}. Method: {escape(result.method)}; estimated error at the end "
         f"{float(np.max(result.error[-1])):.2g}.</p><div class='run'>{shown}</div></body></html>\n"
@@ -335,7 +335,7 @@ def _card(step: TraceStep, inside: Sequence[TraceStep] = ()) -> str:
         f"data-words='{escape(words.lower())}'>"
         f"<b>{step.number} · {escape(step.operation)}</b>"
         f"<small>line {escape(line)}{f', reads {links}' if links else ''}</small>{value}"
-        + "".join(f"<small>{one}</small>" for one in said)
+        + "".join(f"<small>{sentence}</small>" for sentence in said)
         + (
             f"<details><summary>{_folded(inside)}</summary><ol>{folded}</ol></details>"
             * bool(folded)

@@ -196,14 +196,14 @@ def events_of_everything(driver: Driver) -> tuple[str, ...]:
 
 def warn_of_no_bumps(spec: SceneSpec, driver: Driver) -> None:
     """Say on the logger "cnnum" that a scene asks for bumps of an array that has none."""
-    asked = [want for want in spec.needs if want.startswith(BUMP)]
+    wanted = [want for want in spec.needs if want.startswith(BUMP)]
     there = isinstance(getattr(driver, "bumps", None), BumpCover)
-    if asked and hasattr(driver, "bumps") and not there:
+    if wanted and hasattr(driver, "bumps") and not there:
         logging.getLogger("cnnum").warning(
             "Scene '%s' wants '%s', and its array has no bumps: what is reported as the load on a "
             "bump means nothing there; set 'array.cover' to \"bumpy\", or leave it out.",
             spec.name,
-            asked[0],
+            wanted[0],
         )
 
 
@@ -315,8 +315,8 @@ def _warn_of_unknown_cover(program: Program, spec: SceneSpec) -> None:
 
 def _warn_of_lost_edges(program: Program, spec: SceneSpec) -> None:
     depth = dict(program.parameters).get("depth")
-    asked = any(want.startswith("edge") or want == EVERYTHING for want in spec.needs)
-    if asked and isinstance(depth, float) and depth > SHARP_UP_TO:
+    wanted = any(want.startswith("edge") or want == EVERYTHING for want in spec.needs)
+    if wanted and isinstance(depth, float) and depth > SHARP_UP_TO:
         logging.getLogger("cnnum").warning(
             "Scene '%s': under %.3g pitches of cover the program '%s' misses edges, as nothing "
             "sharp shows through more than %g: take 'edge_enhancement', which finds outlines "
@@ -335,7 +335,10 @@ def _contradicted(
     there = {"depth": cover.depth / pitch, "thickness": cover.depth,
              "youngs_modulus": cover.youngs_modulus}  # fmt: skip
     known = inspect.signature(program.function).parameters
-    bound_to = {**{name: each.default for name, each in known.items()}, **dict(program.parameters)}
+    bound_to = {
+        **{name: parameter.default for name, parameter in known.items()},
+        **dict(program.parameters),
+    }
     if bound_to.get("reads") == "force":  # each taxel carries its own share, whatever the cover
         return ""
     for name, own in there.items():
@@ -371,12 +374,15 @@ def refuse_unfit(program: Program, spec: SceneSpec, driver: Driver, unit: str) -
     """
     known = inspect.signature(program.function).parameters
     physical = [name for name in PHYSICAL if name in known]
-    asked = [name for name in ("unit", PITCH) if name in spec.parameters and name not in physical]
-    asked += [n for n in ("depth",) if isinstance(spec.parameters.get(n), str)]
-    if unit == COUNT and (physical or asked):
+    physical_names = [
+        name for name in ("unit", PITCH) if name in spec.parameters and name not in physical
+    ]
+    physical_names += [n for n in ("depth",) if isinstance(spec.parameters.get(n), str)]
+    if unit == COUNT and (physical or physical_names):
         raise SceneError(
-            f"Scene '{spec.name}': the array gives counts, and '{[*asked, *physical][0]}' of the "
-            f"program '{spec.program_name}' is in physical units, which counts have no scale for: "
+            f"Scene '{spec.name}': the array gives counts, and "
+            f"'{[*physical_names, *physical][0]}' of the program '{spec.program_name}' is in "
+            "physical units, which counts have no scale for: "
             "calibrate the array with 'calibration.gain' and 'calibration.unit', or leave it out."
         )
     _refuse_pads(program, spec, driver)
@@ -489,8 +495,8 @@ def given_by(shape: Shape, channels: Sequence[str]) -> tuple[Given, ...]:
             if rules_that_fit([event], here):
                 able[event].append(name)
     return tuple(
-        Given(event, tuple(found), () if found else missing)
-        for event, found in able.items()
+        Given(event, tuple(names), () if names else missing)
+        for event, names in able.items()
         if named[event]
     )
 

@@ -390,14 +390,14 @@ class Dropouts:
             if self._earlier is not None:  # a load that has moved before may be over now
                 moved = _main((raw - self._earlier) / noise, place)
                 begun = np.abs(moved) < ASIDE * np.abs(_main(steps, place))
-            found = _alone(steps, had, away, living, place) & begun
-            found |= self._flat(values, raw, steps, away)
-            found |= self._one_number(values, raw, steps, living)
-            found &= ~at_end(frame, self._end) & living
-            over = self._over(steps, place, frame.time) & ~found
+            dropped = _alone(steps, had, away, living, place) & begun
+            dropped |= self._flat(values, raw, steps, away)
+            dropped |= self._one_number(values, raw, steps, living)
+            dropped &= ~at_end(frame, self._end) & living
+            over = self._over(steps, place, frame.time) & ~dropped
             if over.any():  # it read so in the frame before, too
                 lost = np.where(over[..., np.newaxis], raw, values)
-            new = (new | found | over) & ~before & self._looked_at
+            new = (new | dropped | over) & ~before & self._looked_at
             if 2.0 * max(self._period, frame.time - self._before) <= self._rise:
                 doubted = _quick(_main(steps, place), living & ~new) & ~at_end(frame, self._end)
                 doubted &= begun
@@ -449,7 +449,7 @@ class Dropouts:
         """Return the taxels that have jumped to one number in all their channels."""
         if values.shape[2] < 2:
             return self._none
-        flat, was = ((one == one[..., :1]).all(axis=2) for one in (values, raw))
+        flat, was = ((cells == cells[..., :1]).all(axis=2) for cells in (values, raw))
         jumps = np.abs(steps).max(axis=2) > JUMP
         if self._flat_at_rest:
             jumps &= np.abs(away).max(axis=2) > SPREAD
@@ -570,7 +570,7 @@ def _alone(steps: Floats, had: Floats, away: Floats, living: Mask, place: int | 
         Of the normal channel.
     """
     mask = np.zeros_like(living)
-    ways = [tuple(np.abs(one).max(axis=2) for one in (steps, had, away))]
+    ways = [tuple(np.abs(part).max(axis=2) for part in (steps, had, away))]
     if place is not None:
         ways.append((steps[..., place], had[..., place], away[..., place]))
     for step, was, rest in ways:

@@ -386,7 +386,7 @@ _PAIRS = ("where", "direction")
 _NUMBERS = ("on", "off", "steady")
 
 
-def event_rule(table: Mapping[str, object], about: str) -> EventRule:
+def event_rule(table: Mapping[str, object], label: str) -> EventRule:
     """Return the rule of an event that a user writes down.
 
     Parameters
@@ -405,31 +405,31 @@ def event_rule(table: Mapping[str, object], about: str) -> EventRule:
     known = (*_TEXTS, *_PAIRS, *_NUMBERS)
     for key in table:
         if key not in known:
-            raise SceneError(f"{about}: {name_error('key of an event', key, known)}")
+            raise SceneError(f"{label}: {name_error('key of an event', key, known)}")
     result: dict[str, Any] = {}
     for key, value in table.items():
         if key in _TEXTS:
-            result[key] = checked_name(f"{about}: '{key}'", value, SceneError)
+            result[key] = checked_name(f"{label}: '{key}'", value, SceneError)
         elif key in _PAIRS:
             several = isinstance(value, list | tuple)
             two = list(cast("Sequence[object]", value)) if several else []
             if len(two) != 2:
-                raise SceneError(f"{about}: '{key}' must name two outputs, got {shown(value)}.")
-            result[key] = tuple(checked_name(f"{about}: '{key}'", one, SceneError) for one in two)
+                raise SceneError(f"{label}: '{key}' must name two outputs, got {shown(value)}.")
+            result[key] = tuple(checked_name(f"{label}: '{key}'", name, SceneError) for name in two)
         else:
             real = isinstance(value, int | float) and not isinstance(value, bool)
             if not (real and math.isfinite(cast("float", value))):
-                raise SceneError(f"{about}: '{key}' is a number, got {shown(value)}.")
+                raise SceneError(f"{label}: '{key}' is a number, got {shown(value)}.")
             result[key] = float(cast("float", value))
     for key in ("kind", "flag"):
         if not result.get(key):
-            raise SceneError(f"{about}: '{key}' is missing: an event needs a kind and a flag.")
+            raise SceneError(f"{label}: '{key}' is missing: an event needs a kind and a flag.")
     on = result.setdefault("on", 0.0)
     if result.setdefault("off", on) > on:
-        raise SceneError(f"{about}: 'off' is {result['off']:g}, above 'on', which is {on:g}.")
+        raise SceneError(f"{label}: 'off' is {result['off']:g}, above 'on', which is {on:g}.")
     if result.get("steady", 0.0) < 0.0:
         raise SceneError(
-            f"{about}: 'steady' must be a time of at least 0 s, got {result['steady']:g}."
+            f"{label}: 'steady' must be a time of at least 0 s, got {result['steady']:g}."
         )
     return EventRule(**result, own=True)
 

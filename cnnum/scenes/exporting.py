@@ -61,7 +61,7 @@ def trials(shape: Shape, seed: int, count: int, rate: float = RATE) -> tuple[Tri
 
 def side_by_side(some: Sequence[Trial], most: int | None = None) -> Floats:
     """Return streams side by side, (frames, streams, rows, cols, 3); the last frame repeats."""
-    longest = max(len(one.frames) for one in some)
+    longest = max(len(part.frames) for part in some)
     longest = longest if most is None else min(longest, most)
     padded = [
         np.concatenate([t.frames[:longest], np.repeat(t.frames[-1:], longest - len(t.frames), 0)])
@@ -245,11 +245,11 @@ def export(
     UnknownNameError
         If there is no such program, output, precision or channel.
     """
-    found = named(program) if isinstance(program, str) else program
-    if like is None and channels is None and found.name in program_names("pictures"):
+    chosen = named(program) if isinstance(program, str) else program
+    if like is None and channels is None and chosen.name in program_names("pictures"):
         channels = (PICTURE,)
     seen = Examples.of(like, shape, channels, rate)
-    timed = found if found.rate is not None else found.bind(rate=seen.rate)
+    timed = chosen if chosen.rate is not None else chosen.bind(rate=seen.rate)
     traced = timed.trace(seen.shape, seen.channels)
     wanted = schedule(traced, seen.channels, None if needs is None else tuple(needs))
     # frames of a program without memories need not follow each other

@@ -90,15 +90,18 @@ def like_frames(
             )
         read = conversion.reader(conversion.channels)
         values, marks = list[Floats](), list[Mask | None]()
-        for frame in islice((one for one in source.frames() if not one.quality & PASSED), MOST):
+        for frame in islice(
+            (frame_values for frame_values in source.frames() if not frame_values.quality & PASSED),
+            MOST,
+        ):
             whole = frame if dead is None else dead.without(frame)
-            one = read(whole) if dead is None else dead.filled(read(whole))
-            values.append(one if grid is None else grid.maps(one))
+            frame_values = read(whole) if dead is None else dead.filled(read(whole))
+            values.append(frame_values if grid is None else grid.maps(frame_values))
             seen = None if at_ends is None else at_ends.look(whole, math.inf)
             if at_ends is not None:
                 at_ends.take(seen)
-            found = None if seen is None else seen.found
-            marks.append(found if grid is None else grid.marks(found))
+            mask = None if seen is None else seen.found
+            marks.append(mask if grid is None else grid.marks(mask))
     if not values:
         raise SceneError(f"Scene '{spec.name}': 'engine.ranges' has no good frame to measure.")
     if at_ends is None:

@@ -314,7 +314,7 @@ def load_export(folder: str | PathLike[str]) -> LoadedExport:
     record = _record(place)
     try:
         inputs, outputs = (
-            tuple(_part(one, record["shape"]) for one in record[kind])
+            tuple(_part(part, record["shape"]) for part in record[kind])
             for kind in ("inputs", "outputs")
         )
         layouts = _layout(inputs), _layout(outputs)
@@ -340,9 +340,9 @@ def load_export(folder: str | PathLike[str]) -> LoadedExport:
     )
 
 
-def _part(one: Mapping[str, Any], shape: Sequence[int]) -> Part:
-    known = {key: value for key, value in one.items() if key != "map"}
-    return Part(**known, shape=tuple(shape) if one["map"] else ())
+def _part(record: Mapping[str, Any], shape: Sequence[int]) -> Part:
+    known = {key: value for key, value in record.items() if key != "map"}
+    return Part(**known, shape=tuple(shape) if record["map"] else ())
 
 
 _ADVICE = ": name a folder that 'cnnum export' of this version wrote"
@@ -385,17 +385,19 @@ def _compiled(source: Path, precision: str, work: Path) -> Any:
 
 def _compiler() -> list[str]:
     try:
-        asked = shlex.split(os.environ.get("CC", ""))
+        command = shlex.split(os.environ.get("CC", ""))
     except ValueError:
         raise NotSupportedError(
             f"CC must be a compiler's command, got {os.environ['CC']!r:.80}: a quotation is open."
         ) from None
-    if asked:
-        return asked
-    found = next((path for one in COMPILERS if (path := shutil.which(one))), None)
-    if found is None:
+    if command:
+        return command
+    path_of_compiler = next(
+        (path for compiler in COMPILERS if (path := shutil.which(compiler))), None
+    )
+    if path_of_compiler is None:
         raise NotSupportedError(
             "An export is compiled before it runs here, and no C compiler was found (cc, gcc or "
             "clang): install one, such as the package 'gcc', or set CC."
         )
-    return [found]
+    return [path_of_compiler]

@@ -445,7 +445,7 @@ def _channel_of(names: Iterable[str]) -> str:
     first = SPIKES[0]
     result = {name.removesuffix(first) for name in names if name.endswith(first)}
     known = set(names)
-    whole = [each for each in result if known >= {each + ending for ending in SPIKES}]
+    whole = [channel for channel in result if known >= {channel + ending for ending in SPIKES}]
     return whole[0] if len(result) == len(whole) == 1 else ""
 
 

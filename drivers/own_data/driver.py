@@ -201,23 +201,23 @@ class _Form:
 
     def __init__(self, head: Head) -> None:
         framed = "time" in head.names
-        found = list(_framed(head) if framed else _recorded(head))
-        if not found:
+        named = list(_framed(head) if framed else _recorded(head))
+        if not named:
             raise CodecError(
                 f"'{head.path}', line {head.line}: expected columns as 'r0_c0_normal (count)'."
             )
-        rows = max(place[0] for place, _ in found) + 1
-        cols = max(place[1] for place, _ in found) + 1
+        rows = max(place[0] for place, _ in named) + 1
+        cols = max(place[1] for place, _ in named) + 1
         self.shape = rows, cols
-        self.channels = tuple(dict.fromkeys(place[2] for place, _ in found))
-        self.unit = "" if framed else found[0][0][3]
+        self.channels = tuple(dict.fromkeys(place[2] for place, _ in named))
+        self.unit = "" if framed else named[0][0][3]
         self.cells = rows * cols * len(self.channels)
-        columns = {place[:3]: name for place, name in found}
-        whole = len(columns) == len(found) == self.cells
-        if not whole or len({place[3] for place, _ in found}) > 1:
+        columns = {place[:3]: name for place, name in named}
+        whole = len(columns) == len(named) == self.cells
+        if not whole or len({place[3] for place, _ in named}) > 1:
             raise CodecError(
                 f"'{head.path}', line {head.line}: expected the columns of every cell row by row, "
-                f"from '{found[0][1]}' to '{found[-1][1]}'."
+                f"from '{named[0][1]}' to '{named[-1][1]}'."
             )
         truths = [name for name in head.names if name.startswith(TRUTH)]
         self.truths = tuple(name.removeprefix(TRUTH) for name in truths)
@@ -244,14 +244,14 @@ Place = tuple[int, int, str, str]
 
 def _recorded(head: Head) -> Iterator[tuple[Place, str]]:
     for name in head.names:
-        if found := _CELL.fullmatch(name):
-            yield (int(found[1]), int(found[2]), found[3], found[4]), name
+        if match := _CELL.fullmatch(name):
+            yield (int(match[1]), int(match[2]), match[3], match[4]), name
 
 
 def _framed(head: Head) -> Iterator[tuple[Place, str]]:
     for name in head.names:
-        if found := _FRAME_CELL.fullmatch(name):
-            yield (int(found[2]), int(found[3]), found[1], ""), name
+        if match := _FRAME_CELL.fullmatch(name):
+            yield (int(match[2]), int(match[3]), match[1], ""), name
 
 
 def _saturated(held: Columns, shape: tuple[int, int]) -> NDArray[np.bool_] | None:
@@ -413,13 +413,13 @@ def _times(
     path: Path, layout: DataLayout, held: Arrays, name: str, frames: int
 ) -> tuple[Floats, NDArray[np.int64]]:
     """Return the times from the first frame, s, and the frames whose clock was set back."""
-    found = held[name]
-    if found.dtype.kind not in NUMBERS or found.size != frames or max(found.shape) != frames:
+    column = held[name]
+    if column.dtype.kind not in NUMBERS or column.size != frames or max(column.shape) != frames:
         raise CodecError(
             f"'{path}': the times '{name}' must be one number per frame, ({frames},), got "
-            f"{found.shape} of the type '{found.dtype}'."
+            f"{column.shape} of the type '{column.dtype}'."
         )
-    whole = found.reshape(-1)
+    whole = column.reshape(-1)
     if whole.dtype.kind in "iu":  # ns since 1970 have more digits than a float
         whole = (whole.astype(np.int64) - int(whole[0])) if len(whole) else whole
     times = whole.astype(float) * layout.second

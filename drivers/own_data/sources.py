@@ -187,9 +187,9 @@ def blocks(path: Path, layout: DataLayout) -> Arrays:
         with open_regular(path) as raw, TextIOWrapper(raw, "utf-8-sig", newline="") as text:
             while line := text.readline(LONGEST_LINE):
                 number += 1
-                found = _row_of(layout, line, separator, wide)
-                if found is not None:
-                    values.extend(found)
+                row = _row_of(layout, line, separator, wide)
+                if row is not None:
+                    values.extend(row)
                     if count % rows == 0:
                         lines.append(number)
                     count += 1

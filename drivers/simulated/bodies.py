@@ -270,7 +270,7 @@ class FaceTractions:
                 (high * wide, row * grid.cols + col) for row, high in rows for col, wide in cols
             ]
             share = np.concatenate([part for part, _ in parts])
-            cell = np.concatenate([each for _, each in parts])
+            cell = np.concatenate([forces for _, forces in parts])
             self._spread = (x, y, csr_array((share, (cell, np.tile(points, 4))), shape=shape))
         return self._spread[2]
 

@@ -51,7 +51,7 @@ def command(recording: Path, topic: str, as_json: bool) -> int:
     if positions:
         findings = [finding for finding in findings if finding.what != "order"]
         findings += [
-            one for one in checked(_on_grid(held, positions, pitch)) if one.what == "order"
+            remark for remark in checked(_on_grid(held, positions, pitch)) if remark.what == "order"
         ]
     findings = [finding if laid_out else _of_scene(finding) for finding in findings]
     if not as_json:

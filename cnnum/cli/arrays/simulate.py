@@ -92,8 +92,8 @@ def command(
     from cnnum.drivers.virtual import LineFaults, VirtualArray, VirtualLine
 
     output = Output(as_json)
-    asked = Asked(shape=shape)
-    known = described_wire(descriptor, asked) if descriptor else wire(protocol, asked)
+    options = Asked(shape=shape)
+    known = described_wire(descriptor, options) if descriptor else wire(protocol, options)
     faults = LineFaults(drops, flips, stall_every, stall, unplug_every, away, seed)
     with busy("Simulating the array", as_json=as_json):
         frames, usual = _cycle(source, settings, axes, trust)

@@ -55,15 +55,15 @@ def _tested(device: "Device", precision: str) -> Tested:
     failed = list[str]()
     for name in TEMPLATES:
         for shape in SHAPES:
-            about = f"{name} on {shape[0]}×{shape[1]}"
+            label = f"{name} on {shape[0]}×{shape[1]}"
             try:
                 result = run_check(get_template(name), engine, shape=shape, repeats=0)
             except CnnumError as error:
-                failed.append(f"{about}: {error}")
+                failed.append(f"{label}: {error}")
                 continue
             if not result.passed:
                 limit = f"{result.error:.3g}, at most {result.tolerance:g}"
-                failed.append(f"{about}: off by {limit}")
+                failed.append(f"{label}: off by {limit}")
     return Tested(precision, len(TEMPLATES) * len(SHAPES), tuple(failed))
 
 
@@ -112,16 +112,16 @@ def command(
 
     output = Output(as_json)
     try:
-        found = _tried(device, measure=measure and not testing, as_json=as_json)
+        tried = _tried(device, measure=measure and not testing, as_json=as_json)
     except (NoOpenCLError, ImportError):  # without PyOpenCL there is no list of devices either
-        found = []
-    used = next((one for one in found if one.why), None)
+        tried = []
+    used = next((result for result in tried if result.why), None)
     wrong = False
-    for one in found:
-        output.record(_record(one))
-        output.show(facts(_facts(one)), "")
+    for result in tried:
+        output.record(_record(result))
+        output.show(facts(_facts(result)), "")
         if testing:
-            wrong |= not _passes(one, output)
+            wrong |= not _passes(result, output)
     if used is None:
         # it says why, or raises where a device was asked for by its name
         host = open_backend(None, device, None)
@@ -144,12 +144,12 @@ def _passes(tried: "_Tried", output: Output) -> bool:
     if not tried.verdict.works:
         return False
     tested = self_test(tried.device)
-    for one in tested:
-        about = {"device": tried.device.name, "precision": one.precision, "tests": one.tests}
-        output.record({**about, "failed": list(one.failed), "passed": not one.failed})
-        said = f"all {one.tests} known answers" if not one.failed else "; ".join(one.failed)
-        output.show(facts([(one.precision, said)]), "")
-    return not any(one.failed for one in tested)
+    for suite in tested:
+        record = {"device": tried.device.name, "precision": suite.precision, "tests": suite.tests}
+        output.record({**record, "failed": list(suite.failed), "passed": not suite.failed})
+        said = f"all {suite.tests} known answers" if not suite.failed else "; ".join(suite.failed)
+        output.show(facts([(suite.precision, said)]), "")
+    return not any(suite.failed for suite in tested)
 
 
 def _arrays(ports: tuple[str, ...], *, as_json: bool) -> None:
@@ -189,20 +189,20 @@ class _Tried:
     why: str
 
 
-def _tried(asked: str | None, *, measure: bool, as_json: bool) -> list[_Tried]:
+def _tried(wanted: str | None, *, measure: bool, as_json: bool) -> list[_Tried]:
     """Try every device anew, without earlier findings; measure those that work."""
     from cnnum.engines.devices.listing import list_devices
     from cnnum.engines.devices.peak import measure as measured
     from cnnum.engines.devices.selection import devices_named, verdict_on
 
-    found, named, tried = list_devices(), devices_named(asked), list[_Tried]()
-    with progress("devices", len(found), as_json=as_json) as steps:
-        verdicts = {known.label: verdict_on(known, anew=True) for known in found}
-        working = [one for one in named if verdicts[one.label].works]
-        for known in found:
+    listed, named, tried = list_devices(), devices_named(wanted), list[_Tried]()
+    with progress("devices", len(listed), as_json=as_json) as steps:
+        verdicts = {known.label: verdict_on(known, anew=True) for known in listed}
+        working = [device for device in named if verdicts[device.label].works]
+        for known in listed:
             verdict = verdicts[known.label]
             is_used = bool(working) and known.handle == working[0].handle
-            why = _why(known, found, verdicts, asked) if is_used else ""
+            why = _why(known, listed, verdicts, wanted) if is_used else ""
             figures = measured(known) if measure and verdict.works else None
             tried.append(_Tried(known, verdict, figures, why))
             steps.advance()
@@ -211,18 +211,18 @@ def _tried(asked: str | None, *, measure: bool, as_json: bool) -> list[_Tried]:
 
 def _why(
     chosen: "Device",
-    found: "Sequence[Device]",
+    listed: "Sequence[Device]",
     verdicts: "Mapping[str, Verdict]",
-    asked: str | None,
+    wanted: str | None,
 ) -> str:
     promise = f"{chosen.units} units × {chosen.clock_mhz} MHz × vectors of {chosen.lanes}"
-    working = [device for device in found if verdicts[device.label].works]
-    if len(found) == 1:
+    working = [device for device in listed if verdicts[device.label].works]
+    if len(listed) == 1:
         return "the only device"
     if len(working) == 1:
         return "the only device that works"
-    if asked is not None:
-        return f"its name contains '{asked}'"
+    if wanted is not None:
+        return f"its name contains '{wanted}'"
     alike = [device for device in working if device.kind == chosen.kind]
     if len(alike) == 1 and chosen.kind == "CPU":
         return "the only processor; a GPU is used when it is asked for by name"

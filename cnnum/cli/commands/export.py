@@ -94,7 +94,7 @@ def command(
     if (program is None) == (scene is None):
         raise click.UsageError("Give either a PROGRAM, or a scene with --scene.")
     if scene is not None:
-        if any(one is not None for one in (shape, rate, like, channels, needs)):
+        if any(option is not None for option in (shape, rate, like, channels, needs)):
             raise click.UsageError(
                 "A scene determines shape, rate, channels and outputs: leave these options out."
             )
@@ -103,10 +103,10 @@ def command(
             exported = export_scene(opened, precision=precision, method=method)
     else:
         size = None if shape is None else shape_of(shape)
-        found = named(cast("str", program))
-        ours = require_room(out, found.name, package, force=force)
+        library_program = named(cast("str", program))
+        ours = require_room(out, library_program.name, package, force=force)
         exported = export(
-            found,
+            library_program,
             size,
             precision=precision,
             method=method,

@@ -54,7 +54,7 @@ def command(
         output.record({"scene": opened.spec.name, "source": text}, text)
         return
     record = _record(opened.spec.name, opened.spec.needs, explanation)
-    output.record({**record, "gives": [asdict(one) for one in gives]})
+    output.record({**record, "gives": [asdict(given) for given in gives]})
     _show(output, opened.spec.name, opened.spec.needs, explanation)
     _show_given(output, gives)
 
@@ -143,14 +143,14 @@ def _show(output: Output, scene: str, wants: tuple[str, ...], plan: "Explanation
 
 def _show_given(output: Output, gives: "Sequence[Given]") -> None:
     """Say which events programs can give of the array's axes, and which it lacks an axis for."""
-    if not any(one.missing for one in gives):
+    if not any(given.missing for given in gives):
         return
     made = table("This array", "programs, or what is missing")
-    for one in gives:
-        if one.missing:
-            made.add_row(f"cannot give {one.event}", f"reads no {' and no '.join(one.missing)}")
+    for given in gives:
+        if given.missing:
+            made.add_row(f"cannot give {given.event}", f"reads no {' and no '.join(given.missing)}")
         else:
-            made.add_row(f"can give {one.event}", ", ".join(one.programs))
+            made.add_row(f"can give {given.event}", ", ".join(given.programs))
     output.show(made)
 
 

@@ -114,12 +114,12 @@ def _frame(axes: Axes, title: str, first: bool, case: str) -> None:
 
 
 def _legend(figure: Picture, grid: Any) -> None:
-    found = {
+    handles = {
         text: line
         for axes in grid.flat
         for line, text in zip(*axes.get_legend_handles_labels(), strict=True)
     }
-    ordered = {name: found[name] for name in METHOD_STYLES if name in found}
+    ordered = {name: handles[name] for name in METHOD_STYLES if name in handles}
     if ordered:
         figure.legend(
             ordered.values(),

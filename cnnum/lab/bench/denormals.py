@@ -101,10 +101,10 @@ def measure_denormals(engine: Engine, *, quick: bool = False) -> Iterator[Denorm
     engines = (engine, engine.with_precision("float64"))
     for case in CASES:
         true = case_truths(case)
-        for each in engines:
-            yield measure_case(each, case, true, budget)
-    for each in engines:
-        yield measure_program(each, budget)
+        for engine_used in engines:
+            yield measure_case(engine_used, case, true, budget)
+    for engine_used in engines:
+        yield measure_program(engine_used, budget)
 
 
 def smallest(precision: str) -> float:
@@ -162,8 +162,8 @@ def measure_case(
     near = near_zero(ordinary, least)
     runs = [partial(_states, engine, case, *near), partial(_states, engine, case, *2 * (ordinary,))]
     wanted = (least * true[0], true[1])
-    off = [float(np.abs(_ends(run()) - each).max()) for run, each in zip(runs, wanted, strict=True)]
-    largest = [float(np.abs(each).max()) for each in (*wanted, near[0])]
+    off = [float(np.abs(_ends(run()) - end).max()) for run, end in zip(runs, wanted, strict=True)]
+    largest = [float(np.abs(end).max()) for end in (*wanted, near[0])]
     errors = Errors(off[0] / largest[0], off[1] / largest[1], off[0] / largest[2], off[0])
     return _row(case.name, engine, [*runs], errors, budget)
 

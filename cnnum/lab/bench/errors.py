@@ -107,7 +107,8 @@ def stream_error(
     result: list[float] = [0.0]
     for name in true[0]:
         ours, theirs, whole = (
-            np.stack([each[name] for each in all_[first:]]) for all_ in (got, true, over or true)
+            np.stack([answer[name] for answer in all_[first:]])
+            for all_ in (got, true, over or true)
         )
         largest = float(np.abs(whole).max())
         result.append(float(np.abs(ours - theirs).max()) / (largest or 1.0))
@@ -131,9 +132,9 @@ def program_error(engine: Engine, plan: Plan, name: str) -> Judged:
 def form_error(engine: Engine, name: str, shape: Shape) -> Judged:
     """Return the largest error against the closed forms of a program, as its check has it."""
     forms = program_forms(name)
-    found = [run_program_check(form, get_program(name), engine, shape=shape) for form in forms]
-    worst = max(found, key=lambda result: result.error)
-    return Judged(worst.error, f"closed form '{worst.check}'", len(found))
+    results = [run_program_check(form, get_program(name), engine, shape=shape) for form in forms]
+    worst = max(results, key=lambda result: result.error)
+    return Judged(worst.error, f"closed form '{worst.check}'", len(results))
 
 
 def ends_error(

@@ -112,12 +112,12 @@ def judged(
 def main(count: int) -> None:
     """Print how often each method's error is covered, and by how much."""
     engine, rng = Engine("numba", precision="float64"), np.random.default_rng(SEED + 1)
-    found: dict[str, list[tuple[Floats, Floats]]] = {}
+    results: dict[str, list[tuple[Floats, Floats]]] = {}
     for known in sample(count, 8):
         for method in (*METHODS, *EXPONENTIAL):
-            one = judged(engine, method, known, rng)
-            found.setdefault(method, []).extend([] if one is None else [one])
-    for method, runs in found.items():
+            pair = judged(engine, method, known, rng)
+            results.setdefault(method, []).extend([] if pair is None else [pair])
+    for method, runs in results.items():
         estimates, errors = (np.concatenate(part) for part in zip(*runs, strict=True))
         loose = (estimates / np.maximum(errors, 1e-12))[errors > 1e-8]
         print(

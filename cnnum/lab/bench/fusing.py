@@ -72,14 +72,14 @@ def _rows(name: str, plan: Plan, budget: float) -> Iterator[Fusing]:
         for call in calls:  # builds the kernels, which is not timed
             call()
         own, other = interleaved(calls, budget=budget, runs=30)
-        each = 1e6 / (REPEATS if batch == 1 else batch)
+        scale = 1e6 / (REPEATS if batch == 1 else batch)
         yield Fusing(
             case=name,
             device=plan.device,
             shape=plan.schedule.shape,
             batch=batch,
-            us=own.median * each,
-            unfused_us=other.median * each,
+            us=own.median * scale,
+            unfused_us=other.median * scale,
             ratio=other.median / own.median,
             flops=flops,
             unfused_flops=unfused_flops,

@@ -83,9 +83,9 @@ def write_report(
         If another file is there, or one cannot be written.
     """
     places = report_files(folder, name)
-    asked = command or f"cnnum bench {name}"
-    data = data_text(asked, rows, device, omissions)
-    page = _page(name, asked, rows, data, device, omissions)
+    wanted = command or f"cnnum bench {name}"
+    data = data_text(wanted, rows, device, omissions)
+    page = _page(name, wanted, rows, data, device, omissions)
     with own_defaults():
         contents: tuple[bytes | str, ...] = (png(CHARTS[name](rows)), data, page)
     named = {place.name: content for place, content in zip(places, contents, strict=True)}

@@ -103,10 +103,10 @@ def measure_peers(engine: Engine, *, quick: bool = False) -> Iterator[PeerRun | 
     truths: dict[str, Floats] = {}
     for race in races():
         work = race.work
-        about = digest(work.template.digest, work.start, work.input, work.duration)
-        if about not in truths:
-            truths[about] = _truth(work)
-        truth = truths[about]
+        key = digest(work.template.digest, work.start, work.input, work.duration)
+        if key not in truths:
+            truths[key] = _truth(work)
+        truth = truths[key]
         own, method = _own(engine, race)
         for peer in PEERS:
             large = work.start.size > 10_000
@@ -211,8 +211,8 @@ def _sharpened(race: Race, truth: Floats, peer: Peer, run: Callable[[Work], obje
     def meets(tolerance: float) -> bool:
         return _error(np.asarray(run(replace(work, tolerance=tolerance))), truth) <= goal
 
-    found = next((each for each in TOLERANCES if meets(each)), TOLERANCES[-1])
-    looser = next((each * found for each in WITHIN if meets(each * found)), found)
+    met = next((candidate for candidate in TOLERANCES if meets(candidate)), TOLERANCES[-1])
+    looser = next((candidate * met for candidate in WITHIN if meets(candidate * met)), met)
     return replace(work, tolerance=looser)
 
 

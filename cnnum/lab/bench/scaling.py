@@ -106,10 +106,10 @@ def measure_scaling(engine: Engine, *, quick: bool = False) -> Iterator[Scaling]
     """
     places = points(quick=quick)
     others = tuple(point for point in places if point != BASE)
-    found = _in_time(engine, (BASE, *others), (0.2 if quick else 1.0) * TIME_S)
-    base = next(found)
+    measured = _in_time(engine, (BASE, *others), (0.2 if quick else 1.0) * TIME_S)
+    base = next(measured)
     for point in places:
-        yield grown(base if point == BASE else next(found), base)
+        yield grown(base if point == BASE else next(measured), base)
 
 
 def grown(row: Scaling, base: Scaling) -> Scaling:

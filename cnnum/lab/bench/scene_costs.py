@@ -138,14 +138,14 @@ def error_of(scene: Scene, got: Sequence[Answer], true: Sequence[Answer]) -> tup
         agree &= ~_off(name, got, true).any(axis=-1)
     result = [0.0]
     for name in outputs:
-        largest = max(float(np.abs(each[name]).max()) for each in true)
+        largest = max(float(np.abs(frame[name]).max()) for frame in true)
         result.append(float(_off(name, got, true)[agree].max(initial=0.0)) / (largest or 1.0))
     return max(result), int(np.count_nonzero(~agree))
 
 
 def _off(name: str, got: Sequence[Answer], true: Sequence[Answer]) -> Floats:
     """Return (frames, cells) differences of an output."""
-    ours, theirs = (np.stack([np.ravel(each[name]) for each in all_]) for all_ in (got, true))
+    ours, theirs = (np.stack([np.ravel(frame[name]) for frame in all_]) for all_ in (got, true))
     return np.abs(ours - theirs)
 
 
@@ -169,7 +169,7 @@ class _Turns:
 
     def seconds(self) -> dict[str, NDArray[np.float64]]:
         """Return (frames,) s by scene, of frames that ran."""
-        arrays = {name: np.array(found) for name, found in self._taken.items()}
+        arrays = {name: np.array(values) for name, values in self._taken.items()}
         return {name: array[np.isfinite(array)] for name, array in arrays.items()}
 
 

@@ -45,9 +45,9 @@ class PeakMeter:
         from cnnum.engines.devices.selection import choose_device
 
         for _ in range(times):
-            found = measure(choose_device(self._name))
-            if found.flops > self.best:
-                self.best, self.kernel = found.flops, found.kernel
+            peak = measure(choose_device(self._name))
+            if peak.flops > self.best:
+                self.best, self.kernel = peak.flops, peak.kernel
 
     def turn(self) -> Callable[[], float]:
         """Return a function that runs the best kernel once, some 20 ms, for operations a second.
@@ -302,9 +302,11 @@ def rate_beside_one(
 
     It is that of the steps alone: the time of more steps in the same launch.
     """
-    each = drawn(template, len(maps))
-    own, one = (run_of(engine, template, maps, step, weights) for weights in (each, None))
-    for run in (own, one):
+    weights_of_each = drawn(template, len(maps))
+    own, single = (
+        run_of(engine, template, maps, step, weights) for weights in (weights_of_each, None)
+    )
+    for run in (own, single):
         run(steps)
         run(3 * steps)
 
@@ -312,4 +314,4 @@ def rate_beside_one(
         short = seconds_of(partial(run, steps))
         return max(seconds_of(partial(run, 3 * steps)) - short, 1e-9)
 
-    return statistics.median(more(one) / more(own) for _ in range(TURNS))
+    return statistics.median(more(single) / more(own) for _ in range(TURNS))

@@ -373,7 +373,7 @@ def _split(row: TrueError, got: Floats, exact: Floats, truth: Floats) -> TrueErr
 
 def _levelled(maps: Sequence[Floats]) -> Floats:
     """Return maps side by side without their means, which mirrored loads leave open."""
-    return np.stack([each - each.mean((-2, -1), keepdims=True) for each in maps], axis=-1)
+    return np.stack([plane - plane.mean((-2, -1), keepdims=True) for plane in maps], axis=-1)
 
 
 def _under_patches(engine: Engine, exact: Engine, name: str, cells: int) -> TrueError:
@@ -436,7 +436,9 @@ def _equilibrium(engine: Engine, exact: Engine, cells: int, poisson: float = 0.3
 
 def _surface_load(engine: Engine, exact: Engine, rounds: int, count: int) -> TrueError:
     """Return the row of loads found from noisy strain: RMS error over the mean pressure, 8 kPa."""
-    result, own = (measure(each, 1e-4, rounds, count=count) for each in (engine, exact))
+    result, own = (
+        measure(engine_used, 1e-4, rounds, count=count) for engine_used in (engine, exact)
+    )
     row = _row("surface_load", "loads of one to three contacts", "rounds", rounds, engine)
     return replace(
         row,
@@ -634,13 +636,16 @@ def _reported(
     plan = engine.compile(program, shape, [flag], method=method, dt=step)
     columns = [FORCE_AXES.index(channel) for channel in plan.schedule.channels]
     for number in range(trials):
-        one = trial(number, rate, reporter.touches)
-        stream, frames = plan.stream(rate=rate), np.ascontiguousarray(one.strain[..., columns])
+        scene_trial = trial(number, rate, reporter.touches)
+        stream, frames = (
+            plan.stream(rate=rate),
+            np.ascontiguousarray(scene_trial.strain[..., columns]),
+        )
         seen = _lasting(
             [bool(np.any(stream.push(frame)[flag] > 0.5)) for frame in frames],
             ceil(reporter.steady * rate - 1e-9),
         )
-        began = one.began[reporter.event]
+        began = scene_trial.began[reporter.event]
         # a contact that goes on is no early report of itself
         early += bool(seen[: int(began * rate)].any())
         delays.append(_first(np.append(np.zeros(int(began * rate)), seen[int(began * rate) :]),

@@ -83,29 +83,31 @@ def _mutants(chosen: "tuple[Item, ...]", as_json: bool) -> int:
     total, output = sum(len(item.faults) for item in chosen), Output(as_json)
     made: list[Mutant] = []
     with until_stopped() as stop, progress("mutants", total, as_json=as_json) as steps:
-        for one in broken(chosen):
-            made.append(one)
-            output.record(one.record())
-            steps.advance(one.item.name)
-    stay = sum(one.passed for one in made)
+        for mutant in broken(chosen):
+            made.append(mutant)
+            output.record(mutant.record())
+            steps.advance(mutant.item.name)
+    stay = sum(mutant.passed for mutant in made)
     shown = table("Item", "broken", "fault", ">expected", ">got", ">tolerance", "")
-    for one in made:
+    for mutant in made:
         shown.add_row(
-            one.item.name,
-            one.fault.target,
-            one.fault.what,
-            _expected(one.item),
-            number(one.got, 4),
-            number(one.item.tolerance, 2),
-            _fate(one),
+            mutant.item.name,
+            mutant.fault.target,
+            mutant.fault.what,
+            _expected(mutant.item),
+            number(mutant.got, 4),
+            number(mutant.item.tolerance, 2),
+            _fate(mutant),
         )
-    ran = [one for one in made if not one.missing]
+    ran = [mutant for mutant in made if not mutant.missing]
     text = (
         f"{len(ran) - stay} of {len(ran)} faults made their check fail, of "
-        f"{len({one.item.name for one in ran})} checks; "
+        f"{len({mutant.item.name for mutant in ran})} checks; "
         f"comparisons cannot fail ({sum(not item.faults for item in chosen)})."
     )
-    output.show(shown, " ".join([text, *sorted({one.missing for one in made if one.missing})]))
+    output.show(
+        shown, " ".join([text, *sorted({mutant.missing for mutant in made if mutant.missing})])
+    )
     if stop.stopped:
         return stop.say(len(made), total, "mutants", as_json=as_json)
     return CHECKS_FAILED if stay else 0

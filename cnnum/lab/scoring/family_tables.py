@@ -85,7 +85,7 @@ class Scenes:
 
 
 def drawn(
-    count: int, seed: int, advance: Advance, found: dict[str, list[Trial]] | None = None
+    count: int, seed: int, advance: Advance, trials: dict[str, list[Trial]] | None = None
 ) -> dict[str, list[Trial]]:
     """Return scenes of every family: `count` each, from a seed on.
 
@@ -102,24 +102,24 @@ def drawn(
     CnnumError
         If a contact leaves its array.
     """
-    found = {} if found is None else found
+    trials = {} if trials is None else trials
     if count * len(FAMILIES) <= FEW:
         for family in FAMILIES:
-            found[family.name] = _drawn(family.name, count, seed)
+            trials[family.name] = _drawn(family.name, count, seed)
             advance(family.name)
-        return found
+        return trials
     names = [family.name for family in FAMILIES]
     with _workers() as workers:
         waiting = [workers.submit(_drawn, name, count, seed) for name in names]
         for name, future in zip(names, waiting, strict=True):
-            found[name] = future.result()
+            trials[name] = future.result()
             advance(name)
-    return found
+    return trials
 
 
 def _drawn(name: str, count: int, seed: int) -> list[Trial]:
     """Return a family's scenes; by name, since their maker cannot go to another process."""
-    arrays, family = Arrays(), next(one for one in FAMILIES if one.name == name)
+    arrays, family = Arrays(), next(candidate for candidate in FAMILIES if candidate.name == name)
     return [family.make(arrays, name, n) for n in range(seed, seed + count)]
 
 
@@ -187,7 +187,7 @@ def _slip_row(family: Family, scenes: Scenes) -> Row:
         "found": share(len(result), len(verdicts)),
         "slid_mm": median(slid) * 1e3,
         "near": share(sum(way <= NEAR for way in slid), len(verdicts)),
-        "turned": median([one.turned for one in result]),
+        "turned": median([onset.turned for onset in result]),
         "false": _rate(verdicts),
         "twists": share(sum(verdict.twists > 0 for verdict in verdicts), len(verdicts)),
     }

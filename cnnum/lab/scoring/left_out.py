@@ -66,7 +66,7 @@ def choices(
     return result
 
 
-def chosen(found: Sequence[Choice], left_out: str) -> Choice:
+def chosen(choices: Sequence[Choice], left_out: str) -> Choice:
     """Return the constants that reach most aims on all families but one.
 
     A family without slip has one aim, one that slips three. Of several, those that find most by
@@ -74,27 +74,27 @@ def chosen(found: Sequence[Choice], left_out: str) -> Choice:
     """
 
     def merit(choice: Choice) -> tuple[int, float]:
-        others = [one for name, one in choice.outcomes.items() if name != left_out]
+        others = [outcome for name, outcome in choice.outcomes.items() if name != left_out]
         near = float(np.mean([other.near for other in others if other.slid]))
         return sum(reached(other) for other in others), near
 
-    return max(found, key=merit)
+    return max(choices, key=merit)
 
 
-def reached(one: Outcome) -> int:
+def reached(outcome: Outcome) -> int:
     """Return the number of aims that a family reaches."""
-    slips = (one.found >= FOUND, median(one.slid) <= NEAR) if one.slid else ()
-    return sum((rate_of([one]) <= FALSE, *slips))
+    slips = (outcome.found >= FOUND, median(outcome.slid) <= NEAR) if outcome.slid else ()
+    return sum((rate_of([outcome]) <= FALSE, *slips))
 
 
-def left_out_table(found: Sequence[Choice]) -> Table:
+def left_out_table(choices: Sequence[Choice]) -> Table:
     """Return one row a family, with the constants that the other families choose."""
-    rows = [_row(found, family.name) for family in FAMILIES if family.kind != "twist"]
+    rows = [_row(choices, family.name) for family in FAMILIES if family.kind != "twist"]
     return Table("left-out", "Leave one family out", NOTE, COLUMNS, rows)
 
 
-def _row(found: Sequence[Choice], family: str) -> Row:
-    choice = chosen(found, family)
+def _row(choices: Sequence[Choice], family: str) -> Row:
+    choice = chosen(choices, family)
     mine = choice.outcomes[family]
     return {
         "family": family,

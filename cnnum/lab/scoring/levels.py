@@ -74,7 +74,7 @@ def level_table(scenes: Scenes) -> Table:
 def _row(scenes: Scenes, level: float) -> Row:
     slips = [outcome(scenes, f.name, level) for f in FAMILIES if f.kind == "slip"]
     held = {f.name: outcome(scenes, f.name, level) for f in FAMILIES if f.kind == "held"}
-    still = [one for name, one in held.items() if "rolling" not in name]
+    still = [tried for name, tried in held.items() if "rolling" not in name]
     ways = [way for slip in slips for way in slip.slid]
     return {
         "level": level,
@@ -89,5 +89,7 @@ def _row(scenes: Scenes, level: float) -> Row:
 
 def rate_of(outcomes: Sequence[Outcome]) -> float:
     """Return the false reports in ten minutes of some families."""
-    false, seconds = (sum(getattr(one, name) for one in outcomes) for name in ("false", "seconds"))
+    false, seconds = (
+        sum(getattr(outcome, name) for outcome in outcomes) for name in ("false", "seconds")
+    )
     return per_ten_minutes(false, seconds)

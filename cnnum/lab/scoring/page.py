@@ -35,7 +35,9 @@ def write_page(
 
 def page(tables: Sequence[Table], request: Request, environment: Environment) -> str:
     """Return the page as a text that needs nothing else."""
-    data = json.dumps([record for each in tables for record in each.records()], ensure_ascii=False)
+    data = json.dumps(
+        [record for table in tables for record in table.records()], ensure_ascii=False
+    )
     lead, foot = paragraph(_lead(tables, request), "lead"), paragraph(_foot(environment), "note")
     return document(TITLE, lead, "".join(_sections(tables)), foot, data)
 
@@ -60,19 +62,19 @@ def _foot(environment: Environment) -> str:
 
 
 def _sections(tables: Sequence[Table]) -> Iterator[str]:
-    for number, each in enumerate(tables, 1):
-        shown = [column for column in each.columns if not column.explains]
+    for number, scores in enumerate(tables, 1):
+        shown = [column for column in scores.columns if not column.explains]
         head = [f"{column.title} ({column.aim})".replace(" ()", "") for column in shown]
-        rows = ((False, _cells(each, row)) for row in each.rows)
+        rows = ((False, _cells(scores, row)) for row in scores.rows)
         inside = table(head, rows, style="fold")
-        yield section(number, each.name, each.title, paragraph(each.note, "note"), inside)
+        yield section(number, scores.name, scores.title, paragraph(scores.note, "note"), inside)
 
 
-def _cells(each: Table, row: Row) -> list[Cell]:
-    first, *others = (column for column in each.columns if not column.explains)
-    more = ", ".join(c.text(row.get(c.key)) for c in each.columns if c.explains)
+def _cells(table: Table, row: Row) -> list[Cell]:
+    first, *others = (column for column in table.columns if not column.explains)
+    more = ", ".join(c.text(row.get(c.key)) for c in table.columns if c.explains)
     cells = [Cell(first.text(row.get(first.key)), more, strong=True)]
     for column in others:
         value = row.get(column.key)
-        cells.append(Cell(column.text(value), style=STYLES[each.reached(column, row)]))
+        cells.append(Cell(column.text(value), style=STYLES[table.reached(column, row)]))
     return cells

@@ -169,7 +169,7 @@ def read(
     root: Path,
     objects: tuple[str, ...] | None,
     advance: Advance,
-    found: tuple[list[Trial], list[Trial]] | None = None,
+    trials: tuple[list[Trial], list[Trial]] | None = None,
 ) -> tuple[list[Trial], list[Trial]]:
     """Return the trials of the two data sets in a folder, those that are there.
 
@@ -197,12 +197,12 @@ def read(
             f"Expected '{USKIN}' or '{FLAT}' with trials in '{root}', got neither: set "
             "CNNUM_RECORDINGS to the folder that has them."
         )
-    found = ([], []) if found is None else found
+    trials = ([], []) if trials is None else trials
     for place, (folders, load) in enumerate(((flat, flat_trial), (uskin, uskin_trial))):
         for folder in folders:
-            found[place].append(load(folder))
+            trials[place].append(load(folder))
             advance(folder.path.name)
-    return found
+    return trials
 
 
 def score_table(engine: Engine, recorded: Recorded, *, tunes: bool = True) -> Table:
@@ -236,7 +236,7 @@ CHANGES = {
 
 def _shipped(recorded: Recorded) -> dict[str, tuple[list[Floats], list[Floats]]]:
     answers = (recorded.flat_answers, recorded.uskin_answers)
-    flat, uskin = ([each["slip_strength"] for each in some] for some in answers)
+    flat, uskin = ([answer["slip_strength"] for answer in some] for some in answers)
     return {SHIPPED: (flat, uskin)}
 
 
@@ -454,9 +454,9 @@ def _row(
 ) -> Row:
     baseline = name not in (SHIPPED, CHOSEN)
     row: Row = {"score": name, "baseline": baseline, "pooled": pooled(recorded.flat, flat)}
-    for each in objects:
-        mine = [n for n, trial in enumerate(recorded.flat) if trial.family == each]
-        row[f"object_{each}"] = pooled([recorded.flat[n] for n in mine], [flat[n] for n in mine])
+    for item in objects:
+        mine = [n for n, trial in enumerate(recorded.flat) if trial.family == item]
+        row[f"object_{item}"] = pooled([recorded.flat[n] for n in mine], [flat[n] for n in mine])
     row["uskin"] = pooled(recorded.uskin, uskin) if len(uskin) else None
     return row
 

@@ -121,10 +121,12 @@ def _row(name: str, trials: Sequence[Trial], answers: Sequence[Mapping[str, Floa
         "quiet": len(quiet),
         "quiet_reported": reported,
         "quiet_share": share(reported, len(quiet)),
-        "slips": sum(one.slips for one in all_onsets),
-        "found": sum(one.found for one in all_onsets),
-        "delay_s": median([delay for one in all_onsets for delay in one.delays]),
-        "rows": median([float(abs(r)) for one in all_onsets for r in one.rows]),
+        "slips": sum(family_onsets.slips for family_onsets in all_onsets),
+        "found": sum(family_onsets.found for family_onsets in all_onsets),
+        "delay_s": median(
+            [delay for family_onsets in all_onsets for delay in family_onsets.delays]
+        ),
+        "rows": median([float(abs(r)) for family_onsets in all_onsets for r in family_onsets.rows]),
         "false": per_ten_minutes(
             sum(verdict.false for verdict in verdicts), sum(verdict.seconds for verdict in verdicts)
         ),
@@ -262,7 +264,7 @@ class Gathered:
         if uskin:
             groups["uSkin trials"] = (uskin, subject.play(uskin))
         made += [report_table(groups)] if groups else []
-        return [each for each in made if each.rows]
+        return [table for table in made if table.rows]
 
 
 def score(
@@ -337,7 +339,7 @@ def _grouped(
     return {
         name: (
             [trial for trial, _ in pairs if trial.family == name],
-            [each for trial, each in pairs if trial.family == name],
+            [verdict for trial, verdict in pairs if trial.family == name],
         )
         for name in sorted(names, key=lambda text: (len(text), text))
     }

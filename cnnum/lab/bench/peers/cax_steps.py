@@ -59,6 +59,6 @@ def run(work: Work) -> NDArray[np.floating]:
     with jax.enable_x64(double):
         system = _system(size, work.mirrored, work.rim, work.linear, double)
         system.weigh(work.feedback)
-        start, w = (jnp.asarray(each, work.dtype)[..., None] for each in (work.start, drive))
+        start, w = (jnp.asarray(maps, work.dtype)[..., None] for maps in (work.start, drive))
         ended = system(start, (w, work.dtype.type(work.step)), num_steps=work.steps)
         return np.asarray(ended)[..., 0]

@@ -96,7 +96,7 @@ def _race(
     if error > loss + 1e-9:
         raise CnnumError(f"'{task.name}': celnn judges ours at {error:g}, expected {loss:g}.")
     peer = float(np.median([seconds for seconds, _ in theirs]))
-    seconds = float(np.median([one for one, _ in ours]))
+    seconds = float(np.median([time for time, _ in ours]))
     return DesignRun(
         case=task.name,
         peer=name,

@@ -118,8 +118,8 @@ def _cells(bodies: list[Indenter], outputs: list[dict[str, Floats]]) -> list[str
     true = np.array([disc.radius for disc in discs])
     off, curved = list[float](), list[float]()
     for output in outputs:
-        found = (output["sphere_fits"] + output["flat_fits"]) > 0
-        off += (np.abs(output["contact_radius"] / true - 1.0))[found].tolist()
+        fitted = (output["sphere_fits"] + output["flat_fits"]) > 0
+        off += (np.abs(output["contact_radius"] / true - 1.0))[fitted].tolist()
         round_one = 2.0 * true * MODULUS / (np.pi * 1.5 * PRESSURE)
         curved += (np.abs(output["sphere_radius"] / round_one - 1.0))[
             output["sphere_fits"] > 0
@@ -127,7 +127,7 @@ def _cells(bodies: list[Indenter], outputs: list[dict[str, Floats]]) -> list[str
     right = discs[0].pressure != "uniform"
     return [
         *shares,
-        *(f"{np.median(each):.0%}" if each and right else "–" for each in (off, curved)),
+        *(f"{np.median(errors):.0%}" if errors and right else "–" for errors in (off, curved)),
     ]
 
 

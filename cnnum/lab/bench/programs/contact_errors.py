@@ -109,8 +109,8 @@ def main(reads: Reads = "strain", count: int = 24) -> None:
                 off = errors(touches, run_contact(engine, touches, cells, depth, reads), cells)
                 row = [
                     " ".join(f"{v:.2f}" if name == "place" else f"{100 * v:.0f}" for v in three)
-                    for name, each in off.items()
-                    for three in [np.quantile(each, [0.05, 0.5, 0.95])]
+                    for name, values in off.items()
+                    for three in [np.quantile(values, [0.05, 0.5, 0.95])]
                 ]
                 print(f"| {cells} | {depth} | {radii[0]}–{radii[1]}", *row, sep=" | ", end=" |\n")
     for radius in (0.5, 0.7, 1.0):

@@ -132,7 +132,7 @@ def by_steepest(loads: Floats, skin: Skin) -> list[Floats]:
         steep, places = np.hypot(*slopes), [np.zeros((0, 2))]
         for axis in (0, 1):
             along, own, other = (
-                np.moveaxis(each, axis, 0) for each in (steep, np.abs(slopes[axis]),
+                np.moveaxis(slope, axis, 0) for slope in (steep, np.abs(slopes[axis]),
                                                         np.abs(slopes[1 - axis]))
             )  # fmt: skip
             before, here, behind = along[:-2], along[1:-1], along[2:]
@@ -217,10 +217,10 @@ def tally(finder: Finder, bodies: Bodies, skins: Sequence[Skin]) -> Tally:
     """Return the results of a finder on bodies on all of these skins."""
     edged, of, off, shares = 0, 0, [np.zeros(0)], list[float]()
     for skin in skins:
-        found = finder(bodies.frames(skin.cells, skin.depth, skin.reads), skin)
-        edged, of = edged + sum(len(places) > 0 for places in found), of + len(found)
+        edges = finder(bodies.frames(skin.cells, skin.depth, skin.reads), skin)
+        edged, of = edged + sum(len(places) > 0 for places in edges), of + len(edges)
         if bodies.outlines:
-            pairs = list(zip(bodies.outlines, found, strict=True))
+            pairs = list(zip(bodies.outlines, edges, strict=True))
             off += [off_outline(body, places, skin.cells) for body, places in pairs]
             shares += [met(body, places, skin.cells) for body, places in pairs]
     return Tally(edged, of, np.concatenate(off), float(np.mean(shares or [0.0])))
@@ -244,8 +244,8 @@ def by_family(engine: Engine, count: int, seed: int = 7) -> Iterator[str]:
         yield f"| {name}{' *' if name in CHOSEN_ON else ''} | {' | '.join(rows)} |"
     for name, family in SMOOTH.items():
         bodies = family(np.random.default_rng(seed), 8, count)
-        found = [tally(finder, bodies, skins) for finder in finders(engine).values()]
-        rows = [f"{each.edged} of {each.of}" for each in found]
+        tallies = [tally(finder, bodies, skins) for finder in finders(engine).values()]
+        rows = [f"{counts.edged} of {counts.of}" for counts in tallies]
         yield f"| {name}{' *' if name in CHOSEN_ON else ''} | {' | '.join(rows)} |"
 
 
@@ -274,15 +274,15 @@ def by_skin(engine: Engine, count: int, seed: int = 8) -> Iterator[str]:
     for title, skins in skins_by_name().items():
         cells, rng = skins[0].cells, np.random.default_rng(seed)
         kinds = [name for name in punches if cells > 4 or name != "ring"]
-        found = [tally(finder, SHARP[name](rng, cells, count), skins) for name in kinds]
+        tallies = [tally(finder, SHARP[name](rng, cells, count), skins) for name in kinds]
         whole = Tally(
-            sum(each.edged for each in found),
-            sum(each.of for each in found),
-            np.concatenate([each.off for each in found]),
-            float(np.mean([each.met for each in found])),
+            sum(counts.edged for counts in tallies),
+            sum(counts.of for counts in tallies),
+            np.concatenate([counts.off for counts in tallies]),
+            float(np.mean([counts.met for counts in tallies])),
         )
         smooth = [tally(finder, SMOOTH[name](rng, cells, count), skins) for name in spheres]
-        false = f"{sum(each.edged for each in smooth)} of {sum(each.of for each in smooth)}"
+        false = f"{sum(counts.edged for counts in smooth)} of {sum(counts.of for counts in smooth)}"
         yield f"| {title} | {whole.row} | {false} |"
 
 
@@ -302,10 +302,10 @@ def by_cover(engine: Engine, count: int, seed: int = 9) -> Iterator[str]:
     for depth, reads in covers:
         cells = list[str]()
         for finder in finders.values():
-            found = [tally(finder, body, [Skin(depth=depth, reads=reads)]) for body in bodies]
-            off = np.concatenate([each.off for each in found])
+            tallies = [tally(finder, body, [Skin(depth=depth, reads=reads)]) for body in bodies]
+            off = np.concatenate([counts.off for counts in tallies])
             median, most = np.quantile(off, [0.5, 0.95])
-            share = float(np.mean([each.met for each in found]))
+            share = float(np.mean([counts.met for counts in tallies]))
             cells.append(f"{median:.2f}, {most:.2f} ({100 * share:.0f} %)")
         yield f"| {depth} pitches, {reads} | {' | '.join(cells)} |"
 

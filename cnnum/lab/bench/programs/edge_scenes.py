@@ -50,7 +50,7 @@ def _flat(
 ) -> Bodies:
     """Return rigid flat punches."""
     drawn = tuple(body(rng, cells / 8) for _ in range(count))
-    pressures = [punch_pressure(each, cells) for each in drawn]
+    pressures = [punch_pressure(outline, cells) for outline in drawn]
     return Bodies(drawn, lambda side, depth, reads: read_below(pressures, side, depth, reads))
 
 
@@ -144,7 +144,7 @@ def _pulled(rng: np.random.Generator, cells: int, count: int) -> Bodies:
     ]
 
     def frames(side: int, depth: float, reads: Reads) -> Floats:
-        return np.stack([-readings(each, side, depth, reads, FINE)[..., 2] for each in drawn])
+        return np.stack([-readings(load, side, depth, reads, FINE)[..., 2] for load in drawn])
 
     return Bodies((), frames)
 

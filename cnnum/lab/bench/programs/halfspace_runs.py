@@ -176,13 +176,13 @@ def inverse(engine: Engine, pitch: float, thickness: float) -> Row:
     """Return resolution and noise gain of least squares on 8×8 taxels."""
     noise, likely, middle = 1e-4, 3e3, TAXELS // 2
     cover = halfspace.SurfaceToDepth((TAXELS, TAXELS), pitch, thickness, youngs_modulus=MODULUS)
-    one = np.zeros((TAXELS, TAXELS, 3))
-    one[middle, middle, 2] = likely
+    unit = np.zeros((TAXELS, TAXELS, 3))
+    unit[middle, middle, 2] = likely
     bound = get_program("surface_load").bind(
         pitch=pitch, thickness=thickness, noise=noise, likely=likely, drag=1.0, rounds=0
     )
     plan = engine.compile(bound, (TAXELS, TAXELS), ["load_normal"])
-    kept = float(plan(cover(one))["load_normal"][middle, middle]) / likely
+    kept = float(plan(cover(unit))["load_normal"][middle, middle]) / likely
     quiet = np.random.default_rng(2).normal(0.0, noise, (200, TAXELS, TAXELS, 3))
     gain = float(plan(quiet)["load_normal"][:, middle, middle].std()) / noise
     return {

@@ -159,11 +159,11 @@ def outlines(name: str, side: int, count: int) -> KnownAnswer:
         return [found_places(right, below) for right, below in pairs]
 
     def off(got: Outputs, other: Outputs | None) -> Floats:
-        found = places(got)
+        cells = places(got)
         if other is None:
-            far = [off_outline(b, each, side) for b, each in zip(bodies, found, strict=True)]
+            far = [off_outline(b, cell, side) for b, cell in zip(bodies, cells, strict=True)]
         else:
-            far = [_apart(a, b) for a, b in zip(found, places(other), strict=True)]
+            far = [_apart(a, b) for a, b in zip(cells, places(other), strict=True)]
         return np.concatenate(far) * MM / size
 
     program, needs = get_program(name).bind(rate=RATE, **known), ("edge_to_right", "edge_to_below")
@@ -385,9 +385,9 @@ def on_off(rate: float) -> KnownAnswer:
 
     def off(got: Outputs, other: Outputs | None) -> Floats:
         return np.array([
-            np.abs(answer(got, name) - (each if other is None else answer(other, name))).max()
-            / np.abs(each).max()
-            for name, each in true.items()
+            np.abs(answer(got, name) - (wanted if other is None else answer(other, name))).max()
+            / np.abs(wanted).max()
+            for name, wanted in true.items()
         ])  # fmt: skip
 
     needs = tuple(f"{sign}_{name}" for name in true for sign in ("on", "off"))
@@ -426,7 +426,7 @@ def _course(time: Floats, matrix: Floats, drive: Floats) -> Floats:
     start = np.zeros(n + 3)
     start[2] = 0.5
     step = time[1] - time[0]
-    rises, rests = (np.asarray(expm(each * step), np.float64) for each in (rising, resting))
+    rises, rests = (np.asarray(expm(rates * step), np.float64) for rates in (rising, resting))
     states = [start]
     # one after another: `RISE` is a whole number of steps
     for before in time[:-1]:

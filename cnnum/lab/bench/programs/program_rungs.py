@@ -90,7 +90,8 @@ def _climb(
     try:
         if name in SLOW_REFERENCE:
             result = max(
-                (_of_form(form, by) for form in program_forms(name)), key=lambda one: one.error
+                (_of_form(form, by) for form in program_forms(name)),
+                key=lambda candidate: candidate.error,
             )
         else:
             result = _of_stream(by.compile(get_program(name).bind(rate=RATE), SHAPE), truth())

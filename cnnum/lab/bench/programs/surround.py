@@ -17,10 +17,10 @@ GAPS = (1.0, 1.5, 2.0, 3.0)
 
 def lowering(gap: float, reads: Reads) -> float:
     """Return the relative fall of a bar's middle reading due to another bar."""
-    one = two_bars(WIDTH, LENGTH, gap).parts[0]
-    assert isinstance(one, Rectangle)
-    x, y = (np.array(place) for place in one.centre)
-    alone = float(one.normal(x, y, DEPTH, reads))
+    bar = two_bars(WIDTH, LENGTH, gap).parts[0]
+    assert isinstance(bar, Rectangle)
+    x, y = (np.array(place) for place in bar.centre)
+    alone = float(bar.normal(x, y, DEPTH, reads))
     return 1.0 - float(two_bars(WIDTH, LENGTH, gap).normal(x, y, DEPTH, reads)) / alone
 
 

@@ -111,7 +111,7 @@ def edge() -> float:
 
 def figure_6_9() -> Figure:
     """Return displacement maps of both loads."""
-    found = model()
+    fields = model()
     titles = {
         (DOWN, U_Z): "pressed: u_z",
         (DOWN, U_X): "pressed: u_x",
@@ -120,7 +120,7 @@ def figure_6_9() -> Figure:
     }
     panels = [
         Panel(title, "x (mm)", "depth (mm)",
-              [Field(MM * found.x, MM * found.z, UM * found.field[key], "µm", levels=11)],
+              [Field(MM * fields.x, MM * fields.z, UM * fields.field[key], "µm", levels=11)],
               depth=True)
         for key, title in titles.items()
     ]  # fmt: skip
@@ -137,11 +137,11 @@ def figure_6_9() -> Figure:
 
 def figure_6_10() -> Figure:
     """Return displacement along the axis."""
-    found = model()
+    fields = model()
     curves = ((DOWN, U_Z, "pressed: u_z"), (ASIDE, U_X, "dragged: u_x"))
     panels = [
         Panel(title, "depth (mm)", "displacement (µm)",
-              [Curve(MM * found.z, UM * found.axis[load, part], colour=load)],
+              [Curve(MM * fields.z, UM * fields.axis[load, part], colour=load)],
               marks=[(MM * Z, "taxel")])
         for load, part, title in curves
     ]  # fmt: skip

@@ -55,9 +55,9 @@ def love_beside() -> float:
 
 def capacitances() -> Floats:
     """Return (9, 9) capacitances of the junctions, over that of one at rest."""
-    each = np.ones((LINES, LINES))
-    each[PRESSED] += RISE
-    return each
+    unit = np.ones((LINES, LINES))
+    unit[PRESSED] += RISE
+    return unit
 
 
 def floating(values: Floats) -> Floats:

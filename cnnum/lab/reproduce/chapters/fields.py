@@ -160,8 +160,8 @@ def figure_4_6() -> Figure:
 def superposed(x: Floats, z: Floats, weights: Floats, places: Floats) -> Floats:
     """Return (depths, n) σ_zz of line loads side by side, per unit of pressure."""
     force = np.array([0.0, 0.0, 1.0])
-    one = line_load_stress(x[:, np.newaxis] - places, z[:, np.newaxis, np.newaxis], force)
-    return np.asarray(one[..., 2, 2] @ weights)
+    stress = line_load_stress(x[:, np.newaxis] - places, z[:, np.newaxis, np.newaxis], force)
+    return np.asarray(stress[..., 2, 2] @ weights)
 
 
 def flat_lines(count: int = 400) -> Floats:

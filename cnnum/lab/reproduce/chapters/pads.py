@@ -72,14 +72,14 @@ def per_force() -> Floats:
 
 def pressures(forces: Floats) -> Floats:
     """Return (..., 9, 9) pressures at the taxels for (..., 4, 4, 3) forces on the bumps, Pa."""
-    one, middle = per_force(), SHAPE[0] // 2
+    unit, middle = per_force(), SHAPE[0] // 2
     result = np.zeros((*forces.shape[:-3], 9, 9))
     for row, col in np.ndindex(4, 4):
         # taxel − bump in cells: taxels at (n − 4) pitches, bumps at (2k − 3.5)
         away = [CELLS * np.arange(9) - 2 * CELLS * k - CELLS // 2 for k in (row, col)]
         near = [np.abs(a) <= middle for a in away]
         cells = [(a + middle).clip(0, 2 * middle) for a in away]
-        part = one[:, cells[0][:, np.newaxis], cells[1]] * (near[0][:, np.newaxis] & near[1])
+        part = unit[:, cells[0][:, np.newaxis], cells[1]] * (near[0][:, np.newaxis] & near[1])
         result += np.einsum("...k,kij->...ij", forces[..., row, col, :], part)
     return result
 

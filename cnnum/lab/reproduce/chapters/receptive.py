@@ -230,9 +230,9 @@ def figure_4_14() -> Figure:
         "S_n": -0.5 * (left + right + top + bottom),
     }
     panels = [
-        Panel(name, "x (mm)", "y (mm)", [Field(MM * x[0], MM * y[:, 0], each, "V", levels=9)],
+        Panel(name, "x (mm)", "y (mm)", [Field(MM * x[0], MM * y[:, 0], field, "V", levels=9)],
               equal=True)
-        for name, each in maps.items()
+        for name, field in maps.items()
     ]  # fmt: skip
     return Figure(
         "fig-4.14",

@@ -141,7 +141,7 @@ def influence(ridged: bool) -> tuple[Floats, Floats]:
     moved = [skfem.solve(*skfem.condense(stiffness, strain(k), D=chip)) for k in (0, 1)]
     on_top = np.abs(mesh.p[1] + (HEIGHT if ridged else 0.0)) < 1e-9
     top = np.flatnonzero(on_top)[np.argsort(mesh.p[0, on_top])]
-    response = np.stack([one[basis.nodal_dofs[:, top]] for one in moved], axis=-1)
+    response = np.stack([displacement[basis.nodal_dofs[:, top]] for displacement in moved], axis=-1)
     return np.asarray(mesh.p[0, top]), response
 
 
@@ -162,8 +162,8 @@ def meshed_screw(ridged: bool) -> Floats:
     counts: Floats = np.where(np.abs(turns) <= reach, 1.0, 0.0)
     lines = FRICTION * response[0] + response[1]
     shear, normal = (np.asarray(np.interp(turns, x, lines[:, k]), np.float64) for k in (0, 1))
-    each = counts * np.stack([shear, normal])
-    return np.asarray(-each.sum(axis=-1) / np.array([[BETA], [1.0]]), dtype=np.float64)
+    forces = counts * np.stack([shear, normal])
+    return np.asarray(-forces.sum(axis=-1) / np.array([[BETA], [1.0]]), dtype=np.float64)
 
 
 def meshed_gain(over_normal: bool) -> float:

@@ -30,8 +30,8 @@ PRESSURE = 1e3
 def bar_stress(x: Floats) -> Floats:
     """Return (n, 3, 3) stresses below a rigid flat bar, Pa."""
     nodes = 0.5 * BAR * flat_lines()
-    each = np.array([0.0, 0.0, PRESSURE * BAR / nodes.size])
-    lines = line_load_stress(x[:, np.newaxis] - nodes, RECEPTOR, each)
+    nodal = np.array([0.0, 0.0, PRESSURE * BAR / nodes.size])
+    lines = line_load_stress(x[:, np.newaxis] - nodes, RECEPTOR, nodal)
     return np.asarray(lines.sum(axis=1), dtype=np.float64)
 
 

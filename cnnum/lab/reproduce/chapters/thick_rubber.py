@@ -52,7 +52,7 @@ def response(thickness: float, steps: int = STEPS) -> tuple[Floats, Floats, Floa
     """
     mesh = block(thickness)
     depth, points = thickness / NEEDLE, mesh.points
-    each = TOP[thickness] / STEPS
+    indentation = TOP[thickness] / STEPS
     pressures, depths = [0.0], [0.0]
     rings = np.linspace(0.05, PLATE / NEEDLE, 9)
     places = np.stack([rings, np.full_like(rings, depth)], axis=-1)
@@ -62,13 +62,13 @@ def response(thickness: float, steps: int = STEPS) -> tuple[Floats, Floats, Floa
         if under.size == 0:  # the needle does not slide: its nodes remain its own
             under = np.flatnonzero((body.nodes[:, 1] < 1e-9) & (body.nodes[:, 0] < 1.0 + 1e-9))
         pushed = move(body, under, (0.0, 1.0))
-        step = each / (E_COVER * NEEDLE**2 * pushed.stiffness)
+        step = indentation / (E_COVER * NEEDLE**2 * pushed.stiffness)
         below = body.space.smoothed(body.stresses(pushed.solution)["zz"][np.newaxis], places)[0]
         pressures.append(pressures[-1] - E_COVER * step * float(below @ rings / rings.sum()))
         depths.append(depths[-1] + NEEDLE * step)
         moved = np.stack([body.field(k, pushed.solution) for k in (0, 1)], axis=-1)
         points = points + step * moved[body.space.displacement.nodal_dofs[0]]
-    loads: Floats = each * np.arange(steps + 1, dtype=np.float64)
+    loads: Floats = indentation * np.arange(steps + 1, dtype=np.float64)
     return loads, np.array(pressures), np.array(depths)
 
 
