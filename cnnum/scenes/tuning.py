@@ -501,7 +501,8 @@ def tune(
     given = {**({"array": arrays[0]} if arrays[0] else {}), **(changes or {})}
     dial = _dial(read_scene(scene, changes=given, trust=trust), event)
     spec = dial.spec
-    used = engine or Engine(spec.engine or "numba", device=spec.device, precision=spec.precision)
+    how = {"device": spec.device, "precision": spec.precision, "fallback": spec.fallback}
+    used = engine or Engine(spec.engine, **how)
     said = read_labels(Path(labels)) if isinstance(labels, str | Path) else tuple(labels)
     takes = [_take(dial, s, a, used) for s, a in zip(sources, arrays, strict=True)]
     known = _labels_of(said, sources, takes)

@@ -322,6 +322,7 @@ def test_hostile_toml(faults, tmp_path):
             faults.lose(f"{name} {what}: {fault}")
 
 
+@pytest.mark.filterwarnings("ignore:.*is left out. whatever wrote it was stopped")
 def test_damaged_tables(faults, tmp_path):
     """A CSV table with damaged bytes is read, or refused with the file and the line."""
     path, rng = tmp_path / "table.csv", random.Random(3)

@@ -678,13 +678,16 @@ OUTPUTS = {
     "score --out": ["score"],
     "probe --picture": ["probe", "simulated"],
     "templates compare --picture": ["templates", "compare", "EDGE", "CORNER"],
+    "explain --out": ["explain", "none.mcap", "--at", "1"],
+    "tune --out": ["tune", "none.mcap"],
+    "tune --chart": ["tune", "none.mcap", "--out", "tuned.toml"],
 }
 """Options that name a file to write, and a command that takes them."""
 
 OTHERS = {
     *("run --rerun", "replay --rerun", "export --out", "sweep --output", "templates import --to"),
     *("templates design --output", "record FILE", "recover OUT", "lerobot FOLDER"),
-    *("templates export FILE",),
+    *("templates export FILE", "process --out"),
     *(f"bench {name} --out" for name in main.get_command(None, "bench").commands),
 }
 """Those whose target is known later, or is a folder: tests above and of each command have them."""
@@ -693,7 +696,7 @@ INPUTS = {
     *("templates show --input", "sweep EXPERIMENT", "calibrate SCAN", "recover FILE"),
     *("lerobot FILE", "replay FILE", "simulate --descriptor", "simulate --link", "layout FILE"),
     *("templates find --input", "templates find --wanted", "templates find --state"),
-    *("check RECORDING", "export --like", "explain FILE"),
+    *("check RECORDING", "export --like", "explain FILE", "tune FILE", "tune --labels"),
 }
 """Paths that are read; the link of a simulated port is no file."""
 

@@ -66,6 +66,10 @@ def tell_the_same(moments):
             assert (event.time, event.frame) == (moment.frame.time, moment.number)
             assert (event.where, event.direction, event.unit) == (where, way, unit)
             assert event.strength == (float(moment.outputs[strength]) if strength else None)
+            if event.motion == "pivot":
+                sense = "slip_sense"
+                if moment.outputs["slip_centred"]:
+                    where = tuple(float(moment.outputs[f"slip_{n}"]) for n in ("row", "column"))
             assert event.sense == (np.sign(moment.outputs[sense]) if sense else None)
 
 

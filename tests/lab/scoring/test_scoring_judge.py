@@ -8,13 +8,14 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from cnnum.drivers.simulated.grips import Trial, runs
-from cnnum.lab.scoring.judge import auc, judge, latched, median, per_ten_minutes, sense_right
+from cnnum.lab.scoring.judge import auc, judge, median, per_ten_minutes, sense_right
 from cnnum.lab.scoring.left_out import Choice, chosen, reached
 from cnnum.lab.scoring.levels import Outcome, rate_of
 from cnnum.lab.scoring.recorded import LOST, held, labels, speeds, turning
 from cnnum.lab.scoring.recordings import can_learn, folds, pooled, regression, shear_change
 from cnnum.lab.scoring.suites import onsets, report_table
 from cnnum.lab.scoring.table import Column, Table
+from cnnum.programs.reports import latched
 
 FRAMES, RATE = 600, 100.0
 SETTLED, LOOSE, ONSET, END = 45, 280, 300, 500

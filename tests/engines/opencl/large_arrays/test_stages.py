@@ -7,7 +7,7 @@ from cnnum import program, transient
 from cnnum.engine import Engine
 from cnnum.engines.opencl.lowering import kernel_source
 from cnnum.graph.nodes import RunSpec
-from cnnum.integrators.exponential import EXPONENTIAL_METHODS
+from cnnum.integrators.exponential import EXPONENTIAL_METHODS, fixed_step
 from cnnum.integrators.schemes import FixedSteps, stages_of
 from cnnum.integrators.tableau import TABLEAUX
 from cnnum.templating.template import Template
@@ -129,7 +129,7 @@ def test_stages_of_a_linear_cell_are_the_methods_growth(method):
     """
     tau, drive, x = 0.7, 0.4, 2.0
     if method in EXPONENTIAL_METHODS:
-        tableau = EXPONENTIAL_METHODS[method].fixed(STEP, tau)
+        tableau = fixed_step(EXPONENTIAL_METHODS[method], STEP, tau)
         growth = np.exp(-STEP / tau)
     else:
         tableau = TABLEAUX[method]
