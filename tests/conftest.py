@@ -7,7 +7,7 @@ Cases that each build kernels of their own are thinned by `@pytest.mark.one_in(n
 every n-th of a test's, `make test-full` all. Where parameters are crossed, n and the number of
 values of the inner ones have no common factor: then no value is always left out. Of other tests
 with many cases a short run takes the first and every sixth or tenth, and of those with few every
-second, drawn by their names.
+third, drawn by their names.
 
 Tests of faults on purpose keep an account of trials and losses. `make faults` runs them in full and
 prints it; `make test` runs a short version.
@@ -61,7 +61,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         if mark is not None:
             spared = seen[test] % mark.args[0]
         else:  # drawn by name, so that no value of a crossed parameter is always left out
-            often = 10 if cases[test] >= MANY else 6 if cases[test] >= SOME else 2
+            often = 10 if cases[test] >= MANY else 6 if cases[test] >= SOME else 3
             spared = seen[test] and crc32(item.nodeid.encode()) % often
         (left if spared else kept).append(item)
         seen[test] += 1

@@ -98,7 +98,7 @@ OTHER_ORDER = (
 `euler_in_registers` with equal ones, and `integrators.schemes` with stages of a step."""
 
 
-@pytest.mark.one_in(2)
+@pytest.mark.one_in(4)
 @pytest.mark.parametrize("name", CASES)
 def test_parts_give_the_bits_of_one_kernel(name, parted, monkeypatch):
     """Three frames of different size, so that adaptive steps and settling differ between them."""
