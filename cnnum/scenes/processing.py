@@ -55,8 +55,8 @@ NEED_LAYOUT = (".txt", ".tsv", ".dat", ".asc", ".log", ".bin", ".json", ".jsonl"
 EVENTS: Mapping[str, type] = {
     "recording": str, "time": float, "kind": str, "phase": str, "frame": int, "row": float,
     "column": float, "x_mm": float, "y_mm": float, "direction": float, "strength": float,
-    "unit": str, "sense": int, "after_gap": float, "gap_end": float, "load_is_bound": bool,
-    "saturated": bool, "rest_held": bool,
+    "unit": str, "sense": int, "motion": str, "after_gap": float, "gap_end": float,
+    "load_is_bound": bool, "saturated": bool, "rest_held": bool,
 }  # fmt: skip
 """Columns of the events, with the fields of `cnnum.Event`; one that an event lacks is empty."""
 
@@ -197,7 +197,7 @@ def columns(name: str, event: Event) -> list[object]:
     x, y = event.place or (None, None)
     values = (
         name, event.time, event.kind, event.phase, event.frame, row, column, x, y, event.direction,
-        event.strength, event.unit, event.sense, event.after_gap, event.gap_end,
+        event.strength, event.unit, event.sense, event.motion, event.after_gap, event.gap_end,
         event.load_is_bound, event.saturated, event.rest_held,
     )  # fmt: skip
     kinds = zip(values, EVENTS.values(), strict=True)

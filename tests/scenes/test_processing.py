@@ -1,6 +1,7 @@
 """A scene over many recordings: its tables hold what each recording alone gives."""
 
 import csv
+import dataclasses
 import sys
 
 import numpy as np
@@ -187,3 +188,14 @@ def test_a_task_whose_process_is_killed_runs_again(tmp_path, monkeypatch):
     assert len(list(tmp_path.glob("died*"))) == 2
     with pytest.raises(RecordingError, match="died 3 times in a row"):
         list(run_tasks(square, [-1, -2], workers=2, name="squares"))
+
+
+def test_every_field_of_an_event_is_a_column():
+    """A place is two columns, in cells and in mm."""
+    places = {"where": {"row", "column"}, "place": {"x_mm", "y_mm"}}
+    fields = {field.name for field in dataclasses.fields(cnnum.Event)}
+    columns = set().union(*(places.get(name, {name}) for name in fields))
+    assert columns | {"recording"} == set(processing.EVENTS)
+    event = cnnum.Event(1.0, "slip", 3, sense=-1, motion="pivot")
+    row = dict(zip(processing.EVENTS, processing.columns("a", event), strict=True))
+    assert (row["motion"], row["sense"], row["kind"], row["frame"]) == ("pivot", -1, "slip", 3)
