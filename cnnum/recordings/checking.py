@@ -647,7 +647,7 @@ def _turned(first: Floats, some: Floats, pads: int) -> Finding | None:
         for order in tried:
             placed = np.moveaxis(pad_pressed(Order(grid=order.grid).of(presses), pads), -1, 0)
             fits[-1].append(float(np.median(_scored(patterns(placed[2], placed), order))))
-    least = np.round(np.min(fits, axis=0), 2)
+    least: Floats = np.asarray(fits, dtype=np.float64).min(axis=0).round(2)
     value, found = float(least.max()), tried[int(least.argmax())]
     if value < CLEAR:
         return None

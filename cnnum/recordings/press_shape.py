@@ -59,8 +59,8 @@ def shape_shown(recording: Recording, shapes: Sequence[Shape]) -> Shape | None:
     if not len(pressed):
         return None
     chosen = pressed[np.linspace(0, len(pressed) - 1, min(SEEN, len(pressed))).astype(int)]
-    fits = [np.mean([_fit(loads[n], shape) for n in chosen.tolist()]) for shape in shapes]
-    *_, second, best = np.argsort(fits).tolist()
+    fits = [float(np.mean([_fit(loads[n], s) for n in chosen.tolist()])) for s in shapes]
+    second, best = sorted(range(len(fits)), key=lambda n: fits[n])[-2:]
     shown = fits[best] >= LEAST and fits[best] - fits[second] >= AHEAD
     return shapes[best] if shown else None
 

@@ -119,9 +119,16 @@ def _draw_strength(panel: Any, moments: Sequence[Explained], times: Floats) -> N
     panel.axhline(level, color=PALETTE[1], linestyle="--", label=f"level, {level:.3g}")
     panel.set_ylabel(f"{kind}_strength (no unit)")
     panel.set_ylim(0.0, 1.1 * max(2.0 * level, float(strength.max())))
-    panel.secondary_yaxis(
-        "right", functions=(lambda y: y / level, lambda y: y * level)
-    ).set_ylabel("margin: strength over level")  # fmt: skip
+
+    def margin(strength: Floats) -> Floats:
+        return strength / level
+
+    def back(margin: Floats) -> Floats:
+        return margin * level
+
+    panel.secondary_yaxis("right", functions=(margin, back)).set_ylabel(
+        "margin: strength over level"
+    )
     panel.legend(loc="upper left")
 
 

@@ -140,7 +140,7 @@ class Bench:
 
     def line(self, name: str, path: str) -> str:
         """Return the row and the events of a recording as a line of JSON."""
-        row: dict[str, object] = dict.fromkeys(RECORDINGS) | {"recording": name, "events": 0}
+        row = dict[str, object].fromkeys(RECORDINGS) | {"recording": name, "events": 0}
         events = list[list[object]]()
         try:
             scene = self.scene(path)

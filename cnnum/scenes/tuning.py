@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cnnum.arrays import Floats
 from cnnum.drivers.own_data.proposed_shape import toml_text
@@ -589,7 +590,7 @@ def _take(dial: _Dial, source: object, array: Mapping[str, object] | None, engin
     needs = (dial.rule.flag, dial.rule.strength)
     spec = replace(spec, parameters={**spec.parameters, **dial.open}, needs=needs, events=())
     name = f"'{source}'" if array is not None else "in memory"
-    parts, times = list[list[Floats]](), list[float]()
+    parts, times = list[list[NDArray[np.float32]]](), list[float]()
     with Scene.of(spec, engine, source if isinstance(source, Recording) else None) as scene:
         measured = unit_of(scene.conversion, scene.driver)
         program = bound(program_of(spec), spec, scene.driver, scene.grid, measured)

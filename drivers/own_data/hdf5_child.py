@@ -41,7 +41,7 @@ def of_parquet(file: Any, wanted: list[str], most: int) -> tuple[dict[str, Any],
             kind = str(opened.schema_arrow.field(name).type)
             # times of a zone would be objects of pandas
             whole = some is None or kind.startswith(STAMPED)
-            first: Any = None if whole else some.column(name)[0].as_py()
+            first: Any = None if whole or some is None else some.column(name)[0].as_py()
             shape = list(np.shape(first)) if first is not None else []
             shapes[name] = [[rows, *shape], kind]
         return {"names": names, "shapes": shapes, "attributes": {}}, []

@@ -132,7 +132,7 @@ class ReferenceExecutable(HostExecutable):
         (node,) = self.schedule.transients
         assert isinstance(node.operation, Transient)
         before = self.schedule.nodes[: self.schedule.nodes.index(node)]
-        seen, marks = [], []
+        seen, marks = list[list[Floats]](), list[list[list[Floats]]]()
         with np.errstate(all="ignore"):
             self._evaluate(before, values, {}, len(frames))
             arguments = [values[argument.index] for argument in node.arguments]

@@ -7,8 +7,10 @@ is.
 """
 
 import math
+from bisect import bisect_right
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import pairwise
 from typing import Any
 
@@ -185,8 +187,8 @@ def solve(
     equation = Budgeted(template, shape, given)
     if template.delayed is not None:
         delay = template.delayed.delay
-        return _agreed(lambda *way: _by_stretches(equation, solver, delay, *way), moments)
-    return _agreed(lambda *way: _to_the_end(equation, solver, *way), moments)
+        return _agreed(partial(_by_stretches, equation, solver, delay), moments)
+    return _agreed(partial(_to_the_end, equation, solver), moments)
 
 
 def instead(template: Template, solver: Solver) -> str:
@@ -256,7 +258,7 @@ class Track:
     def follow(self, equation: Budgeted, solver: Any, shape: tuple[int, ...]) -> None:
         """Note the states within the step that a solver of SciPy has just taken."""
         self.steps += 1
-        last = int(np.searchsorted(self.moments, solver.t, side="right"))
+        last = bisect_right(self.moments, float(solver.t))
         own = self.moments[len(self.passed) : last]
         if not own:
             return
@@ -446,8 +448,9 @@ def _by_stretches(
             return equation.outputs(np.asarray(before(t - delay)).reshape(first.shape))
 
         drive = fixed + equation.delayed_drive(before=answer.time < delay / 2)
-        given = (equation, drive, answer.state, answer.time, length, past, precision, track)
-        x, steps, dense = _stretch(*given)
+        x, steps, dense = _stretch(
+            equation, drive, answer.state, answer.time, length, past, precision, track
+        )
         answer = Answer(x, answer.time + length, answer.steps + steps, math.inf)
         if solver.settle and dense is not None and _still(dense, equation, solver, answer):
             break

@@ -102,7 +102,9 @@ FORMS = (
         "more launches cost more than other cores save",
         lambda schedule, _: schedule.cells <= WHOLE_CELLS,
     ),
-    Form("kernels of many work items", "all cores share each sweep", lambda *_: True, split=True),
+    Form(
+        "kernels of many work items", "all cores share each sweep", lambda _, __: True, split=True
+    ),
 )
 """In their order: the first that fits is taken."""
 

@@ -174,7 +174,7 @@ def vector_gap() -> float:
         traction = foot(unit, np.zeros(2))
         row, col = np.nonzero(traction.any(axis=-1))
         load = grid.cell_area * traction[row, col].T
-        four = []
+        four = list[float]()
         for x, y in taxels:
             total = 0.0
             for u, v, share in spots:

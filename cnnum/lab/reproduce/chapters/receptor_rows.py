@@ -33,7 +33,9 @@ CORNERS = MappingProxyType({"sa1": (15.0,), "ra1": (20.0, 50.0), "pc": (60.0, 60
 FIELDS = MappingProxyType({"sa1": 2.0 / 1.5, "ra1": 2.5 / 1.5, "pc": 5.3, "sa2_x": 3.7})
 """Widths at half height in pitches of 1.5 mm: Ø 2 and 2.5 mm are the table's."""
 
-POINTS = MappingProxyType(dict.fromkeys(("sa1_field", "ra1_field", "pc_field", "sa2_field"), 0.0))
+POINTS: Mapping[str, float] = MappingProxyType(
+    dict[str, float].fromkeys(("sa1_field", "ra1_field", "pc_field", "sa2_field"), 0.0)
+)
 
 SIDE = 13
 """Taxels across, for the fields."""
@@ -101,8 +103,9 @@ def bell(width: float) -> Floats:
     diffuse alone. What would leave the array turns back at its rim: it is mirrored there.
     """
     time, middle, n = width**2 / (16.0 * np.log(2.0)), SIDE // 2, np.arange(SIDE)
-    line = sum(ive(n - middle + 2 * SIDE * k, 2.0 * time) for k in range(-3, 4))
-    line = line + sum(ive(n + middle + 1 + 2 * SIDE * k, 2.0 * time) for k in range(-3, 4))
+    turns = 2 * SIDE * np.arange(-3, 4)[:, np.newaxis]
+    orders = np.stack([n - middle + turns, n + middle + 1 + turns])
+    line = np.asarray(ive(orders, 2.0 * time), dtype=np.float64).sum(axis=(0, 1))
     return np.asarray(line[:, np.newaxis] * line)
 
 
@@ -111,7 +114,7 @@ def _fields() -> dict[str, Floats]:
     """Return what each channel makes of a point in the middle of an array, over its sum."""
     frames = np.zeros((REST + 2, SIDE, SIDE, 3))
     frames[REST:, SIDE // 2, SIDE // 2] = 1.0
-    felt = _felt(frames, list(FIELDS), {}, "reference")
+    felt = _felt(frames, [*FIELDS], {}, "reference")
     return {name: v[-1] / v[-1].sum() for name, v in felt.items()}
 
 
@@ -131,7 +134,8 @@ def least_amplitude() -> float:
     keeps = np.exp(-step / MEMBRANE)
     charge = sampled(np.array([BUZZ]), CORNERS["pc"])[0]
     charge *= 0.5 * (1.0 + np.exp(-turn)) * (1.0 - keeps) / (1.0 - keeps * np.exp(-turn))
-    peak = float(np.max(np.imag(charge * np.exp(turn * np.arange(round(RATE / BUZZ))))))
+    buzz: NDArray[np.complex128] = charge * np.exp(turn * np.arange(round(RATE / BUZZ)))
+    peak = float(buzz.imag.max())
     time = _time()
     frames = np.zeros((time.size, 1, LADDER.size, 3))
     wave = np.sin(2.0 * np.pi * BUZZ * np.maximum(time, 0.0))

@@ -161,7 +161,11 @@ def feature_gap(feature: int) -> float:
 
 def _stretched(function: Callable[..., Any]) -> Callable[..., Any]:
     """Return a texture for which one axis of shear counts more than the other."""
-    return lambda signals, **options: function(np.asarray(signals) * [1.01, 1.0, 1.0], **options)
+
+    def stretched(signals: Floats, **options: Any) -> Any:
+        return function(np.asarray(signals) * [1.01, 1.0, 1.0], **options)
+
+    return stretched
 
 
 def _curved(function: Callable[..., Any]) -> Callable[..., Any]:
