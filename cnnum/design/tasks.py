@@ -1,6 +1,6 @@
 """Tasks of a long job: their results are kept part by part, and they run here or elsewhere.
 
-A job is cut into tasks of neighbouring items. Each result is a file beside the job's own, written
+A job is cut into tasks of neighbouring items. Each result is a file next to the job's own, written
 whole or not at all, so that a job that was killed goes on from there. The tasks run in this
 process, in processes of this machine, or on a Dask cluster.
 """

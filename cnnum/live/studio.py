@@ -41,8 +41,8 @@ TIMES = 33
 """Of a film, the start among them."""
 
 STEPS, LONGEST_STEP = 128, 0.08
-"""Of a film: at least so many, of at most so many τ. On the 64×64 cells of `HOLE`, where waves of
-changes sharpen every error, outputs are then within 0.03 of those of a finer run."""
+"""Of a film: the least number of steps, and the longest step in τ. On the 64×64 cells of `HOLE`,
+where waves of changes sharpen every error, outputs are then within 0.03 of those of a finer run."""
 
 MOST_STEPS = 20_000
 

@@ -14,7 +14,7 @@ from cnnum.recordings.checking import TOUCH, rest_and_noise
 from cnnum.recordings.recording import Recording
 
 AHEAD = 0.15
-"""Rank correlation by which a shape must be ahead of the next one. Of 28 shapes of up to 64 taxels
+"""Lead in rank correlation that a shape needs over the next one. Of 28 shapes of up to 64 taxels
 under Gaussian and Lorentzian presses it took no wrong one, under domes and ellipses 1 % after one
 press and 0.7 % after three."""
 
@@ -29,7 +29,7 @@ MOST = 4096
 
 
 def shapes_of(taxels: int) -> list[Shape]:
-    """Return the rows and columns that so many taxels can have; one line is a row."""
+    """Return the rows and columns that a number of taxels can have; one line is a row."""
     return [(taxels // cols, cols) for cols in range(taxels, 1, -1) if taxels % cols == 0]
 
 

@@ -59,7 +59,7 @@ class Event:
         Whether a taxel was at an end of its range: place, direction and strength may be wrong.
     motion : str or None
         "slide" or "pivot" for a gross slip; of a pivot, `sense` is that of its turn, and `where`
-        its centre if that can be told.
+        its centre where that is known.
     rest_held : bool
         Whether the stream seems to have begun with the object held: what was held is missing from
         loads and ratios, so the event may be wrong.

@@ -50,7 +50,7 @@ ROWS = 1 << 16
 """Rows of a group of a Parquet file."""
 
 NEED_LAYOUT = (".txt", ".tsv", ".dat", ".asc", ".log", ".bin", ".json", ".jsonl", ".ndjson", ".npy")
-"""Files of a folder that are recordings only if their layout lies beside them."""
+"""Files of a folder that are recordings only if their layout lies next to them."""
 
 EVENTS: Mapping[str, type] = {
     "recording": str, "time": float, "kind": str, "phase": str, "frame": int, "row": float,
@@ -279,7 +279,7 @@ def process(
 ) -> Processed:
     """Run a scene over recordings, and write a table of events and one of the recordings.
 
-    Results are kept by parts in a folder beside `out`, so that a job that was killed goes on from
+    Results are kept by parts in a folder next to `out`, so that a job that was killed goes on from
     there, and ends in the same bytes with any number of workers. A recording that cannot be
     processed is a row with the reason.
 
@@ -310,7 +310,7 @@ def process(
         If pyarrow or Dask is asked for and not installed.
     CnnumError
         If there is no recording, the scene has a fault, a table is there already, or the parts
-        beside it are those of another job.
+        next to it are those of another job.
     """
     begin, target = time.perf_counter(), Path(out)
     write = _writer(target)
@@ -392,7 +392,7 @@ def _lines(parts: Parts, tasks: Sequence[Task]) -> Iterator[tuple[dict[str, Any]
 
 
 def _key(job: str, scene: str, files: Iterable[Path]) -> str:
-    """Return what tells a job from others: the scene, and names, sizes and times of all files."""
+    """Return what distinguishes a job: the scene, and names, sizes and times of all files."""
     digest = hashlib.sha256(f"{__version__}\n{job}\n".encode())
     if Path(scene).is_file():
         digest.update(read_text(Path(scene), most=MEGABYTE).encode())

@@ -52,8 +52,8 @@ LEAST, ENOUGH = 1.0, 2
 """Quiet time, s, and frames of a recording at least."""
 
 SAME_RATE = 0.01
-"""Part by which the rates of two recordings may differ that one plan runs: no time of a program is
-that exact."""
+"""Share by which the rates of two recordings may differ if one plan runs both: no time of a program
+is that exact."""
 
 BATCH, CURVE = 32, 60
 """Recordings side by side, and levels of a curve."""
@@ -221,7 +221,7 @@ class Tuned:
     left_out : Outcome or None
         On each recording, by what was chosen without it; None of a single one.
     seen : Outcome
-        On the recordings by which the level was chosen.
+        On the recordings that the level was chosen on.
     shipped_level : float
         NaN where the program does not state it.
     curves : mapping of str to sequence of (float, Outcome)
@@ -723,7 +723,7 @@ def _chosen(
         seconds = sum(strengths.seconds for strengths in some)
         peaks = np.concatenate([strengths.peaks() for strengths in some])
         level, extrapolated = level_for(peaks, seconds, asked)
-        level = float(f"{level or usual:.4g}")  # where nothing is told by quiet, as shipped
+        level = float(f"{level or usual:.4g}")  # where quiet says nothing, as shipped
         outcome = sum((strengths.outcome(level) for strengths in some), Outcome())
         if best is None or outcome.found > best.outcome.found:
             best = _Choice(constants, level, extrapolated, outcome)

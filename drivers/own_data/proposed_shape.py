@@ -71,7 +71,7 @@ class Proposal:
     shapes : list of (rows, cols)
         Those that the taxels may have; none where the file says it.
     numbers : int
-        Numbers of a frame of which only their count is known; 0 where more is.
+        Numbers of a frame, if only their count is known; otherwise 0.
     usual : bool
         Whether the shape is that of a usual array, and not one of several that are as likely.
     """
@@ -193,7 +193,7 @@ def channels_of(proposal: Proposal, numbers: int) -> int:
 
 
 def name_channels(proposal: Proposal, count: int) -> None:
-    """Set the names of so many channels, and say what is not known of them."""
+    """Set the names of a number of channels, and say what is not known of them."""
     if count == 3:
         proposal.table["channels"] = ("x", "y", "z")
         proposal.undecided.append(

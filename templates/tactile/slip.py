@@ -41,7 +41,7 @@ SIGNS = (
     "pattern_speed", "incoherent_shear", "trend", "load_rate", "ratio_rate", "stick_share"
 )  # fmt: skip
 PIVOTS, CENTRED = 0.1, 0.5  # turning, 1/s, from which a slip is a pivot; torque over ratio from
-# which its centre, at most two sizes of the contact away, can be told
+# which its centre, at most two sizes of the contact away, is known
 AXIAL = ("motion_cosine", "alignment")  # read-outs that are shown, the latter with known axes
 LEVELS = (
     (0.5, 0.60), (1.2, 0.50), (2.0, 0.40), (3.2, 0.36), (4.7, 0.32), (5.9, 0.28), (6.4, 0.25),

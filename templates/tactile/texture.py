@@ -38,7 +38,7 @@ not all of it slides, as before friction's limit or in a release. What passes is
 NOTHING = 1e-30
 
 TIE = 1e-3
-"""Frames by which a sample may be early: every engine rounds its time."""
+"""Frames that a sample may be early: every engine rounds its time."""
 
 
 @program
@@ -183,7 +183,7 @@ def _steady(values: list[Field], marks: list[Field], share: Field) -> Field:
 
 
 def _tick(frame: FrameFields, apart: float) -> Field | None:
-    """Return a flag: the frame is a sample, so many frames after the last; None where each is."""
+    """Return a flag of the frames that are samples; None where all are."""
     if apart < 1.0 + TIE:
         return None
     since = frame.memory("frames since the last sample", scalar=True)

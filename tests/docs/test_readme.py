@@ -221,7 +221,7 @@ def what_changed_is_seen(names, said):
 
 
 def contrast_is_the_picture_less_its_blur(names, said):
-    """At rest: x = 0.2 (neighbours above, below, left, right, input), of which two are mirrors."""
+    """At rest: x = 0.2 (neighbours above, below, left, right, input); two of them are mirrors."""
     u = np.array([-0.5, -0.5, 0.5, 0.5])
     blur = np.eye(4) * 0.4 + 0.2 * (np.eye(4, k=1) + np.eye(4, k=-1))
     blur[0, 0] = blur[3, 3] = 0.6

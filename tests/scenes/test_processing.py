@@ -53,7 +53,7 @@ def folder(tmp_path_factory):
         )
     (place / "day0" / "r4_cut.mcap").write_bytes((place / "day0" / "r4.mcap").read_bytes()[:80])
     (place / "day1" / "junk.npz").write_bytes(b"PK nothing")
-    (place / "day1" / "notes.txt").write_text("no recording, and no layout beside it")
+    (place / "day1" / "notes.txt").write_text("no recording, and no layout next to it")
     return place
 
 

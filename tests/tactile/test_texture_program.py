@@ -13,7 +13,7 @@ from cnnum.templates.tactile.localize import PITCH
 from cnnum.templates.tactile.texture import APART, texture
 
 RATE = 1 / APART
-"""Frames a second of which each is a sample."""
+"""Frames per second at which every frame is a sample."""
 
 
 def rubbed(shape, batch=(), frames=60, seed=0):

@@ -19,7 +19,7 @@ ALL_FAILED = 1
     "--output",
     required=True,
     type=click.Path(path_type=Path, dir_okay=False),
-    help="Table of the events, .parquet or .csv; that of the recordings lies beside it.",
+    help="Table of the events, .parquet or .csv; the table of the recordings lies next to it.",
 )
 @click.option(
     "--workers",

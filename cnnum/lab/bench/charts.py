@@ -34,7 +34,7 @@ SAME = 2.0
 def work_precision(rows: Sequence[Row]) -> Picture:
     """Return error over time, by method: a row of panels a case.
 
-    Cases whose error no method changes have no panels beside others, and are named.
+    Cases whose error does not depend on the method have no panels, and are named.
     """
     places = list(dict.fromkeys(_where(row) for row in rows))
     named = list(dict.fromkeys(str(row["case"]) for row in rows))

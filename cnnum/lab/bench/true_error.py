@@ -69,7 +69,7 @@ ACROSS, WIDE = 3, 9.0
 """Panels side by side, and inches of the picture: its letters stay readable at a page's width."""
 
 OTHERS = {"euler 0.1": ("#e8a33d", "D"), "heun 0.1": ("#5b9a3c", "^")}
-"""Colour and mark of methods beside the chosen one."""
+"""Colour and mark of the methods that are compared with the chosen one."""
 
 NEAR = 5.0
 """Ratio of errors up to which a panel shows them on a linear axis."""
@@ -667,7 +667,7 @@ def _reported(
 
 
 def _lasting(flags: Sequence[bool], frames: int) -> Floats:
-    """Return 1 where a flag has held since so many frames before."""
+    """Return 1 where a flag has held for that number of frames."""
     lasts = accumulate(flags, lambda count, flag: (count + 1) * flag, initial=0)
     return np.array([float(count > frames) for count in islice(lasts, 1, None)])
 

@@ -75,8 +75,8 @@ class Form:
 def stays_private(schedule: Schedule, solvers: Solvers) -> bool:
     """Return whether a work item keeps all arrays of a plan in private memory.
 
-    Delayed outputs are kept for every step of the delay, and so many do not fit the stack of a
-    thread, which is where a processor's private memory lies.
+    Delayed outputs are kept for every step of the delay. A processor's private memory lies on the
+    stack of a thread, which holds only a limited number of them.
     """
     late = 0
     for node in schedule.nodes:

@@ -147,7 +147,7 @@ PAD_ONE = Pad.regular((2, 2))
 def slope_gap() -> float:
     """Return how far the vectors of a pad are from those by hand, of a pressure that rises evenly.
 
-    By 1 along x and by 10 along y from taxel to taxel: so each vector tells where its bump is.
+    By 1 along x and by 10 along y from taxel to taxel: so each vector shows where its bump is.
     """
     ours = PAD.to_three_axial(np.arange(9.0) + 10.0 * np.arange(9.0)[:, np.newaxis])
     rows, cols = PAD.bumps

@@ -213,7 +213,7 @@ def pivot(brush: Brush) -> Way:
 
 
 def swung(arm: float) -> Moves:
-    """Return a turn by 0.6 to 1.2 mm about a place that is so many contact radii from the middle.
+    """Return a turn by 0.6 to 1.2 mm about a place at that distance from the middle, in radii.
 
     The middle first moves along the body's direction; the place lies on its right-hand side, or on
     its left where the sign of the arm is negative.
