@@ -8,9 +8,9 @@ a round face the traction of a turn that sticks is Reissner's and Sagoci's, τ �
 the factor `TURNS` gives their stiffness, 16 G a³/3; of other faces the spread is a model.
 
 A textured face on a bumpy cover touches every bump below it on its own. Each is Hertz's contact
-of the bump's radius with a relief, height · cos(2πx/period), that is long against the contact. The
-face is rigid, so all bumps have one approach, less the relief's height there. The force of a bump
-that slides leans by the slope of the relief: T/N = tan(atan μ + atan slope), as in
+of the bump's radius with a relief, height · cos(2πs/period) across the ridges, that is long against
+the contact. The face is rigid, so all bumps have one approach, less the relief's height there. The
+force of a bump that slides leans by the slope of the relief: T/N = tan(atan μ + atan slope), as in
 `cnnum.tactile.texture_materials`.
 
 References
@@ -119,7 +119,8 @@ class TexturedFace:
 
     def __init__(self, options: Settings, layout: Layout) -> None:
         self.pair = Pair(options.bump_radius, options.youngs_modulus, options.friction)
-        self._height, self._wave = options.relief, 2 * pi / options.period
+        wave, turn = 2 * pi / options.period, options.angle
+        self._height, self._wave = options.relief, (wave * cos(turn), wave * sin(turn))
         x, y = np.meshgrid(layout.taxels.x, layout.taxels.y)
         self._x, self._y = x.reshape(-1), y.reshape(-1)
         self.step_size = options.pitch / CELLS  # one cell of the surface gives its bump the load
@@ -146,13 +147,16 @@ class TexturedFace:
     def lean(self, at: Touched, position: Floats, way: Floats) -> Floats:
         """Return the slope of the relief below each bump, along its way (2, bumps)."""
         length = np.maximum(np.hypot(*way), np.finfo(np.float64).tiny)
-        phase = self._wave * (at.x - position[0])
+        along = self._wave[0] * way[0] + self._wave[1] * way[1]
         # the surface that comes next is the one behind the way of the face
-        slope = -self._height * self._wave * np.sin(phase)
-        return np.asarray(-slope * way[0] / length)
+        return np.asarray(self._height * np.sin(self._phase(position)) * along / length)
 
     def _relief(self, position: Floats) -> Floats:
-        return np.asarray(self._height * np.cos(self._wave * (self._x - position[0])))
+        return np.asarray(self._height * np.cos(self._phase(position)))
+
+    def _phase(self, position: Floats) -> Floats:
+        x, y = self._x - position[0], self._y - position[1]
+        return np.asarray(self._wave[0] * x + self._wave[1] * y)
 
 
 Face = FlatFace | TexturedFace

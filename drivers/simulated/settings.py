@@ -234,7 +234,7 @@ SIZES = {
     "bar": ("width", "length", "angle"),
     "ring": ("width",),
     "two bodies": ("width", "length", "angle"),
-    "textured": ("relief", "period"),
+    "textured": ("relief", "period", "angle"),
 }
 """What each body with a face takes; a sphere takes its radius."""
 
@@ -282,9 +282,10 @@ class Settings:
         Of flat faces: the diameter of a punch, a ring, or each of two bodies, and the sides of a
         bar; the length is that of the bar, or from the middle of one body to the other's.
     angle : float, rad
-        From x to the bar's width, or to the line between two bodies.
+        From x to the bar's width, the line between two bodies, or the way s across the ridges of a
+        textured face.
     relief, period : float, m
-        Of a textured face: relief · cos(2πx/period).
+        Of a textured face: relief · cos(2πs/period).
     fingers : 1 or 2
         Two fingers that face each other and hold the body between them, each with an array of
         `shape`. Their frames lie side by side; the second has its own axes, with x mirrored.

@@ -45,9 +45,12 @@ LEVEL = 10.0
 EXPLAINED = 0.5
 """Part of the change that a flow explains at least, where it is reported."""
 
-LEAN = 1e-3
-"""Part of the slopes' energy that is added along both axes: where one has none, flow is that across
-the bars, and a part of 1e-3 too small."""
+LEAN = 0.01
+"""Part of the slopes' energy below which a direction has none: flow is that across the bars."""
+
+INNER = 5
+"""Taxels of a side at least, so that those at its ends do not count: their slopes fall short, and
+bars that lie oblique would seem to move along themselves."""
 
 RESTS = 0.02
 """Part of a load by which it must have changed lately, where its area is said to grow with it."""
@@ -174,8 +177,13 @@ def _products(clock: Clock, push: float, to: float) -> dict[str, Field]:
         "u": middle,
         "t": change,
     }
+    frame, inner = clock.frame, clock.frame.constant(1.0)
+    for place, side in zip((frame.row, frame.column), frame.shape, strict=True):
+        if side >= INNER:
+            inner = where((place > 0.5) & (place < side - 1.5), inner, 0.0)
     return {
-        name: parts[name[0]] * parts[name[1]] for name in (*PRODUCTS, "tt", "uu", "ux", "uy", "ut")
+        name: inner * parts[name[0]] * parts[name[1]]
+        for name in (*PRODUCTS, "tt", "uu", "ux", "uy", "ut")
     }
 
 
@@ -198,11 +206,16 @@ def _without_growth(sums: Mapping[str, Field]) -> dict[str, Field]:
 
 
 def _solved(sums: Mapping[str, Field], energy: Field | float) -> tuple[Field, Field]:
-    """Return the flow of least squares, pulled to 0 by `LEAN` of the slopes' energy."""
+    """Return the flow of least squares, M v = −b, less where M is small: (M² + `LEAN`²) v = −M b.
+
+    Sums over the energy are M (xx, xy, yy) and b (xt, yt).
+    """
     xx, xy, yy, xt, yt = (sums[name] / energy for name in PRODUCTS)
-    wide, tall = xx + LEAN, yy + LEAN
-    whole = wide * tall - xy * xy
-    return (xy * yt - tall * xt) / whole, (xy * xt - wide * yt) / whole
+    wide, tall = (square(own) + square(xy) + LEAN**2 for own in (xx, yy))
+    both = xy * (xx + yy)
+    right, down = xx * xt + xy * yt, xy * xt + yy * yt
+    whole = wide * tall - square(both)
+    return (both * down - tall * right) / whole, (both * right - wide * down) / whole
 
 
 def _spread(

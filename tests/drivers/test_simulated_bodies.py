@@ -101,28 +101,29 @@ def test_an_even_face_on_bumps_is_a_bed_of_hertz_contacts():
     np.testing.assert_allclose(at.stiffness, stiffness, rtol=1e-6)
 
 
-@pytest.mark.parametrize("direction", [0.0, 2.5])
-def test_a_relief_leans_the_force_of_every_bump(direction):
+@pytest.mark.parametrize(("direction", "angle"), [(0.0, 0.0), (2.5, 0.9)])
+def test_a_relief_leans_the_force_of_every_bump(direction, angle):
     """T/N stays within tan(atan μ ± atan slope), reaches both ends, and follows the relief."""
     relief, period, speed = 20e-6, 2.4e-3, 4e-3
     script = (
         Phase("press", 0.05, load=2.0),
         Phase("pull", 1.5, speed=speed, direction=direction),
     )
-    array = textured(relief=relief, period=period, script=script)
+    array = textured(relief=relief, period=period, angle=angle, script=script)
     slid = [(s, t) for s, t in array.scans() if t["slip"]][2:]
     ratio = []
     for state, _ in slid:
         _, force = array._springs.forces(state)
         assert force[2].sum() == pytest.approx(2.0, rel=1e-9)
         ratio.append(np.hypot(*force[:2]) / force[2])
-    steepest = 2 * np.pi * relief / period * abs(np.cos(direction))
+    across = abs(np.cos(direction - angle))
+    steepest = 2 * np.pi * relief / period * across
     low, high = (np.tan(np.arctan(FRICTION) + s * np.arctan(steepest)) for s in (-1, 1))
     ratio = np.array(ratio)
     assert low - 1e-9 < ratio.min() < low + 0.01
     assert high - 0.01 < ratio.max() < high + 1e-9
-    # one bump meets the same slope again after a period along x
-    every = round(period / abs(np.cos(direction)) / (speed / 200.0))
+    # one bump meets the same slope again after a period across the ridges
+    every = round(period / across / (speed / 200.0))
     np.testing.assert_allclose(ratio[every:], ratio[:-every], atol=4e-3)
 
 

@@ -63,13 +63,13 @@ def tell_the_same(moments):
             if event.kind == "stretch":
                 pull = moment.outputs["stretch_y"], moment.outputs["stretch_x"]
                 way = pytest.approx(np.arctan2(*pull))
-            assert (event.time, event.frame) == (moment.frame.time, moment.number)
-            assert (event.where, event.direction, event.unit) == (where, way, unit)
-            assert event.strength == (float(moment.outputs[strength]) if strength else None)
             if event.motion == "pivot":
                 sense = "slip_sense"
                 if moment.outputs["slip_centred"]:
                     where = tuple(float(moment.outputs[f"slip_{n}"]) for n in ("row", "column"))
+            assert (event.time, event.frame) == (moment.frame.time, moment.number)
+            assert (event.where, event.direction, event.unit) == (where, way, unit)
+            assert event.strength == (float(moment.outputs[strength]) if strength else None)
             assert event.sense == (np.sign(moment.outputs[sense]) if sense else None)
 
 
@@ -725,9 +725,16 @@ def test_active_contour_keeps_to_a_body_that_is_dragged(thickness, modulus):
     assert checked[-1] - checked[0] > 1.5e-3  # it went along
 
 
-def directed(name, kind):
+ACROSS = pytest.mark.parametrize("way", [2.2, 0.0])
+"""rad, the way of a face out and back, its ridges across it; 0 is that of the packaged scene."""
+
+
+def directed(name, kind, way):
     """Return the events of a kind of a scene, and the truth of each frame."""
-    _, moments, truths = played(name)
+    script = read_scene(name).driver_options["script"]
+    turned = [{**phase, "direction": way + phase.get("direction", 0.0)} if phase["kind"] == "pull"
+              else phase for phase in script]  # fmt: skip
+    _, moments, truths = played(name, **{"array.script": turned, "array.angle": way})
     events = [event for moment in moments for event in moment.events]
     assert [event.kind for event in events] == [kind, f"{kind}_end"] * 2
     slides = [t["slip"] for t in truths]
@@ -739,45 +746,54 @@ def directed(name, kind):
     return events[::2], moments, truths
 
 
-def test_tactile_flow_follows_a_face_that_slides():
-    """Out and back; its speed is 4 % high, as five taxels see a wave of 6 pitches."""
-    events, moments, truths = directed("tactile_flow", "flow")
-    for event, way in zip(events, (0.0, np.pi), strict=True):
+def unit_vector(direction):
+    return np.array([np.cos(direction), np.sin(direction)])
+
+
+@pytest.mark.one_in(2)
+@ACROSS
+def test_tactile_flow_follows_a_face_that_slides(way):
+    """Out and back, across its ridges: a face shows no motion along them."""
+    events, moments, truths = directed("tactile_flow", "flow", way)
+    for event, direction in zip(events, (way, way + np.pi), strict=True):
         since = onset_after(moments, truths, "slip", event.time - 0.2)
         assert 0 < event.time - since < 0.2
-        assert abs(np.angle(np.exp(1j * (event.direction - way)))) < 0.3
+        assert abs(np.angle(np.exp(1j * (event.direction - direction)))) < 0.15
         # while it still gains speed
         assert 0.4 < event.strength / (4.0 / 1.5) < 1.1
     slides = [n for n, t in enumerate(truths) if t["slip"] and truths[n - 80]["slip"]]
     assert len(slides) > 150
     for n in slides[::10]:
-        x, y = (float(moments[n].outputs[f"flow_{axis}"]) for axis in "xy")
-        speed = truths[n]["slip_speed"] / 1.5e-3 * np.cos(truths[n]["slip_direction"])
-        # noise of the readings, and the rim, add 10 %
-        assert x == pytest.approx(1.04 * speed, rel=0.13)
-        assert abs(y) < 0.1 * abs(x)
-        assert float(moments[n].outputs["flow_speed"]) == pytest.approx(np.hypot(x, y), rel=1e-5)
+        flow = np.array([float(moments[n].outputs[f"flow_{axis}"]) for axis in "xy"])
+        speed = truths[n]["slip_speed"] / 1.5e-3
+        along = unit_vector(truths[n]["slip_direction"])
+        # slopes are 4 % low, Hertz's law sharpens the ridges, and the readings are noisy
+        assert flow @ along == pytest.approx(speed, rel=0.09)
+        assert np.linalg.norm(flow - (flow @ along) * along) < 0.1 * speed
+        assert float(moments[n].outputs["flow_speed"]) == pytest.approx(np.hypot(*flow), rel=1e-5)
 
 
-def test_motion_direction_says_which_way_a_face_slides():
-    events, moments, truths = directed("motion_direction", "drift")
-    for event, way in zip(events, (0.0, np.pi), strict=True):
+@pytest.mark.one_in(2)
+@ACROSS
+def test_motion_direction_says_which_way_a_face_slides(way):
+    events, moments, truths = directed("motion_direction", "drift", way)
+    for event, direction in zip(events, (way, way + np.pi), strict=True):
         since = onset_after(moments, truths, "slip", event.time - 0.2)
         assert 0 < event.time - since < 0.2
-        assert abs(np.angle(np.exp(1j * (event.direction - way)))) < 0.1
+        assert abs(np.angle(np.exp(1j * (event.direction - direction)))) < 0.1
         assert 0.05 < event.strength < 0.1  # `sure`, which it has just exceeded
     # a wave of 6 cells at 4 mm/s, late by the angle of a low-pass of 0.1 s: sin 2φ sin k, over the
-    # pairs of neighbours, 7 of 8 columns
+    # pairs of neighbours along an axis, 7 of 8
     late = np.arctan(0.1 * 2 * np.pi / 6 * 4.0 / 1.5)
-    share = 7 / 8 * np.sin(2 * late) * np.sin(2 * np.pi / 6)
+    share = 7 / 8 * np.sin(2 * late) * np.sin(2 * np.pi / 6 * unit_vector(way))
     slides = [n for n, t in enumerate(truths) if t["slip"] and truths[n - 150]["slip"]]
     assert len(slides) > 100
     for n in slides[::10]:
-        out, sign = moments[n].outputs, np.cos(truths[n]["slip_direction"])
+        out, sign = moments[n].outputs, np.cos(truths[n]["slip_direction"] - way)
+        found = np.array([float(out[f"motion_{axis}"]) for axis in "xy"])
         # three quarters of a period are in the means: 10 %
-        assert float(out["motion_x"]) == pytest.approx(sign * share, rel=0.12)
-        assert abs(out["motion_y"]) < 0.01 * share
-        assert float(out["motion_strength"]) == pytest.approx(abs(out["motion_x"]), rel=1e-3)
+        assert np.abs(found - sign * share).max() < 0.12 * np.abs(share).max()
+        assert float(out["motion_strength"]) == pytest.approx(np.hypot(*found), rel=1e-5)
 
 
 def onset_after(moments, truths, flag, begin):

@@ -89,8 +89,11 @@ def test_gratings_are_as_much_too_fast_as_the_page_says(cells):
     needs = ["flow_x", "flow_y", "flow_map_x", "flow_map_y"]
     plan = cnnum.Engine("numba", precision="float64").compile(program, (cells, cells), needs)
     time, (rows, cols) = np.arange(60)[:, None, None] / rate, np.indices((cells, cells))
-    # 160 gratings reached 1.028 to 1.110 and 1.087 to 1.268, and 1.126 and 1.297 at one taxel
-    for wave, least, most, peak in ((6, 1.02, 1.12, 1.14), (4, 1.08, 1.28, 1.31), (3, 1.15, 9, 9)):
+    # 81 gratings reached 0.996 to 1.057 and 1.047 to 1.217, aside 0.021 and 0.071, and 1.055 and
+    # 1.218 at one taxel
+    for wave, least, most, aside, peak in (
+        (6, 0.98, 1.08, 0.03, 1.08), (4, 1.03, 1.24, 0.09, 1.24), (3, 1.15, 9, 9, 9)
+    ):  # fmt: skip
         for n in range(4):
             turn = n // 2 * np.pi / 2 if n % 2 else rng.uniform(0.0, 2.0 * np.pi)
             speed, phase = rng.uniform(0.5, 5.0), rng.uniform(0.0, 2.0 * np.pi)
@@ -101,8 +104,10 @@ def test_gratings_are_as_much_too_fast_as_the_page_says(cells):
             stream = plan.stream()
             for frame in frames:
                 out = stream.push(frame)
-            ratio = float(way @ [out["flow_x"], out["flow_y"]]) / speed
-            assert least < ratio < most, (wave, turn, speed, phase)
+            flow = np.array([float(out["flow_x"]), float(out["flow_y"])]) / speed
+            assert least < flow @ way < most, (wave, turn, speed, phase)
+            # bars show no motion along them
+            assert np.linalg.norm(flow - (flow @ way) * way) < aside, (wave, turn, speed, phase)
             local = way[0] * out["flow_map_x"] + way[1] * out["flow_map_y"]
             assert local[2:-2, 2:-2].max() / speed < peak
 
