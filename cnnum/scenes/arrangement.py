@@ -27,7 +27,7 @@ from cnnum.programs.library import get_program, load_program, program_names
 from cnnum.programs.machine import SATURATED
 from cnnum.programs.parameters import PITCH, RATE, in_own_units, takes_pitch
 from cnnum.safety.values import LONGEST, shown
-from cnnum.scenes.events import EVENT_RULES, rules_that_fit
+from cnnum.scenes.events import EVENT_RULES, EventRule, rules_that_fit
 from cnnum.scenes.scene_file import EVERYTHING, SceneSpec
 from cnnum.tactile.bump_loads import DEEPEST, SHARP_UP_TO
 from cnnum.tactile.cover import BumpCover, FlatCover, LayerCover
@@ -517,7 +517,54 @@ def _listed(names: Sequence[str]) -> str:
     return " and ".join(f"'{name}'" for name in names)
 
 
-def unknown_want(spec: SceneSpec, want: str, outputs: Collection[str]) -> UnknownNameError:
+def wants_of(spec: SceneSpec, outputs: Collection[str], known: Collection[str]) -> tuple[str, ...]:
+    """Return the outputs that a scene wants, by name where it wants everything."""
+    if EVERYTHING not in spec.needs:
+        for want in spec.needs:
+            if want not in EVENT_RULES and want not in outputs and want not in spec.own:
+                raise _unknown_want(spec, want, outputs)
+        return tuple(dict.fromkeys((*spec.needs, *spec.own)))
+    events = (want for want in known if rules_that_fit([want], outputs))
+    return tuple(dict.fromkeys((*spec.own, *events, *outputs)))
+
+
+def rules_of(
+    spec: SceneSpec, wants: Sequence[str], outputs: Collection[str]
+) -> tuple[EventRule, ...]:
+    """Return the rules of the wanted events; one whose outputs the program lacks is no part of it.
+
+    Raises
+    ------
+    SceneError
+        If the program gives nothing of a wanted event.
+    """
+    result: list[EventRule] = []
+    for want in wants:
+        if own := [rule for rule in spec.events if rule.kind == want]:
+            result += [_fitting(spec, rule, outputs) for rule in own]
+            continue
+        fitting = rules_that_fit([want], outputs)
+        if want in EVENT_RULES and not fitting:
+            raise SceneError(
+                f"Scene '{spec.name}' wants '{want}', which the program '{spec.program_name}' does "
+                f"not give: it has {', '.join(outputs)}."
+            )
+        result += fitting
+    return tuple(result)
+
+
+def _fitting(spec: SceneSpec, rule: EventRule, outputs: Collection[str]) -> EventRule:
+    """Return a rule of the user's own, all of whose outputs the program gives."""
+    for name in rule.needs:
+        if name not in outputs:
+            raise SceneError(
+                f"Scene '{spec.name}': the event '{rule.kind}' reads '{name}', which the program "
+                f"'{spec.program_name}' does not give: {name_error('output', name, outputs)}"
+            )
+    return rule
+
+
+def _unknown_want(spec: SceneSpec, want: str, outputs: Collection[str]) -> UnknownNameError:
     """Return the error for a want that is no event and no output of the program."""
     known = [*spec.own, *EVENT_RULES]
     near = get_close_matches(want[:LONGEST], list(dict.fromkeys([*known, *outputs])), n=3)

@@ -4,7 +4,7 @@ import inspect
 import logging
 import math
 import time
-from collections.abc import Collection, Generator, Iterator, Mapping, Sequence
+from collections.abc import Generator, Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -20,10 +20,7 @@ from cnnum.drivers.recording_file import MEMORY, RecordingDriver
 from cnnum.drivers.registry import open_driver
 from cnnum.drivers.timing import SAME_TIME
 from cnnum.engine import Engine
-from cnnum.errors import (
-    SceneError,
-    name_error,
-)
+from cnnum.errors import SceneError, name_error
 from cnnum.frame import SLOWEST as SLOWEST_STEP
 from cnnum.frame import Frame, Limits, contradicted, time_unit_of
 from cnnum.graph.nodes import Graph, Input
@@ -41,8 +38,9 @@ from cnnum.scenes.arrangement import (
     refuse_missing_axes,
     refuse_other_limits,
     refuse_unfit,
+    rules_of,
     traced,
-    unknown_want,
+    wants_of,
     warn_of_no_bumps,
     warn_of_other_cover,
 )
@@ -61,7 +59,6 @@ from cnnum.scenes.events import (
     EventDetector,
     EventRule,
     event_rule,
-    rules_that_fit,
     titled,
     with_units,
 )
@@ -89,7 +86,6 @@ TIMED = 64
 EARLY = 3
 """Frames after which a warning names times in another unit, before the first event: two steps, so
 that one pause does not count."""
-
 
 FACTS = (
     "shape", "channels", "unit", "rate", "calibration", "live", "positions", "pitch", "pads",
@@ -257,10 +253,10 @@ class Scene(OfThisProcess):
             outputs = graph.outputs
             channels = (*conversion.channels, *([CHANNEL] if _reads_marks(graph) else []))
             refuse_missing_axes(program, spec, shape, conversion.channels, outputs)
-            wants = _needs(spec, outputs, events_of_everything(driver))
+            wants = wants_of(spec, outputs, events_of_everything(driver))
             warn_of_no_bumps(spec, driver)
             warn_of_other_cover(program, spec, driver, measured)
-            rules = with_units(_rules(spec, wants, outputs), program, measured)
+            rules = with_units(rules_of(spec, wants, outputs), program, measured)
             fields = tuple(w for w in wants if w not in EVENT_RULES and w not in spec.own)
             needs = tuple(dict.fromkeys((*(n for rule in rules for n in rule.needs), *fields)))
             dead = None
@@ -691,53 +687,6 @@ def _range(spec: SceneSpec, driver: Driver, conversion: Conversion, precision: s
         full_scale=cast(float | None, getattr(driver, "full_scale", None)),
         saturated=known.limit if known is not None else math.inf,
     )
-
-
-def _needs(spec: SceneSpec, outputs: Collection[str], known: Collection[str]) -> tuple[str, ...]:
-    """Return the outputs that a scene wants, by name where it wants everything."""
-    if EVERYTHING not in spec.needs:
-        for want in spec.needs:
-            if want not in EVENT_RULES and want not in outputs and want not in spec.own:
-                raise unknown_want(spec, want, outputs)
-        return tuple(dict.fromkeys((*spec.needs, *spec.own)))
-    events = (want for want in known if rules_that_fit([want], outputs))
-    return tuple(dict.fromkeys((*spec.own, *events, *outputs)))
-
-
-def _rules(
-    spec: SceneSpec, wants: Sequence[str], outputs: Collection[str]
-) -> tuple[EventRule, ...]:
-    """Return the rules of the wanted events; one whose outputs the program lacks is no part of it.
-
-    Raises
-    ------
-    SceneError
-        If the program gives nothing of a wanted event.
-    """
-    result: list[EventRule] = []
-    for want in wants:
-        if own := [rule for rule in spec.events if rule.kind == want]:
-            result += [_fitting(spec, rule, outputs) for rule in own]
-            continue
-        fitting = rules_that_fit([want], outputs)
-        if want in EVENT_RULES and not fitting:
-            raise SceneError(
-                f"Scene '{spec.name}' wants '{want}', which the program '{spec.program_name}' does "
-                f"not give: it has {', '.join(outputs)}."
-            )
-        result += fitting
-    return tuple(result)
-
-
-def _fitting(spec: SceneSpec, rule: EventRule, outputs: Collection[str]) -> EventRule:
-    """Return a rule of the user's own, all of whose outputs the program gives."""
-    for name in rule.needs:
-        if name not in outputs:
-            raise SceneError(
-                f"Scene '{spec.name}': the event '{rule.kind}' reads '{name}', which the program "
-                f"'{spec.program_name}' does not give: {name_error('output', name, outputs)}"
-            )
-    return rule
 
 
 def get_scene(name: str, *, engine: Engine | None = None) -> Scene:
