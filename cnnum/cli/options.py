@@ -71,6 +71,26 @@ def target_option(name: str, metavar: str, text: str) -> Callable[[Function], Fu
     )
 
 
+def page_options(port: int) -> Callable[[Function], Function]:
+    """Return the options `--host`, `--port` and `--token` of a page in a browser."""
+    return together(
+        click.option(
+            "--host",
+            default="127.0.0.1",
+            help="Address to listen at; this machine only by default.",
+        ),
+        click.option(
+            "--port",
+            type=click.IntRange(0, 65_535),
+            default=port,
+            help="Port to listen at; 0 takes any free one.",
+        ),
+        click.option(
+            "--token", default="", help="Token that the address of the page must contain."
+        ),
+    )
+
+
 def completed(kind: str, *, files: bool = False) -> Callable[..., list[CompletionItem]]:
     """Return how the Tab key completes an argument: with names of a kind, or with files.
 

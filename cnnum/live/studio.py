@@ -46,6 +46,9 @@ where waves of changes sharpen every error, outputs are then within 0.03 of thos
 
 MOST_STEPS = 20_000
 
+HEAVIEST = 1e9
+"""Largest number of A, B and z that is run, so that states are numbers of float32."""
+
 SIDE = 128
 """Cells along the longest side of a picture."""
 
@@ -75,10 +78,9 @@ def template_of(given: Mapping[str, Any]) -> Template:
     CnnumError
         If it is none.
     """
-    rule = str(given.get("rule") or "")
-    duration = given.get("duration", "settle")
     try:
-        return Template(
+        rule = str(given.get("rule") or "")
+        template = Template(
             given["name"] or "untitled",
             given["A"],
             given["B"] if given.get("B") else None,
@@ -87,13 +89,15 @@ def template_of(given: Mapping[str, Any]) -> Template:
             boundary=given.get("boundary", 0.0),
             input_boundary=given.get("input_boundary"),
             initial=given.get("initial", 0.0),
-            duration=duration,
+            duration=given.get("duration", "settle"),
             description=str(given.get("description") or ""),
             source=str(given.get("source") or ""),
             check=Check("rule", (("rule", rule),)) if rule else None,
         )
     except (KeyError, TypeError) as error:
         raise TemplateError(f"The page's template lacks a number: {error}.") from None
+    page_of(template)  # others are too large to be answered at once
+    return template
 
 
 def page_of(template: Template) -> dict[str, Any]:
@@ -145,7 +149,7 @@ def picture_of(given: Mapping[str, Any]) -> Floats:
         rows, cols = int(given["rows"]), int(given["cols"])
         cells = np.frombuffer(b64decode(given["picture"], validate=True), np.int8)
         fits = min(rows, cols) >= 1 and max(rows, cols) <= SIDE and len(cells) == rows * cols
-    except (KeyError, TypeError, ValueError):
+    except (KeyError, TypeError, ValueError, OverflowError):
         fits, rows, cols, cells = False, 1, 1, np.zeros(1, np.int8)
     if not fits:
         raise TemplateError(f"A picture has up to {SIDE}×{SIDE} cells, a byte each.")
@@ -157,21 +161,49 @@ def maps_of(template: Template, picture: Floats) -> dict[str, Any]:
     return {"input": picture} if template.inputs else {"state": picture}
 
 
-def film(engine: Engine, template: Template, picture: Floats) -> tuple[dict[str, Any], Floats]:
-    """Return the head of a film, and its states (times, rows, cols).
+def steps_of(template: Template) -> tuple[float, int]:
+    """Return the end of a film and its number of steps.
 
-    Its steps are fixed, so that a film comes at once. The end is judged by `facts`.
+    Raises
+    ------
+    TemplateError
+        If these are too many to be waited for.
     """
     tau = float(template.tau.max())
     end = SETTLES * tau if template.duration == "settle" else template.duration
     bound = stability_bound(template, method="rk4").step
     longest = min(0.5 * bound, LONGEST_STEP * tau, end)
-    steps = max(STEPS, (TIMES - 1) * math.ceil(end / longest / (TIMES - 1))) if longest else 0
-    if not 0 < steps <= MOST_STEPS:
+    least = end / longest if longest else math.inf
+    if not least <= MOST_STEPS:
         raise TemplateError(
             f"A run of {template.timed(end)} needs more than {MOST_STEPS:,} steps: shorten its "
             "duration, or make its weights smaller."
         )
+    return end, max(STEPS, (TIMES - 1) * math.ceil(least / (TIMES - 1)))
+
+
+def runnable(given: Mapping[str, Any]) -> Template:
+    """Return the template that a page holds, if it can be run while the page waits.
+
+    Raises
+    ------
+    TemplateError
+        If it is none, or takes too long.
+    """
+    template = template_of(given)
+    heaviest = max(float(np.abs(k).max(initial=0.0)) for k in (template.A, template.B, template.z))
+    if heaviest > HEAVIEST:
+        raise TemplateError(f"A weight is {heaviest:.3g}: the studio runs up to {HEAVIEST:g}.")
+    steps_of(template)
+    return template
+
+
+def film(engine: Engine, template: Template, picture: Floats) -> tuple[dict[str, Any], Floats]:
+    """Return the head of a film, and its states (times, rows, cols).
+
+    Its steps are fixed, so that a film comes at once. The end is judged by `facts`.
+    """
+    end, steps = steps_of(template)
     times = np.linspace(0.0, end, TIMES)
     maps = maps_of(template, picture)
     run = engine.run(template, **maps, at=times[1:], method="rk4", dt=end / steps)
@@ -310,14 +342,14 @@ class Studio(Door):
             asked = json.loads(message)
             head: dict[str, Any] = {"do": str(asked["do"]), "id": int(asked["id"])}
             answer = self._answers[head["do"]]
-        except (ValueError, LookupError, TypeError, RecursionError):
+        except (ValueError, LookupError, TypeError, OverflowError, RecursionError):
             return json.dumps({"do": "", "id": 0, "error": "This question is malformed."})
         try:
             with self._locks[head["do"] == "run"]:
                 found = answer(cast("dict[str, Any]", asked))
         except CnnumError as error:
             found = {"error": str(error)}
-        except (ValueError, LookupError, TypeError):
+        except (ValueError, LookupError, TypeError, AttributeError, OverflowError):
             found = {"error": "This question lacks a part."}
         if isinstance(found, bytes):
             (length,) = LENGTH.unpack_from(found)
@@ -328,7 +360,7 @@ class Studio(Door):
         return json.dumps(head | found)
 
     def _run(self, asked: Mapping[str, Any]) -> bytes:
-        template, picture = template_of(asked["template"]), picture_of(asked)
+        template, picture = runnable(asked["template"]), picture_of(asked)
         head, states = film(self._engine, template, picture)
         shape = {"rows": picture.shape[0], "cols": picture.shape[1]}
         text = json.dumps(head | shape).encode()
@@ -336,7 +368,7 @@ class Studio(Door):
 
     def _facts(self, asked: Mapping[str, Any]) -> dict[str, Any]:
         """Return the class, the end by the chosen method, the margins, and what the rule says."""
-        template, picture = template_of(asked["template"]), picture_of(asked)
+        template, picture = runnable(asked["template"]), picture_of(asked)
         known, run = figures(template), self._slow.run(template, **maps_of(template, picture))
         facts: dict[str, Any] = {
             "stability": known.stability,
@@ -354,7 +386,7 @@ class Studio(Door):
 
     def _flips(self, asked: Mapping[str, Any]) -> dict[str, Any]:
         """Return how many of many chips have a wrong cell."""
-        template, width = template_of(asked["template"]), float(asked["mismatch"])
+        template, width = runnable(asked["template"]), float(asked["mismatch"])
         if not 0.0 <= width <= 1.0:
             raise TemplateError(f"A mismatch is a share from 0 to 1, got {width:g}.")
         if template.check is not None:
@@ -390,7 +422,7 @@ class Studio(Door):
         }
 
     def _compare(self, asked: Mapping[str, Any]) -> dict[str, Any]:
-        first, second = template_of(asked["template"]), template_of(asked["other"])
+        first, second = runnable(asked["template"]), runnable(asked["other"])
         found = compare(first, second, engine=self._slow)
         shown = found.inputs[:12] if found.exhaustive else found.inputs[:0]
         return {

@@ -187,6 +187,31 @@ def test_what_is_no_question_gets_a_sentence(studio: Studio) -> None:
     long = page | {"duration": 1e9}
     assert "shorten" in answer(studio, "run", template=long, **drawn(random_picture(8)))["error"]
     assert "cannot be shown" in answer(studio, "load", name="RETINA_1")["error"]
+    for number in ("Infinity", "1" + 400 * "0"):
+        asked = f'{{"do": "save", "id": {number}, "template": []}}'
+        assert set(json.loads(studio.reply(asked))) == {"do", "id", "error"}
+
+
+@pytest.mark.parametrize("do", ["run", "facts", "flips", "compare"])
+def test_what_is_no_template_or_too_large_is_refused_at_once(studio: Studio, do: str) -> None:
+    """A coupling of 1e39 kept the facts of all later changes waiting for 12 s."""
+    page = page_of(cnnum.get_template("EDGE"))
+    coupled = [[0.0, 0.0, 0.0], [1e6, 1.0, 0.0], [0.0, 0.0, 0.0]]
+    wide = np.eye(9).tolist()
+    for template, said in {
+        "list": ([], "lacks a part"),
+        "number": (1, "lacks a part"),
+        "digits": (page | {"z": 10**400}, "real numbers"),
+        "coupled": (page | {"A": coupled}, "make its weights smaller"),
+        "heavy": (page | {"B": (1e300 * np.ones((3, 3))).tolist()}, "the studio runs up to 1e+09"),
+        "wide": (page | {"A": wide}, "couplings of 3×3 cells"),
+        "name": (page | {"name": "<b>"}, "name of a template must be"),
+    }.values():
+        parts = {"template": template, "other": page, "mismatch": 0.05}
+        assert said in answer(studio, do, **parts, **drawn(random_picture(8)))["error"]
+    for wrong in ({"rows": float("inf")}, {"picture": 3}, {"cols": 10**400}):
+        parts = {"template": page, **drawn(random_picture(8)), **wrong}
+        assert do not in ("run", "facts") or "128×128" in answer(studio, do, **parts)["error"]
 
 
 def test_a_page_of_another_origin_reaches_no_studio() -> None:

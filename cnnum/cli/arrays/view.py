@@ -6,7 +6,14 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from cnnum.cli.options import Changes, completed, json_option, scene_options, trust_option
+from cnnum.cli.options import (
+    Changes,
+    completed,
+    json_option,
+    page_options,
+    scene_options,
+    trust_option,
+)
 from cnnum.cli.output import COMPILING, Output, busy
 from cnnum.cli.signals import stoppable
 
@@ -26,16 +33,7 @@ SHOWN = (
 @click.command("view")
 @click.argument("source", shell_complete=completed("scene", files=True))
 @click.option("--scene", help="Scene to run on a recording; 'demo' by default.")
-@click.option(
-    "--host", default="127.0.0.1", help="Address to listen at; this machine only by default."
-)
-@click.option(
-    "--port",
-    type=click.IntRange(0, 65_535),
-    default=8765,
-    help="Port to listen at; 0 takes any free one.",
-)
-@click.option("--token", default="", help="Token that the address of the page must contain.")
+@page_options(8765)
 @scene_options
 @trust_option
 @json_option

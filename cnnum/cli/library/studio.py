@@ -5,23 +5,14 @@ import secrets
 import click
 
 from cnnum.cli.library.templates_convert import is_place
-from cnnum.cli.options import completed, json_option
+from cnnum.cli.options import completed, json_option, page_options
 from cnnum.cli.output import COMPILING, Output, busy
 from cnnum.cli.signals import stoppable
 
 
 @click.command("studio")
 @click.argument("template", default="EDGE", shell_complete=completed("template", files=True))
-@click.option(
-    "--host", default="127.0.0.1", help="Address to listen at; this machine only by default."
-)
-@click.option(
-    "--port",
-    type=click.IntRange(0, 65_535),
-    default=8766,
-    help="Port to listen at; 0 takes any free one.",
-)
-@click.option("--token", default="", help="Token that the address of the page must contain.")
+@page_options(8766)
 @json_option
 def command(template: str, host: str, port: int, token: str, as_json: bool) -> int:
     """Change TEMPLATE (of the library, or a file) in a browser and see it move, until Ctrl-C.
