@@ -518,6 +518,7 @@ class NpzFile(Counting):
         self.channels = recording.channels
         self.unit = recording.unit
         self.rate = rate_that_counts(recording.rate, recording.time)
+        self.timed = self.rate == recording.rate
         self.pads = recording.pads
         self.calibration = recording.calibration
         self.total_frames = len(recording.values)

@@ -57,7 +57,11 @@ class McapFile(Counting):
     calibration : Calibration or None
         That of the array when it was recorded.
     total_frames : int
+    timed : bool
+        Whether the unit of the times is beyond doubt where these agree with the rate.
     """
+
+    timed = True
 
     def __init__(self, contents: Contents) -> None:
         super().__init__()
@@ -100,6 +104,8 @@ class RecordingDriver(Counting):
     ----------
     recording : Recording
     """
+
+    timed = True  # `Recording` has looked at them
 
     def __init__(self, recording: Recording) -> None:
         super().__init__()

@@ -6,6 +6,7 @@ import math
 import re
 import warnings
 from array import array
+from codecs import getincrementaldecoder
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field, replace
@@ -173,6 +174,9 @@ _POINTED = re.compile(r"\s*[+-]?\d+,\d+\s*")
 
 FEW = 6
 """Columns that the sentence of an error names."""
+
+MANY = 100
+"""Rows before the last, all of which end in a longer number: then that without an end is cut."""
 
 ROWS_A_LOOK = 1024
 """Rows between looks at the memory that they take."""
@@ -454,7 +458,7 @@ def read_columns(path: Path, pick: Callable[[Head], Wanted], form: TextForm = PL
     with closing(rows_of(path, form)) as reader:
         line, names = next(reader)
         head = Head(path, tuple(names), line)
-        table = _Growing(head, pick(head))
+        table = _Growing(head, pick(head), form.decimal)
         for line, fields in reader:
             table.add(line, fields)
     return table.done()
@@ -463,7 +467,7 @@ def read_columns(path: Path, pick: Callable[[Head], Wanted], form: TextForm = PL
 class _Growing:
     """The numbers of the rows so far."""
 
-    def __init__(self, head: Head, wanted: Wanted) -> None:
+    def __init__(self, head: Head, wanted: Wanted, decimal: str) -> None:
         self.head, self.wanted = head, wanted
         self._cells = [head.place(name) for name in wanted.cells]
         self._facts = [head.place(name) for name in wanted.facts]
@@ -474,7 +478,9 @@ class _Growing:
         self._times, self._dates = array("d"), array("q")
         self._held: dict[str, list[str]] = {name: [] for name in wanted.texts}
         self._ints = {name: array("q") for name in wanted.whole}
-        self._date = by_format(wanted.clock_format) if wanted.clock_format else nanoseconds
+        # `TextForm.plain` has put points for decimal commas in the fields, and so in the dates
+        form = wanted.clock_format.replace(decimal, ".")
+        self._date = by_format(form) if form else nanoseconds
         self._dated: bool | None = True if wanted.clock_format else None
         self._room = host_bytes()
 
@@ -587,7 +593,7 @@ def rows_of(
         As `read_table`.
     """
     try:
-        with open_regular(path, most=most) as raw, _text(raw) as text:
+        with open_regular(path, most=most) as raw, open_text(raw) as text:
             yield from _rows(path, form, text)
     except OSError as error:
         raise unreadable(RecordingError, f"'{path}'", error) from None
@@ -595,12 +601,20 @@ def rows_of(
         raise CodecError(f"'{path}' is not a CSV text file in UTF-8: {error}.") from None
 
 
-def _text(raw: IO[bytes]) -> TextIOWrapper:
-    """Return the text of a file; spreadsheets write UTF-16, too, and call it "Unicode"."""
-    mark = raw.read(2)
+def open_text(raw: IO[bytes]) -> TextIOWrapper:
+    """Return the text of a file, whose encoding its first bytes show.
+
+    Spreadsheets write UTF-16, too, and call it "Unicode". What is not UTF-8 is taken as the text of
+    Windows in western Europe, whose µ, °, ä and é stand in names and units.
+    """
+    begin = raw.read(1 << 16)
     raw.seek(0)
-    wide = mark in (b"\xff\xfe", b"\xfe\xff")
-    return TextIOWrapper(raw, encoding="utf-16" if wide else "utf-8-sig", newline="")
+    encoding = "utf-16" if begin.startswith((b"\xff\xfe", b"\xfe\xff")) else "utf-8-sig"
+    try:
+        getincrementaldecoder(encoding)().decode(begin)
+    except UnicodeError:
+        encoding = "cp1252"
+    return TextIOWrapper(raw, encoding, newline="")
 
 
 def _rows(path: Path, form: TextForm, text: TextIOWrapper) -> Iterator[tuple[int, list[str]]]:
@@ -624,7 +638,7 @@ def _rows(path: Path, form: TextForm, text: TextIOWrapper) -> Iterator[tuple[int
         names.pop()
     head = Head(path, tuple(names), line)
     yield line, names
-    empty = True
+    count, shortest = 0, LONGEST_LINE
     for number, row in _chained(rest, content):
         while len(row) > len(names) and not row[-1].strip():
             row.pop()
@@ -636,10 +650,12 @@ def _rows(path: Path, form: TextForm, text: TextIOWrapper) -> Iterator[tuple[int
                 stacklevel=2,
             )
             continue
-        if len(row) < len(names) and lines.torn:
+        size = len(row[-1].strip())
+        if lines.torn and (len(row) < len(names) or (count >= MANY and 0 < size < shortest)):
             warnings.warn(
-                f"'{path}' ends within line {number}, which is left out: whatever wrote it was "
-                "stopped.",
+                f"'{path}' ends within line {number}"
+                + ("" if len(row) < len(names) else " (its last number is shorter than all others)")
+                + ", which is left out: whatever wrote it was stopped.",
                 RecordingWarning,
                 stacklevel=2,
             )
@@ -649,9 +665,9 @@ def _rows(path: Path, form: TextForm, text: TextIOWrapper) -> Iterator[tuple[int
                 f"'{path}', line {number}: expected {len(names)} fields as in line {line}, got "
                 f"{len(row)}{head.hint()}."
             )
-        empty = False
+        count, shortest = count + 1, min(shortest, size)
         yield number, form.plain(row)
-    if empty:
+    if not count:
         raise CodecError(f"'{path}' has a header and no rows: expected rows of numbers.")
 
 

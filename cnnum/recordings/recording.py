@@ -4,6 +4,7 @@ from __future__ import annotations  # signatures that `help` shows as they are w
 
 import re
 import tempfile
+import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,8 +15,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from cnnum import sharing
 from cnnum.arrays import Floats, numbers
-from cnnum.errors import ArrayError, RecordingError
-from cnnum.frame import FORCE_AXES, Frame, Quality, Truth, contradicted, shown_maps
+from cnnum.errors import ArrayError, RecordingError, RecordingWarning
+from cnnum.frame import FORCE_AXES, Frame, Quality, Truth, contradicted, shown_maps, time_unit_of
 from cnnum.recordings.chunks import CHUNK_BYTES, ChunkMaker, beginning, untimed
 from cnnum.recordings.export import export, marked_text, suffix_of, write_index
 from cnnum.recordings.layout import Layout
@@ -52,7 +53,8 @@ class Recording(ByContent):
         is one channel. Values of (frames, pads, rows, cols, channels) are kept with the columns
         of all pads side by side.
     rate : float, Hz, optional
-        The default follows from the usual step of the times.
+        The default follows from the usual step of the times, which is questioned where it is longer
+        than arrays take.
     unit : str
         "count", "V", "N", "Pa", "strain"…
     channels : sequence of str, optional
@@ -126,6 +128,7 @@ class Recording(ByContent):
             raise ArrayError(
                 f"'pads' must share the {array.shape[2]} columns equally, got {shown(pads)}."
             )
+        stated = rate is not None
         if rate is None:
             rate = _rate(times, len(array))
         if not (is_real(rate) and 0.0 < rate < FASTEST):
@@ -139,6 +142,13 @@ class Recording(ByContent):
         if marks is not None:
             flags[marks.any(axis=(1, 2))] |= int(Quality.SATURATED)
         at = _times(times, frames, rate)
+        if not stated and (seems := time_unit_of(at)):
+            warnings.warn(
+                f"The frames of a recording are {1.0 / rate:.4g} s apart by their times: if these "
+                f"are in {seems}, give them in s, and if not, give rate={rate:.4g}, too.",
+                RecordingWarning,
+                stacklevel=3,
+            )
         seen = None if times is None else contradicted(float(rate), at)
         if seen is not None:
             raise ArrayError(

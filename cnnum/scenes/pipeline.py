@@ -704,7 +704,8 @@ def get_scene(name: str, *, engine: Engine | None = None) -> Scene:
 
 def _cure_of_times(driver: Driver, times: Floats) -> str:
     """Return a sentence on times of a recording that seem to be no seconds; "" for others."""
-    sure = getattr(driver, "live", False) or getattr(driver, "timed", False)
+    timed = getattr(driver, "timed", False) and contradicted(driver.rate, times) is None
+    sure = getattr(driver, "live", False) or timed
     unit = "" if sure else time_unit_of(times)
     place = "[frames] of the scene" if getattr(driver, "layout", None) is None else "the layout"
     if not unit:

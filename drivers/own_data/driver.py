@@ -92,8 +92,8 @@ def is_own_csv(path: Path) -> bool:
     return begin.startswith((",".join(HEAD).encode(), *FRAME_HEAD))
 
 
-def read_own_csv(path: Path) -> Recording:
-    """Return the recording of such a file.
+def read_own_csv(path: Path) -> tuple[Recording, bool]:
+    """Return the recording of such a file, and whether its times agree with the rate it states.
 
     Without a column of it, the rate is that of the times, or 1 Hz of a single frame.
 
@@ -116,9 +116,10 @@ def read_own_csv(path: Path) -> Recording:
     truth = held.cells[:, own.cells :]
     times = held.facts[:, 0]
     rate = float(held.facts[0, 1]) if RATE in held.head.names else 0.0
-    return Recording(
+    counts = rate_that_counts(rate, times)
+    made = Recording(
         values,
-        rate=rate_that_counts(rate, times) or rate_of(times) or 1.0,
+        rate=counts or rate_of(times) or 1.0,
         unit=own.unit or next(iter(set(held.texts[UNIT]))),
         channels=own.channels,
         times=times,
@@ -129,6 +130,7 @@ def read_own_csv(path: Path) -> Recording:
         wall_ns=_came(held.whole.get(CSV_CAME), times),
         pads=int(held.whole[PADS][0]) if PADS in held.whole else None,
     )
+    return made, counts == rate
 
 
 def _came(log_times: NDArray[np.int64] | None, times: Floats) -> NDArray[np.int64] | None:
@@ -138,8 +140,10 @@ def _came(log_times: NDArray[np.int64] | None, times: Floats) -> NDArray[np.int6
     return log_times
 
 
-def read_own_hdf5(path: Path) -> tuple[Recording, Calibration | None] | None:
-    """Return the recording of an HDF5 file and its calibration; None where it is not cnnum's.
+def read_own_hdf5(path: Path) -> tuple[Recording, Calibration | None, bool] | None:
+    """Return the recording of an HDF5 file, its calibration, and whether times and rate agree.
+
+    None where it is not cnnum's.
 
     Raises
     ------
@@ -157,7 +161,8 @@ def read_own_hdf5(path: Path) -> tuple[Recording, Calibration | None] | None:
     try:
         made = _recording(held, truths, attributes)
         text = str(attributes.get("calibration", ""))
-        return made, Calibration.from_text(text, path) if text else None
+        known = Calibration.from_text(text, path) if text else None
+        return made, known, made.rate == float(attributes["rate"])
     except (KeyError, TypeError, ValueError, CalibrationError) as error:
         raise CodecError(f"'{path}' is not a recording of cnnum: {error}") from None
 
@@ -320,10 +325,11 @@ class DataFileOptions:
             raise missing_file(RecordingError, f"There is no file '{path}'.")
         try:
             if suffix in TEXTS and self.layout is None and is_own_csv(path):
-                return DataFile(read_own_csv(path), calibration=_beside(path))
+                made, timed = read_own_csv(path)
+                return DataFile(made, calibration=_beside(path), timed=timed)
             own = read_own_hdf5(path) if suffix in HDF5 and not self._has_layout() else None
             if own is not None:
-                return DataFile(own[0], calibration=own[1])
+                return DataFile(own[0], calibration=own[1], timed=own[2])
             if self.layout is None and not self.topic:
                 if suffix == ".npz" and is_own_archive(path):
                     return NpzOptions(path).open()
@@ -478,7 +484,8 @@ class DataFile(Counting):
     positions : sequence of (x, y), mm
         Positions of the taxels, where the layout has them; empty where not.
     timed : bool
-        Whether the unit of the times is beyond doubt: dates, or a unit or rate that is stated.
+        Whether the unit of the times is beyond doubt: dates, a unit or rate that is stated, or a
+        file of cnnum, which has looked at them.
     calibration, total_frames
         As in `cnnum.drivers.recording_file.McapFile`.
     """

@@ -74,11 +74,14 @@ class Proposal:
         Numbers of a frame, if only their count is known; otherwise 0.
     usual : bool
         Whether the shape is that of a usual array, and not one of several that are as likely.
+    part : bool
+        Whether the names of the taxels leave out numbers, as where columns were cut from a table.
     """
 
     table: dict[str, object] = field(default_factory=dict[str, object])
     shapes: list[Shape] = field(default_factory=list[Shape])
     usual: bool = True
+    part: bool = False
     numbers: int = 0
     undecided: list[str] = field(default_factory=list[str])
     seen: list[str] = field(default_factory=list[str])
@@ -151,12 +154,20 @@ def settle_shape(proposal: Proposal, recording: Recording | None) -> bool:
     rest = [said for said in proposal.undecided if not said.startswith("shape: ")]
     if not proposal.shapes:
         return True
-    shown = None if recording is None else shape_shown(recording, proposal.shapes)
+    seen = None if proposal.part else recording
+    shown = None if seen is None else shape_shown(seen, proposal.shapes)
     taxels = math.prod(proposal.shapes[0])
     if shown is not None:
         proposal.table["shape"] = shown
         proposal.seen.append(f"presses that show {shown[0]} rows of {shown[1]} taxels")
         said = f"shape: by the presses, {taxels} taxels are {shown[0]} rows of {shown[1]}"
+    elif proposal.part:
+        proposal.table.pop("shape")
+        said = (
+            f"shape: the names of the {taxels} taxels leave out numbers, so that they seem to be a "
+            "part of an array: give their rows and columns, as in '--set shape=[1, "
+            f"{taxels}]', or their 'positions' as well"
+        )
     elif proposal.usual:
         return True
     else:
@@ -211,7 +222,11 @@ def take_axes(proposal: Proposal, shape: Sequence[int]) -> list[str]:
     """Set shape and channels by the axes of a frame, and return what each long axis is."""
     axes = [size for size in shape if size > 1] or [1]
     few = (2, 3, 4, 6)
-    if len(axes) == 3 and (axes[0] in few or axes[2] in few):
+    if len(shape) == 3 and 1 in shape[:2] and max(shape[:2]) > 1 and shape[2] == 3:
+        # a strip, with its one row or column as an axis
+        count, names = 3, ["rows", "cols", "channels"]
+        proposal.table["shape"] = tuple(shape[:2])
+    elif len(axes) == 3 and (axes[0] in few or axes[2] in few):
         last = axes[2] == 3 or (axes[2] in few and axes[0] != 3)
         count = axes[2] if last else axes[0]
         proposal.table["shape"] = tuple(axes[:2] if last else axes[1:])
@@ -329,6 +344,20 @@ def _taken_apart(name: str) -> _Name:
     return _Name(tuple(kind), numbers, axis, parts[at] if result else "")
 
 
+_GRID = re.compile(r"(?:.*[\W_])?r(?:ows?)?[\W_]*#[\W_]*c(?:ols?|olumns?)?[\W_]*#[^#]*", re.I)
+"""The kind of a name with a row and a column, such as "r0_c3_x"."""
+
+_SENSORS = re.compile(
+    r"(?:.*[\W_])?(?:s|sensor|pad|finger|module|patch|skin|board|unit|tip|hand|device)[\W_]*#[\W_]*"
+    r"[a-z]+[\W_]*#", re.I
+)  # fmt: skip
+"""The begin of that with a sensor and a taxel of it, such as "S0_T3_x"."""
+
+
+def _follow(numbers: set[int]) -> bool:
+    return max(numbers) - min(numbers) + 1 == len(numbers)
+
+
 def family_of(names: Sequence[str]) -> list[str]:
     """Return the largest set of columns whose names differ in numbers and an axis alone."""
     sets: dict[tuple[str, ...], list[str]] = {}
@@ -337,6 +366,9 @@ def family_of(names: Sequence[str]) -> list[str]:
     if not sets:
         raise CodecError("The table has no columns of numbers besides its times.")
     best = max(sets.values(), key=len)
+    if _SENSORS.match("".join(_taken_apart(best[0]).kind)):
+        first = min(_taken_apart(name).numbers[0] for name in best)
+        best = [name for name in best if _taken_apart(name).numbers[0] == first]
     return best if len(best) > 1 else list(names)
 
 
@@ -345,6 +377,11 @@ def name_columns(proposal: Proposal, family: list[str], others: list[str], *, li
     left = [name for name in others if name not in set(family)]
     if left:
         proposal.seen.append(f"left out: {', '.join(left[:8])}{' …' if len(left) > 8 else ''}")
+        if len(other := family_of(left)) == len(family) > 1:
+            proposal.undecided.append(
+                f"values: the columns from '{family[0]}' to '{family[-1]}' are taken, and not "
+                f"those from '{other[0]}' to '{other[-1]}'"
+            )
     taken = [_taken_apart(name) for name in family]
     places = [one.numbers for one in taken]
     axes = list(dict.fromkeys(one.axis for one in taken))
@@ -368,17 +405,18 @@ def name_columns(proposal: Proposal, family: list[str], others: list[str], *, li
         if "header" not in proposal.table:
             proposal.table["values"] = tuple(family)
         return
-    first = min(place[varying[0]] for place in places)
-    if len(varying) == 2:
-        highs = [max(place[n] for place in places) for n in varying]
-        lows = [min(place[n] for place in places) for n in varying]
-        shape = (highs[0] - lows[0] + 1, highs[1] - lows[1] + 1)
-        if shape[0] * shape[1] != taxels or lows[0] != lows[1]:
+    first, gaps = min(place[varying[0]] for place in places), False
+    lined = _GRID.fullmatch("".join(taken[0].kind)) is not None
+    if len(varying) == 2 or (lined and width == 2):
+        rows, cols = ({place[n] for place in places} for n in (0, 1))
+        if len(rows) * len(cols) != taxels:
             proposal.table["shape"] = shape_of(proposal, taxels)
             _axes_by_name(proposal, axes, words, count)
             proposal.table["values"] = tuple(family)
             return
-        proposal.table["shape"] = shape
+        proposal.table["shape"] = len(rows), len(cols)
+        gaps = min(rows) != min(cols) or not _follow(rows) or not _follow(cols)
+        varying = [0, 1]
     else:
         if count == 1:
             split = channels_of(proposal, taxels)
@@ -388,8 +426,11 @@ def name_columns(proposal: Proposal, family: list[str], others: list[str], *, li
                 proposal.table["values"] = tuple(family)
                 return
         proposal.table["shape"] = shape_of(proposal, taxels)
+        gaps = not _follow({place[varying[0]] for place in places})
+        if gaps:  # a part of an array
+            proposal.usual, proposal.part = False, True
     _axes_by_name(proposal, axes, words, count)
-    if listed:
+    if listed or gaps:
         by_place = sorted(
             family, key=lambda n: (_taken_apart(n).numbers, axes.index(_taken_apart(n).axis))
         )

@@ -2,9 +2,8 @@
 
 import re
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
-from io import TextIOWrapper
 from pathlib import Path
 
 import numpy as np
@@ -29,6 +28,7 @@ from cnnum.drivers.text_table import (
     fields_of,
     groups,
     nanoseconds,
+    open_text,
 )
 from cnnum.errors import CodecError, RecordingError, unreadable
 from cnnum.safety.reading import open_regular
@@ -39,6 +39,9 @@ LOOKED_AT, LONGEST = 400, 1 << 22
 BRACKETS = re.compile(r"\s*[\[(][^\])]*[\])]\s*")
 MOSTLY = 0.9
 """Part of a column's fields that are numbers, from which another word in it is a fault."""
+
+TURNS = 3
+"""Times that a column goes through its values from which it does so in the whole table."""
 
 MONITOR = re.compile(r"\s*\d+:\d+:\d+[.,]?\d* -> ")
 """What Arduino's serial monitor writes before a line."""
@@ -52,8 +55,7 @@ def first_lines(path: Path) -> list[str] | None:
             if b"\0" in begin and not begin.startswith((b"\xff\xfe", b"\xfe\xff")):
                 return None
             raw.seek(0)
-            wide = begin.startswith((b"\xff\xfe", b"\xfe\xff"))
-            with TextIOWrapper(raw, "utf-16" if wide else "utf-8-sig", newline="") as text:
+            with open_text(raw) as text:
                 return [line for line in (text.readline(LONGEST) for _ in range(LOOKED_AT)) if line]
     except OSError as error:
         raise unreadable(RecordingError, f"'{path}'", error) from None
@@ -95,13 +97,14 @@ def of_text(path: Path, lines: list[str], asked: str) -> Proposal:
         rows = [_stripped(fields) for fields in rows]
         width, often = Counter(map(len, rows)).most_common(1)[0] if rows else (0, 0)
         wide = [fields for fields in rows if len(fields) == width]
+        dated = {n for n in range(width) if wide and date_forms([wide[-1][n]])}
         for decimal, thousands in ((".", ""), (",", ""), *GROUPED):
             if thousands and (best[0] > 0.999 or thousands == separator == " "):
                 break
             numbers = sum(
-                _number(text, decimal, thousands) or nanoseconds(text) is not None
+                _number(text, decimal, thousands) or n in dated or nanoseconds(text) is not None
                 for fields in wide
-                for text in fields
+                for n, text in enumerate(fields)
             )
             share = numbers / max(1, width * len(wide)) * often / max(1, len(rows))
             # equal shares: the more fields the better, and the point before the comma
@@ -173,7 +176,8 @@ def _of_table(
         fits = len(fields) in (width, width + 1) and not is_comment
         # the times may be dates
         clocks = [
-            not n and nanoseconds(text) is not None for n, text in zip(numbers, fields, strict=True)
+            not n and (nanoseconds(text) is not None or bool(date_forms([text])))
+            for n, text in zip(numbers, fields, strict=True)
         ]
         if fits and sum(numbers) + sum(clocks) >= 0.8 * len(fields) and sum(numbers) > 0:
             rows.append(fields)
@@ -230,28 +234,36 @@ def _of_table(
     return proposal
 
 
-def _refuse_long(
-    columns: Mapping[str, list[str]], clock: str, values: Mapping[str, Floats]
-) -> None:
-    """Refuse a table with a row a taxel.
+def _refuse_long(columns: Mapping[str, list[str]], clock: str, values: Collection[str]) -> None:
+    """Refuse a table with a row a taxel, or a row a sensor.
 
     Raises
     ------
     CodecError
-        If a column goes through the same whole numbers at each of its times.
+        If a column goes through the same words again and again, or through the same whole numbers
+        at each of its times.
     """
     times = columns.get(clock, [])
     ends = [n for n in range(1, len(times)) if times[n] != times[n - 1]]
-    lengths = set(np.diff(ends).tolist())
-    if len(ends) < 3 or len(lengths) != 1 or (each := lengths.pop()) < 2:
-        return
-    for name, numbers in values.items():
-        some = numbers[ends[0] : ends[0] + each * (len(ends) - 1)].reshape(-1, each)
-        if name != clock and len(set(some[0].tolist())) == each and (some == some[0]).all():
+    blocks = set(np.diff(ends).tolist()) - {1}
+    for name, texts in columns.items():
+        if name == clock:
+            continue
+        if len(blocks) == 1:  # rows of the same time
+            size = max(blocks)
+        elif name not in values:
+            size = next((n for n in range(1, len(texts)) if texts[n] == texts[0]), len(texts))
+        else:
+            continue
+        seen = dict.fromkeys(texts[:size])
+        periodic = all(text == texts[n % size] for n, text in enumerate(texts))
+        if len(seen) > 1 and periodic and len(texts) >= TURNS * size:
+            first = texts[0] if name in values else repr(texts[0])
             raise CodecError(
-                f"The table has a row a taxel: '{name}' goes through {each} numbers at each time; "
-                f"make it a row a frame, as by df.pivot(index='{clock}', columns='{name}') in "
-                "pandas, with one name a column."
+                f"The table has several rows a frame: '{name}' goes through {len(seen)} values "
+                f"again and again; make it a row a frame, as by df.pivot(index='{clock or 'time'}',"
+                f" columns='{name}') in pandas, with one name a column, or keep the rows of one "
+                f"value, as by df[df['{name}'] == {first}]."
             )
 
 

@@ -12,8 +12,8 @@ from cnnum.drivers.text_table import by_format
 from cnnum.recordings.times import rate_of
 
 TIME = re.compile(
-    r"(?:^|[^a-z])(?:ts|times?|stamps?|timestamps?|clock|seconds|secs?|elapsed|epoch"
-    r"|ticks?|milli(?:s|seconds?)|micro(?:s|seconds?)|zeit|zeitstempel|temps|tiempo)(?:$|[^a-z])"
+    r"(?:^|[^a-z])(?:ts|times?|stamps?|timestamps?|clock|seconds|[mun]?secs?|elapsed|epoch"
+    r"|ticks?|unix|milli(?:s|seconds?)|micro(?:s|seconds?)|nano(?:s|secs?|seconds?)|zeit|zeitstempel|temps|tiempo)(?:$|[^a-z])"
     r"|^t(?:$|[ _\[(.])",
     re.IGNORECASE,
 )
@@ -71,7 +71,7 @@ def take_clock(
     Those that are `stamped` are times by their type, in ns.
     Without one it is said why those that are named as times do not, or which of the others rises.
     """
-    why = ""
+    why, named = "", list(named)
     for name in (asked,) if asked else named:
         values = read(name)
         if not np.isfinite(values).all():
@@ -79,6 +79,13 @@ def take_clock(
             why = why or missing
             continue
         unit = unit_of_times(name, values, asked=bool(asked))
+        if unit and not asked and (part := _fraction_of(values, named, read)):
+            ask_rate(
+                proposal,
+                f"the times are in two columns: make one of them, as by df['t'] = df['{name}'] + "
+                f"1e-9 * df['{part}'] in pandas, if '{part}' is in ns, or",
+            )
+            return ""
         if unit := "ns" if unit and name in stamped else unit:
             proposal.table |= {"time": name, "time_unit": unit}
             return name
@@ -105,6 +112,20 @@ def take_clock(
     return ""
 
 
+def _fraction_of(
+    seconds: Floats, named: Iterable[str], read: Callable[[str], Floats]
+) -> str | None:
+    """Return the column of the fractions of whole seconds, which falls where these go on."""
+    ahead = np.diff(seconds) > 0.0
+    if (seconds % 1.0 != 0.0).any() or ahead.all():
+        return None
+    for name in named:
+        steps = np.diff(read(name))
+        if (steps[~ahead] > 0.0).all() and (steps[ahead] < 0.0).all():
+            return name
+    return None
+
+
 def ask_rate(proposal: Proposal, why: str = "the file has no times:") -> None:
     """Say that the rate is to be given."""
     proposal.undecided.append(f"rate: {why} give it, as in '--set rate=60'")
@@ -126,9 +147,15 @@ CLOCKS = ("%H:%M:%S.%f", "%H:%M:%S,%f", "%H:%M:%S", "%I:%M:%S.%f %p", "%I:%M:%S 
 """Forms of the time of day behind a date."""
 
 
+CLOCK = re.compile(r"\d:\d\d")
+"""What all of them have, and no number."""
+
+
 def date_forms(texts: list[str]) -> list[str]:
     """Return the forms that dates of a column have other than ISO's, days before months."""
     result, forms = list[str](), list[str]()
+    if not all(CLOCK.search(text) for text in texts):
+        return result
     for sign, days in product("/.-", ("%d{0}%m{0}%Y", "%m{0}%d{0}%Y", "%d{0}%m{0}%y")):
         for clock in CLOCKS:
             forms.append(f"{days.format(sign)} {clock}")

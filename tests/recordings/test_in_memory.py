@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 
 import cnnum
-from cnnum.drivers.recording_file import RecordingDriver
-from cnnum.errors import ArrayError
+from cnnum.drivers import open_driver
+from cnnum.drivers.recording_file import RecordingDriver, array_of
+from cnnum.errors import ArrayError, RecordingWarning
+from cnnum.recordings.checking import checked
 from cnnum.scenes.arrangement import bound, program_of
 from cnnum.scenes.scene_file import read_scene
 from cnnum.scenes.scene_record import SceneRecord
@@ -60,6 +62,28 @@ def test_times_give_the_rate():
         cnnum.Recording(values)
     with pytest.raises(ArrayError, match="times that give none"):
         cnnum.Recording(values, times=np.zeros(40))
+
+
+@pytest.mark.parametrize("kind", ["a.npz", "a.csv", "a.h5", "a.mcap", "a data frame"])
+def test_an_honest_slow_recording_is_not_questioned_in_any_own_file(kind, tmp_path):
+    """0.1 Hz; times without their rate are, when they are given."""
+    values = np.random.default_rng(0).normal(100.0, 1.0, (30, 2, 2, 3))
+    with pytest.warns(RecordingWarning, match=r"10 s apart by their times: if these are in ms"):
+        assert cnnum.Recording(values, times=10.0 * np.arange(30), unit="V").unit == "V"
+    recording = cnnum.Recording(values, rate=0.1)
+    if kind == "a data frame":
+        recording.to_dataframe().to_csv(tmp_path / "a.csv")
+    else:
+        recording.save(tmp_path / kind)
+    path = tmp_path / (kind if "." in kind else "a.csv")
+    table = array_of(path)
+    with open_driver(str(table.pop("driver")), table) as driver:
+        found = checked(cnnum.load_recording(path), timed=driver.timed)
+    (rate,) = (finding for finding in found if finding.what == "rate")
+    assert (rate.wrong, rate.sentence) == (
+        False,
+        "The rate is 0.1 Hz, and the times agree with it.",
+    )
 
 
 def test_tables_that_are_none_are_refused():

@@ -15,7 +15,7 @@ from scipy.signal import lfilter
 
 import cnnum
 from cnnum.drivers import open_driver
-from cnnum.errors import ArrayError, ProgramError, SceneError
+from cnnum.errors import ArrayError, ProgramError, RecordingWarning, SceneError
 from cnnum.frame import contradicted, unit_fault
 from cnnum.recordings.checking import checked
 from cnnum.scenes.events import EVENT_RULES, EventDetector, rules_that_fit
@@ -377,14 +377,15 @@ def test_one_outlier_at_the_start_blinds_nothing(fast, number, cells):
 
 
 @pytest.mark.parametrize("step", [10.0, 1000.0])
-def test_rest_at_long_steps_is_no_contact_and_the_unit_is_said_at_once(tmp_path, caplog, step):
+def test_times_alone_at_long_steps_have_their_unit_said_at_once(tmp_path, caplog, step):
+    """With the rate, too, they are an honest slow recording, whose rest is no contact."""
     values, _ = counts(1.0, 50.0, shape=(8, 8))
     times = step * np.arange(50)
+    with pytest.warns(RecordingWarning, match=f"in {'ms' if step < 1000.0 else 'us'}, give"):
+        cnnum.Recording(values, times=times)
     with caplog.at_level(logging.WARNING, "cnnum"):
         _, found = played(tmp_path, values, 1.0 / step, times=times)
-    assert found == []
-    assert caplog.text.count("the times of the first 3 frames are") == 1
-    assert f"set time_unit = '{'ms' if step < 1000.0 else 'us'}'" in caplog.text
+    assert (found, caplog.text) == ([], "")
 
 
 def test_a_rest_that_moves_is_said(tmp_path, caplog):

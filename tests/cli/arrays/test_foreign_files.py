@@ -353,7 +353,15 @@ def test_messages_with_stamps_lists_and_channels_before_four_columns(call, tmp_p
 REFUSED = {
     "a row a taxel": (
         ["time,taxel,x,y,z", *(f"{n / 100},{k},1,2,{n}" for n in range(20) for k in range(16))],
-        "a row a taxel: 'taxel' goes through 16 numbers at each time",
+        "several rows a frame: 'taxel' goes through 16 values again and again",
+    ),
+    "a row a sensor": (
+        ["t,side,x0,x1,x2", *(f"{n / 100},{k},1,2,{n}" for n in range(20) for k in ("l", "r"))],
+        "several rows a frame: 'side' goes through 2 values again and again",
+    ),
+    "a row a taxel of a sensor": (
+        ["t,side,taxel,z", *(f"{n / 9},{k // 4},{k % 4},{n}" for n in range(20) for k in range(8))],
+        "several rows a frame: 'side' goes through 2 values again and again",
     ),
     "units below names": (
         ["t,P1,P2", "[s],[kPa],[kPa]", *(f"{n / 100},{n},3" for n in range(20))],
@@ -381,6 +389,116 @@ def test_tables_that_would_be_misread_are_one_sentence(call, tmp_path, name):
     done = call("layout", tmp_path / "a.csv")
     assert (done.exit_code, done.stderr.count("\n")) == (2, 1)
     assert said in done.stderr
+
+
+def lines_of(head, times, fields=str, frames=None, separator=","):
+    """A table with three numbers of each of twelve taxels, or with those that are given."""
+    values = np.rint(press(3, 4, offset=900)).reshape(FRAMES, -1) if frames is None else frames
+    rows = [[time(n) for time in times] + [fields(v) for v in row] for n, row in enumerate(values)]
+    return [separator.join(row) for row in [head, *rows]]
+
+
+def day(n, form, month):
+    when = np.datetime64("2024-08-03T23:59:58") + np.timedelta64(10 * n, "ms")
+    return when.astype(object).strftime(form).replace("August", month).replace("Aug", month)
+
+
+TXLS = [f"txl{n}_{axis}" for n in range(12) for axis in "xyz"]
+WRITTEN = {
+    "month, decimal comma": (
+        lambda: lines_of(
+            ["Zeit", *TXLS], [lambda n: day(n, "%d. %b %Y %H:%M:%S,%f", "Aug")],
+            lambda v: f"{v:.1f}".replace(".", ","), separator=";",
+        ), "utf-8",
+    ),
+    "month in words of blanks, tabs": (
+        lambda: lines_of(
+            ["temps", *TXLS], [lambda n: day(n, "%d %B %Y %H:%M:%S.%f", "août")],
+            lambda v: f"{v:.1f}".replace(".", ","), separator="\t",
+        ), "utf-8",
+    ),
+    "text of Windows": (
+        lambda: lines_of(["Zeit (µs)", *TXLS], [lambda n: f"{10_000 * n}"]), "cp1252"
+    ),
+    "two sensors": (
+        lambda: lines_of(
+            ["t", *(f"S{k}_T{n}_{axis}" for k in (1, 2) for n in range(12) for axis in "xyz")],
+            [lambda n: f"{n / 100}"],
+            frames=np.tile(np.rint(press(3, 4, offset=900)).reshape(FRAMES, -1), 2),
+        ), "utf-8",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", WRITTEN)
+def test_tables_of_other_countries_and_of_two_sensors(call, tmp_path, name):
+    lines, encoding = WRITTEN[name]
+    path = tmp_path / "a.csv"
+    path.write_text("\n".join(lines()) + "\n", encoding)
+    done = call("layout", path, "--write")
+    assert done.exit_code == 0, done.stdout + done.stderr
+    taken = "# values: the columns from 'S1_T0_x' to 'S1_T11_z' are taken, and not those from 'S2"
+    assert (taken in done.stdout) == (name == "two sensors")
+    recording = cnnum.load_recording(path)
+    np.testing.assert_array_equal(recording.values, np.rint(press(3, 4, offset=900)))
+    assert recording.times == pytest.approx(np.arange(FRAMES) / RATE, abs=1e-9)
+
+
+def test_seconds_and_nanoseconds_in_two_columns_are_asked_about(call, tmp_path):
+    """The seconds alone have a rate of 120 Hz for 100."""
+    head = ["header.stamp.sec", "header.stamp.nanosec", *TXLS]
+    lines = lines_of(head, [lambda n: f"{17 + n // 100}", lambda n: f"{n % 100 * 10_000_000}"])
+    (tmp_path / "a.csv").write_text("\n".join(lines) + "\n")
+    done = call("layout", tmp_path / "a.csv")
+    assert done.exit_code == 1
+    assert "the times are in two columns: make one of them" in done.stdout
+    assert call("layout", tmp_path / "a.csv", "--set", "rate=100", "--write").exit_code == 0
+    recording = cnnum.load_recording(tmp_path / "a.csv")
+    np.testing.assert_array_equal(recording.values, np.rint(press(3, 4, offset=900)))
+
+
+CUT = {
+    "r{0}_c{1}": ([(row, 0) for row in range(8)], (8, 1)),
+    "p_r{0}_c{1}": ([(row, col) for row in range(4) for col in (1, 2)], (4, 2)),
+    "r{0}c{1}": ([(row, col) for row in (0, 2, 3) for col in (0, 1)], (3, 2)),
+    "ch{0}": ([(n,) for n in range(0, 16, 2)], None),
+    "taxel {0}": ([(n,) for n in (0, 1, 2, 5, 6, 9, 13, 14, 15)], None),
+}
+
+
+@pytest.mark.parametrize("name", CUT)
+def test_columns_cut_from_a_table_keep_their_grid_or_are_asked_about(call, tmp_path, name):
+    """Every second column of a 4×4 array was proposed as t0 to t7, and refused by its reader."""
+    places, shape = CUT[name]
+    rng = np.random.default_rng(0)
+    values = 900 + 40 * np.arange(len(places)) + rng.integers(0, 5, (FRAMES, len(places)))
+    values[150:, 3] += 300  # a press
+    head = ["t", *(name.format(*place) for place in places)]
+    lines = lines_of(head, [lambda n: f"{n / 100}"], frames=values)
+    (tmp_path / "a.csv").write_text("\n".join(lines) + "\n")
+    done = call("layout", tmp_path / "a.csv", "--write", "--set", 'channels=["z"]')
+    assert done.exit_code == (1 if shape is None else 0)
+    if shape is None:
+        assert "leave out numbers, so that they seem to be a part of an array" in done.stdout
+        shape = (1, len(places))
+        known = ["--set", f"shape={list(shape)}", "--set", 'channels=["z"]']
+        assert call("layout", tmp_path / "a.csv", "--write", *known).exit_code == 0
+    recording = cnnum.load_recording(tmp_path / "a.csv")
+    assert recording.shape == shape
+    np.testing.assert_array_equal(recording.values.reshape(FRAMES, -1), values)
+
+
+@pytest.mark.parametrize("cut", [0, 2, 30])
+def test_a_last_line_that_was_cut_off_is_left_out(call, tmp_path, cut):
+    """Also within its last number, where no other is so short; a whole line may lack its end."""
+    path = tmp_path / "a.csv"
+    text = "\n".join(lines_of(["t", *TXLS], [lambda n: f"{n / 100}"]))
+    path.write_text(text[: len(text) - cut])
+    done = call("layout", path)
+    assert done.exit_code == 0
+    assert f"Recording({FRAMES - (cut > 0)} frames" in done.stdout
+    assert ("ends within line" in done.stderr) == (cut > 0)
+    assert ("its last number is shorter than all others" in done.stderr) == (cut == 2)
 
 
 def test_words_and_times_that_come_often_are_no_fault(call, tmp_path):
