@@ -25,7 +25,7 @@ from cnnum.engines.opencl.launching import (
     WholeRunner,
     exchanges,
 )
-from cnnum.engines.opencl.lowering.kernel_source import KernelSource, lower, stays_private
+from cnnum.engines.opencl.lowering.kernel_source import KernelSource, lower
 from cnnum.engines.opencl.lowering.storage import Places, Tables
 from cnnum.graph.schedule import Schedule
 from cnnum.integrators.solver import Solvers
@@ -182,12 +182,6 @@ class OpenCLExecutable:
     _no_memory: dict[_Site, SharedArray] = field(default_factory=dict[_Site, SharedArray])
     _bound: tuple[object, ...] = ()
     _turn: RLock = field(default_factory=RLock)
-    _small: bool = field(init=False)
-
-    def __post_init__(self) -> None:
-        self._small = self.schedule.cells <= WIDE_CELLS and stays_private(
-            self.schedule, self.solvers
-        )
 
     @property
     def launches(self) -> int:
@@ -222,8 +216,12 @@ class OpenCLExecutable:
 
     def lanes_for(self, batch: int) -> int:
         """Return how many frames of a batch lie side by side in one work item."""
-        wide = batch >= self.wide_lanes and self._small
+        wide = batch >= self.wide_lanes and self._stays_private(self.wide_lanes)
         return self.wide_lanes if wide else 1
+
+    def _stays_private(self, lanes: int) -> bool:
+        """Whether a work item keeps all arrays of so many frames in private memory."""
+        return self.schedule.cells <= WIDE_CELLS and not self._text(lanes).scratch
 
     def queue_for(self, batch: int) -> cl.CommandQueue:
         """Return the place of a number of frames."""
@@ -258,9 +256,9 @@ class OpenCLExecutable:
     def one(self, memory: object) -> OneFrame | None:
         """Return the quick way for the single frames of a stream; None where there is none."""
         assert isinstance(memory, SharedArray)
-        if not self._small:
-            return None
         with self._guarded():
+            if not self._stays_private(1):
+                return None
             built = self._build(1)
             arrays = self._new_arrays(1, built)
         kernels, given, taken = built.kernels, arrays.input, arrays.output

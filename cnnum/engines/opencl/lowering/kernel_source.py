@@ -1,6 +1,7 @@
 """From a schedule to the text of one kernel that runs all of it, or of its parts."""
 
 from collections.abc import Callable, Mapping
+from copy import deepcopy
 from dataclasses import dataclass
 from typing import TypeVar
 
@@ -19,15 +20,13 @@ from cnnum.engines.opencl.lowering.storage import (
     Values,
 )
 from cnnum.engines.opencl.text import WIDE_BYTES, fill, indented
-from cnnum.graph.nodes import Node, Transient
+from cnnum.graph.nodes import Node
 from cnnum.graph.schedule import Schedule
-from cnnum.integrators.schemes import FixedSteps
 from cnnum.integrators.solver import Solvers
 from cnnum.kernels.kernel_split import PartKernel, split_kernels
 from cnnum.kernels.launch_plan import LaunchPlan
 from cnnum.kernels.number_types import NumberType
 from cnnum.kernels.printer import OpenCLPrinter
-from cnnum.templating.network import delays_outputs, lag
 
 OUTPUT, IS_FIRST = ir.names("output is_first")
 """The buffer of results, and the host's word for the first frame of a stream."""
@@ -36,9 +35,9 @@ Key = TypeVar("Key", str, int)
 
 _MINE = ir.Verbatim(("__global real *const mine = scratch + get_global_id(0) * FRAME_SIZE;",))
 
-PRIVATE_DELAYED = 2**14
-"""Most numbers of delayed outputs in private memory. In 16 lanes of float32 they take 1 MiB of a
-thread's stack, which on Linux has at least 2."""
+PRIVATE_BYTES = 2**20
+"""Most private memory of a work item, in arrays. A processor has it in the stack of a thread, which
+on Linux has at least 2 MiB; beyond its end the process dies."""
 
 WHOLE_CELLS = 256 * 256
 """Largest array that one work item runs the whole plan for. Other work had one of two cores then.
@@ -58,40 +57,24 @@ class Form:
     ----------
     name, reason : str
     fits : callable
-        Whether a plan can be of this form, by its schedule and solvers.
+        Whether a plan of a number of cells can be of this form.
     private : bool
-        Whether arrays are private to a work item.
+        Whether arrays are private to a work item, if they take no more than `PRIVATE_BYTES`.
     split : bool
         Whether every sweep is a kernel of its own.
     """
 
     name: str
     reason: str
-    fits: Callable[[Schedule, Solvers], bool]
+    fits: Callable[[int], bool]
     private: bool = False
     split: bool = False
-
-
-def stays_private(schedule: Schedule, solvers: Solvers) -> bool:
-    """Return whether a work item keeps all arrays of a plan in private memory.
-
-    Delayed outputs are kept for every step of the delay. A processor's private memory lies on the
-    stack of a thread, which holds only a limited number of them.
-    """
-    late = 0
-    for node in schedule.nodes:
-        operation = node.operation
-        if isinstance(operation, Transient) and delays_outputs(operation.template):
-            scheme, template = solvers[node.index].scheme, operation.template
-            if isinstance(scheme, FixedSteps):
-                late += (lag(template, scheme.step) + 1) * template.layers * schedule.cells
-    return schedule.cells <= PRIVATE_CELLS and late <= PRIVATE_DELAYED
 
 
 PRIVATE = Form(
     "private memory of one work item",
     "arrays of so few cells stay close to it",
-    stays_private,
+    lambda cells: cells <= PRIVATE_CELLS,
     private=True,
 )
 
@@ -100,11 +83,9 @@ FORMS = (
     Form(
         "global memory of one work item",
         "more launches cost more than other cores save",
-        lambda schedule, _: schedule.cells <= WHOLE_CELLS,
+        lambda cells: cells <= WHOLE_CELLS,
     ),
-    Form(
-        "kernels of many work items", "all cores share each sweep", lambda _, __: True, split=True
-    ),
+    Form("kernels of many work items", "all cores share each sweep", lambda _: True, split=True),
 )
 """In their order: the first that fits is taken."""
 
@@ -185,11 +166,6 @@ class Statements:
         )
 
 
-def form_of(schedule: Schedule, solvers: Solvers) -> Form:
-    """Return the first form that a plan fits."""
-    return next(form for form in FORMS if form.fits(schedule, solvers))
-
-
 def statements(schedule: Schedule, solvers: Solvers, tables: Tables, form: Form) -> Statements:
     """Return the records of a schedule, with tables that hold nothing yet."""
     arena = Arena(private=form.private)
@@ -208,9 +184,18 @@ def statements(schedule: Schedule, solvers: Solvers, tables: Tables, form: Form)
     return Statements(body, form, arena, lowering, outputs, size)
 
 
+def _in_form(schedule: Schedule, solvers: Solvers, tables: Tables) -> Statements:
+    """Return the records of a schedule in the first form that fits."""
+    forms = [form for form in FORMS if form.fits(schedule.cells)]
+    plans = (statements(schedule, solvers, deepcopy(tables), form) for form in forms)
+    most = PRIVATE_BYTES // (tables.lanes * tables.dtype.itemsize)
+    return next(plan for plan in plans if plan.arena.size <= most or not plan.form.private)
+
+
 def lower(schedule: Schedule, solvers: Solvers, tables: Tables) -> KernelSource:
     """Return the kernel text of a schedule, with tables that hold nothing yet."""
-    plan, parts = statements(schedule, solvers, tables, form_of(schedule, solvers)), None
+    plan, parts = _in_form(schedule, solvers, tables), None
+    tables = plan.lowering.tables
     body, form, arena = list(plan.body), plan.form, plan.arena
     own = "\n".join([tables.text, *dict.fromkeys(tables.strips)])
     if form.split:
