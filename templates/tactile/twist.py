@@ -5,8 +5,8 @@ is pulled: what turns under a pull is a slip that pivots. It must exceed a share
 too: a shear that settles pulls apart as well as it turns. Curl and divergence at the load's last
 change are taken off: a press alone can show both.
 
-A shear beyond any friction of the load above rest says that some load is part of the rest. No curl
-can be compared with it, so nothing is reported until the rest is learned anew.
+A shear that stays beyond any friction of the load above rest says that some load is part of the
+rest. No curl can be compared with it, so nothing is reported until the rest is learned anew.
 """
 
 from collections.abc import Mapping
@@ -22,6 +22,7 @@ from cnnum.templating.library import get_template
 PULLED = 2.0  # curl at least, over the ratio of shear to normal load
 HIDDEN, CLEAR = 3.0, 1 / 12  # shear over the load above rest beyond any friction, once it exceeds
 # that share of the least load: some load is hidden in the rest
+LASTS = 0.2  # s of that until it is sure: a reading that jumps for a moment is none
 DIVERGING = 0.2  # curl at least, over the divergence, beyond the ratio of shear to normal load
 LEVELS = ((0.3, 0.1), (0.5, 0.03), (0.7, 0.02), (5.0, 0.01))
 SHEAR_LEVELS = ((1.2, 0.03), (4.6, 0.01))
@@ -106,15 +107,18 @@ def read_outs(frame: FrameFields, *, recent: RecentLoads, still: float) -> dict[
 
 
 def load_hidden(recent: RecentLoads) -> Field:
-    """Return whether the stream began with the object held: a flag that stays."""
-    memory = recent.frame.memory("load is hidden", scalar=True, logic=True)
-    (beyond,) = most(
+    """Return whether a shear is beyond any friction, or was for so long that a load was held."""
+    frame = recent.frame
+    (excess,) = most(
         [
             [pad.ratio * pad.load - HIDDEN * (pad.load - pad.least) - CLEAR * pad.least]
             for pad in recent.pads
         ]
     )
-    return memory.latch(~recent.resting & (beyond > 0.0), recent.frame.age > 0.0)
+    beyond = ~recent.resting & (excess > 0.0)
+    lasts = frame.memory("frames beyond friction", scalar=True).count(beyond)
+    hidden = frame.memory("load is hidden", scalar=True, logic=True)
+    return beyond | hidden.latch(lasts > frame.frames_of(LASTS) - 0.5, frame.age > 0.0)
 
 
 def _over_load(recent: RecentLoads, pad: Pad, slope: Field) -> Field:

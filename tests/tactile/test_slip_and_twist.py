@@ -119,6 +119,18 @@ def test_no_twist_is_reported_where_a_load_is_hidden(fast, run, four):
     assert not played(held, SETTINGS)["twist"].any()
 
 
+@pytest.mark.parametrize("frames", [1, 3])
+def test_a_reading_that_jumps_before_the_touch_hides_no_twist(fast, run, four, frames):
+    """It is beyond any friction for as long, and as smoothed for 0.02 s; that is no held object."""
+    jumps = four[:, TURNS].copy()
+    at = SETTINGS.quiet + 5
+    assert at + frames < PULL
+    jumps[at : at + frames, 2, 3, 0] += 3.0 * np.abs(jumps).max()
+    got, expected = run(fast, both(**BOUND), jumps), played(jumps, SETTINGS)
+    assert got["twist"][GO:].all()
+    agree(got, expected, ("twist", "twist_sense", "twist_strength"))
+
+
 @pytest.mark.parametrize(("arm", "pivots"), [(-0.75, True), (12.0, False)])
 def test_bristles_that_turn_about_a_place_pivot_and_far_ones_slide(run, numba, arm, pivots):
     trial = bristles.scene(bristles.swung(arm))(Arrays(), "swung", 7)

@@ -18,7 +18,7 @@ FAST, SPREAD, HOLD = 0.02, 4.0, 0.5
 """Smoothing, s; diffusion time, cells²; share of a level below which a report ends."""
 
 LOOSE, STIRS, TOUCHED, STICKS, ALIGNED, DIVERGING = 0.25, 0.05, 0.1, 0.5, 0.3, 0.2
-PIVOTS, PULLED, HIDDEN = 0.1, 2.0, 3.0
+PIVOTS, PULLED, HIDDEN, LASTS = 0.1, 2.0, 3.0, 0.2
 """As in the programs."""
 
 
@@ -108,6 +108,7 @@ class MovingContact:
     masses: Floats = field(default_factory=lambda: np.zeros(1))
     offsets: Floats = field(default_factory=lambda: np.zeros(1))
     opened: Floats = field(default_factory=lambda: np.zeros(1))
+    beyond: int = 0
     hidden: bool = False
     loose: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(1, dtype=bool))
 
@@ -255,8 +256,10 @@ class MovingContact:
         where = int(np.argmax(np.abs(curls - self.offsets)))
         turned, apart = float((curls - self.offsets)[where]), float((parts - self.opened)[where])
         slips = self.slips.step(strength)
-        self.hidden = self.hidden or max(pad["beyond"] for pad in pads) > 0.0
-        pulled = np.inf if self.hidden else PULLED * pads[where]["ratio"] + DIVERGING * abs(apart)
+        self.beyond = self.beyond + 1 if max(pad["beyond"] for pad in pads) > 0.0 else 0
+        self.hidden = self.hidden or self.beyond >= LASTS * c.rate
+        silent = self.hidden or self.beyond > 0
+        pulled = np.inf if silent else PULLED * pads[where]["ratio"] + DIVERGING * abs(apart)
         torque = float(np.mean([abs(pad["torque"]) for pad in pads]))
         turning = mean["pattern_speed"] * torque / np.hypot(torque, mean["ratio"])
         pivots = slips and turning > PIVOTS
