@@ -530,8 +530,8 @@ def test_grasp_code_reads_what_the_object_between_two_fingers_does():
                 assert apart > 0.1 > 10 * together
                 way = np.arctan2(*own[::-1])
             case "grasp_twist":
-                assert truth["torque"] > 1e-4 > truth["other_torque"]
-                assert event.sense == 1
+                assert truth["torque"] < -1e-4 < truth["other_torque"]
+                assert event.sense == -1  # all squeezes press rubber outwards
                 assert max(together, apart) < 0.05
                 continue
             case _:

@@ -90,21 +90,27 @@ def test_every_frame_is_what_numpy_says(engine, run, four, which):
         agree(got, expected, ("slip_x", "slip_y"), slice(PULL, None))
 
 
-def pulled_and_turned(four):
-    """A patch that moves on under its pull, and turns by a torque of half that size."""
+def pulled_and_turned(four, turn):
+    """A patch that moves on under its pull, and turns by a torque of a share of that size."""
     both_of = four[:, SLIDES].copy()
-    both_of[..., :2] += 0.5 * four[:, TURNS, ..., :2]
+    both_of[..., :2] += turn * four[:, TURNS, ..., :2]
     return both_of
 
 
 def test_a_pivot_and_its_centre_are_what_numpy_says(engine, run, four):
-    frames = pulled_and_turned(four)
+    """Of two turns, the centre of the first is too far away to be told."""
+    frames = np.stack([pulled_and_turned(four, turn) for turn in (0.2, -1.0)], axis=1)
     settings = replace(SETTINGS, axes=False, level=0.2)
     got = run(engine, both({"slip": 11.6, "twist": 0.3}, **asdict(settings)), frames)
-    expected = played(frames, settings)
-    assert expected["slip_pivots"].any()
-    agree(got, expected, ("slip_pivots", "slip_sense", "slip_torque", "slip_turning"))
-    agree(got, expected, ("slip_row", "slip_column"), slice(PULL + 5, None))
+    flags = ("slip_pivots", "slip_sense", "slip_centred")
+    for n, sense in enumerate((1.0, -1.0)):
+        expected = played(frames[:, n], settings)
+        assert set(expected["slip_sense"]) == {0.0, sense}
+        assert expected["slip_pivots"].any()
+        assert expected["slip_centred"].any() == (sense < 0.0)
+        own = {name: values[:, n] for name, values in got.items()}
+        agree(own, expected, (*flags, "slip_torque", "slip_turning"))
+        agree(own, expected, ("slip_row", "slip_column"), slice(PULL + 5, None))
 
 
 def test_no_twist_is_reported_where_a_load_is_hidden(fast, run, four):
@@ -138,6 +144,7 @@ def test_bristles_that_turn_about_a_place_pivot_and_far_ones_slide(run, numba, a
     at = int(np.argmax(trial.scored & (got["gross_slip"] > 0)))
     assert got["gross_slip"][at] > 0
     assert bool(got["slip_pivots"][at]) == pivots
+    assert bool(got["slip_centred"][at]) == pivots
     if pivots:
         brush = bristles.Brush.drawn("swung", 7)
         column, row = brush.place_of(arm) / bristles.PITCH + 3.5

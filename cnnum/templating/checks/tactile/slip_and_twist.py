@@ -18,7 +18,7 @@ FAST, SPREAD, HOLD = 0.02, 4.0, 0.5
 """Smoothing, s; diffusion time, cells²; share of a level below which a report ends."""
 
 LOOSE, STIRS, TOUCHED, STICKS, ALIGNED, DIVERGING = 0.25, 0.05, 0.1, 0.5, 0.3, 0.2
-PIVOTS, PULLED, HIDDEN, LASTS = 0.1, 2.0, 3.0, 0.2
+PIVOTS, CENTRED, PULLED, HIDDEN, LASTS = 0.1, 0.5, 2.0, 3.0, 0.2
 """As in the programs."""
 
 
@@ -277,7 +277,7 @@ class MovingContact:
             slips, most["x"] / force, most["y"] / force, float(strength), turns,
             float(np.sign(turned)) * turns, abs(turned), row, column,
             torque, turning, pivots, pivots * float(np.sign(most["torque"])),
-            most["row"], most["column"],
+            pivots and abs(most["torque"]) > CENTRED * ratio, most["row"], most["column"],
         )  # fmt: skip
         return dict(zip(OUTPUTS, map(float, values), strict=True))
 
@@ -285,7 +285,8 @@ class MovingContact:
 OUTPUTS = (
     "gross_slip", "slip_x", "slip_y", "slip_strength",
     "twist", "twist_sense", "twist_strength", "twist_row", "twist_column",
-    "slip_torque", "slip_turning", "slip_pivots", "slip_sense", "slip_row", "slip_column",
+    "slip_torque", "slip_turning", "slip_pivots", "slip_sense", "slip_centred", "slip_row",
+    "slip_column",
 )  # fmt: skip
 
 
