@@ -71,6 +71,25 @@ def target_option(name: str, metavar: str, text: str) -> Callable[[Function], Fu
     )
 
 
+def _to_draw(ctx: click.Context, parameter: click.Parameter, out: Path | None) -> Path | None:
+    if out is not None:
+        from cnnum.report.plots import refuse_unknown_kind
+
+        refuse_unknown_kind(out)
+    return to_write(ctx, parameter, out)
+
+
+def picture_option(name: str, text: str) -> Callable[[Function], Function]:
+    """Return an option whose value is a picture to draw, refused before the work like a file."""
+    return click.option(
+        name,
+        type=click.Path(path_type=Path, dir_okay=False),
+        metavar="FILE.svg|png|pdf",
+        callback=_to_draw,
+        help=text,
+    )
+
+
 def page_options(port: int) -> Callable[[Function], Function]:
     """Return the options `--host`, `--port` and `--token` of a page in a browser."""
     return together(

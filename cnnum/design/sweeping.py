@@ -162,12 +162,12 @@ def sweep(
     begin, target = time.perf_counter(), None if path is None else _target(Path(path))
     if target is None:
         with tempfile.TemporaryDirectory() as folder:
-            return _swept(
-                experiment, ChunkStore(Path(folder), experiment.key), None, scheduler, done, begin
-            )
+            store = ChunkStore(Path(folder), experiment.key)
+            return _swept(experiment, store, None, scheduler, done, begin)
     refuse_results(target, force=force)
     store = ChunkStore(beside(target, ".parts"), experiment.key)
-    return _swept(experiment, store, target, scheduler, done, begin, force=force)
+    with store.held():
+        return _swept(experiment, store, target, scheduler, done, begin, force=force)
 
 
 def _swept(

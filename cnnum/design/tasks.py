@@ -14,13 +14,14 @@ from collections import deque
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import AbstractContextManager
 from importlib import import_module
 from multiprocessing import get_context, parent_process
 from pathlib import Path
 from typing import Any, TypeVar
 
 from cnnum.errors import CnnumError, RecordingError, missing_extra
-from cnnum.safety.files import DRAFT, make_folder, sentences, write_whole
+from cnnum.safety.files import DRAFT, held_folder, make_folder, sentences, write_whole
 from cnnum.safety.reading import MEGABYTE, read_text
 
 Task = tuple[int, int]
@@ -59,6 +60,16 @@ class Parts:
     ) -> None:
         self.folder, self.key = folder, key
         self.ending, self.error, self.job = ending, error, job
+
+    def held(self) -> AbstractContextManager[None]:
+        """Keep the folder for this process until the block ends, however the process ends.
+
+        Raises
+        ------
+        CnnumError
+            If the folder cannot be made, or another process works on it.
+        """
+        return held_folder(self.folder, self.error)
 
     def chunk(self) -> int | None:
         """Return the items of a task that the job began with, None where it begins now.

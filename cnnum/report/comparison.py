@@ -7,11 +7,7 @@ import numpy as np
 
 from cnnum.arrays import Floats
 from cnnum.design.finding import Comparison
-from cnnum.errors import ReportError, name_error
-from cnnum.report.plots import drawn, own_defaults
-from cnnum.safety.files import write_whole
-
-KINDS = (".png", ".svg", ".pdf")
+from cnnum.report.plots import own_defaults, write_picture
 
 MOST, ACROSS = 48, 12
 """Neighbourhoods that are drawn, and those in a row."""
@@ -19,32 +15,16 @@ MOST, ACROSS = 48, 12
 LINES = ("A", "B", "z", "boundary", "initial", "duration")
 
 
-def refuse_unknown_kind(path: Path) -> None:
-    """Refuse a file that is no picture.
-
-    Raises
-    ------
-    UnknownNameError
-        With the suffixes that are known.
-    """
-    if path.suffix.lower() not in KINDS:
-        raise name_error("kind of picture", path.suffix or path.name, KINDS)
-
-
 def write_comparison(path: Path, comparison: Comparison, *, force: bool = False) -> None:
     """Write a comparison of two templates as a picture, of the kind that the suffix names.
 
     Raises
     ------
-    UnknownNameError
-        If the suffix is none of a picture.
-    ReportError
-        If it cannot be written.
+    UnknownNameError, ReportError
+        As `write_picture`.
     """
-    refuse_unknown_kind(path)
     with own_defaults():
-        content = drawn(_figure(comparison), path.suffix.lower().removeprefix("."))
-    write_whole(path, content, error=ReportError, force=force)
+        write_picture(_figure(comparison), path, force=force)
 
 
 def _figure(comparison: Comparison) -> Any:

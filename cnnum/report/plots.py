@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from cnnum.arrays import Floats
-from cnnum.errors import ReportError
+from cnnum.errors import name_error
 from cnnum.safety.files import write_whole
 
 INK = "#010203"
@@ -134,16 +134,11 @@ def draw(
 
     Raises
     ------
-    ReportError
-        If there is such a file, or the picture cannot be written.
+    UnknownNameError, ReportError
+        As `write_picture`.
     """
-    kind = path.suffix.lower().removeprefix(".") or "png"
-    try:
-        with own_defaults():
-            picture = drawn(_figure(maps, channels, unit, marked), kind)
-    except ValueError as error:
-        raise ReportError(f"The picture '{path}' cannot be written: {error}.") from None
-    write_whole(path, picture, force=force)
+    with own_defaults():
+        write_picture(_figure(maps, channels, unit, marked), path, force=force)
 
 
 def _figure(
@@ -169,6 +164,35 @@ def _figure(
     if len(crosses):
         figure.supxlabel("× cell that is dead, stuck or noisy", color="r", fontsize=8)
     return figure
+
+
+KINDS = (".png", ".svg", ".pdf")
+
+
+def refuse_unknown_kind(path: Path) -> None:
+    """Refuse a file that is no picture.
+
+    Raises
+    ------
+    UnknownNameError
+        With the suffixes that are known.
+    """
+    if path.suffix.lower() not in KINDS:
+        raise name_error("kind of picture", path.suffix or path.name, KINDS)
+
+
+def write_picture(figure: Any, path: Path, *, force: bool = False) -> None:
+    """Write a figure as the kind of picture that the suffix names.
+
+    Raises
+    ------
+    UnknownNameError
+        If the suffix is none of a picture.
+    ReportError
+        If there is such a file, or it cannot be written.
+    """
+    refuse_unknown_kind(path)
+    write_whole(path, drawn(figure, path.suffix.lower().removeprefix(".")), force=force)
 
 
 def drawn(figure: Any, kind: str = "png") -> bytes:

@@ -8,9 +8,7 @@ from typing import Any
 import numpy as np
 
 from cnnum.arrays import Floats
-from cnnum.errors import ReportError
-from cnnum.report.plots import PALETTE, drawn, page_style
-from cnnum.safety.files import write_whole
+from cnnum.report.plots import PALETTE, page_style, write_picture
 from cnnum.scenes.explaining import CAUSES, Explained
 from cnnum.scenes.tuning import Outcome, Tuned
 
@@ -25,21 +23,6 @@ HELD = {"still": "slowest movement that counts", **CAUSES}
 
 WIDE = 58
 """Signs of a line above a column."""
-
-
-def write_picture(figure: Any, path: Path, *, force: bool = False) -> None:
-    """Write a figure as the kind of picture that the suffix names.
-
-    Raises
-    ------
-    ReportError
-        If the kind is unknown, there is such a file, or it cannot be written.
-    """
-    try:
-        picture = drawn(figure, path.suffix.lower().removeprefix(".") or "png")
-    except ValueError as error:
-        raise ReportError(f"The picture '{path}' cannot be written: {error}.") from None
-    write_whole(path, picture, force=force)
 
 
 def draw_explained(
@@ -60,12 +43,11 @@ def draw_explained(
 
     Raises
     ------
-    ReportError
+    UnknownNameError, ReportError
         As `write_picture`.
     """
     with page_style():
-        figure = _explained(frames, at)
-        write_picture(figure, path, force=force)
+        write_picture(_explained(frames, at), path, force=force)
 
 
 def _explained(frames: Sequence[tuple[Explained, ...]], at: float) -> Any:
@@ -160,7 +142,7 @@ def draw_tuned(path: Path, tuned: Tuned, *, force: bool = False) -> None:
 
     Raises
     ------
-    ReportError
+    UnknownNameError, ReportError
         As `write_picture`.
     """
     with page_style():

@@ -551,6 +551,39 @@ def _sync(path: Path) -> None:
         os.fsync(file.fileno())
 
 
+@contextmanager
+def held_folder(folder: Path, error: type[CnnumError]) -> Generator[None, None, None]:
+    """Make a folder, and keep it for this process until the block ends, however the process ends.
+
+    Raises
+    ------
+    CnnumError
+        If it cannot be made, or another process has it.
+    """
+    with sentences(folder, error):
+        make_folder(folder)
+    try:
+        import fcntl
+    except ImportError:  # there are no such locks on Windows
+        yield
+        return
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        os.close(handle)
+        raise error(
+            f"Another process works on the results in '{folder}': wait until it ends, or choose "
+            "another --output."
+        ) from None
+    except OSError:  # nor on some network file systems
+        pass
+    try:
+        yield
+    finally:
+        os.close(handle)
+
+
 def make_folder(folder: Path) -> None:
     """Make a folder, and those above it, where they are not there.
 

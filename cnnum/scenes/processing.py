@@ -8,7 +8,7 @@ import json
 import logging
 import time
 import warnings
-from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import lru_cache, partial
@@ -35,9 +35,10 @@ from cnnum.errors import (
 from cnnum.recordings.messages import is_bag
 from cnnum.safety.files import beside, refuse_target, write_whole, written
 from cnnum.safety.reading import MEGABYTE, open_regular, read_text
+from cnnum.scenes.arrangement import program_of
 from cnnum.scenes.events import Event
 from cnnum.scenes.pipeline import Scene
-from cnnum.scenes.scene_file import read_scene, scene_names
+from cnnum.scenes.scene_file import SceneSpec, read_scene, scene_names
 from cnnum.version import __version__
 
 CHUNK = 16
@@ -162,10 +163,15 @@ class Bench:
                 "events": len(events),
             }
         except CnnumError as error:
-            row["error"], events = str(error), []
+            row["error"], events = _legible(str(error)), []
         except Exception as error:  # a fault of ours is that row's, and not the end
-            row["error"], events = f"{type(error).__name__}: {error}", []
+            row["error"], events = _legible(f"{type(error).__name__}: {error}"), []
         return json.dumps([row, events])
+
+
+def _legible(text: str) -> str:
+    """Return a text as UTF-8 can hold it: names of files are any bytes."""
+    return text.encode("utf-8", "backslashreplace").decode()
 
 
 @contextmanager
@@ -228,7 +234,7 @@ def sources_of(words: Sequence[str | PathLike[str]]) -> list[Path]:
     RecordingError
         If a pattern or a folder has none.
     """
-    result = dict[Path, None]()
+    result = dict[Path, Path]()
     for word in words:
         path = Path(word)
         if path.is_dir():
@@ -241,17 +247,20 @@ def sources_of(words: Sequence[str | PathLike[str]]) -> list[Path]:
             files = [path]
         if not files:
             raise RecordingError(f"There is no recording in '{word}'.")
-        result |= dict.fromkeys(files)
-    return list(result)
+        for file in files:
+            result.setdefault(file.absolute(), file)
+    return list(result.values())
 
 
-def _within(folder: Path) -> Iterator[Path]:
+def _within(folder: Path, above: tuple[Path, ...] = ()) -> Iterator[Path]:
     if (folder / PAD_FILES[0]).exists() or is_bag(folder):
         yield folder
         return
+    above = (*above, folder.resolve())
     for path in sorted(folder.iterdir()):
-        if path.is_dir() and not path.name.endswith(PARTS):
-            yield from _within(path)
+        if path.is_dir():
+            if not path.name.endswith(PARTS) and path.resolve() not in above:  # a link may lead up
+                yield from _within(path, above)
         elif path.suffix.lower() in READERS and not path.name.endswith(OWN):
             alone = path.suffix.lower() not in NEED_LAYOUT
             if alone or path.with_suffix(".toml").exists():
@@ -321,37 +330,48 @@ def process(
     outputs = {table.absolute() for table in tables}
     files = [file for file in sources_of(given) if file.absolute() not in outputs]
     named = str(scene) if str(scene) in scene_names() else str(Path(scene).absolute())
-    read_scene(named, changes=changes, trust=trust)  # a fault of the scene is no recording's
+    spec = read_scene(named, changes=changes, trust=trust)  # a fault of the scene is no recording's
     job = json.dumps({"scene": named, "changes": list((changes or {}).items()), "trust": trust})
-    parts = Parts(beside(target, PARTS), _key(job, named, files), ".jsonl", RecordingError, "job")
-    chunk = parts.chunk()
-    if chunk is None:
-        chunk = CHUNK
-        parts.begin(chunk)
-    tasks = [(n, min(n + chunk, len(files))) for n in range(0, len(files), chunk)]
-    missing = list(parts.missing(tasks))
-    items = [
-        (task, tuple((file.as_posix(), str(file.absolute())) for file in files[slice(*task)]))
-        for task in missing
-    ]
-    now = sum(last - first for first, last in missing)
-    count = len(files) - now
-    work, name = partial(run_part, job), f"process-{parts.key}"
-    for (first, last), text in run_tasks(
-        work, items, scheduler=scheduler, workers=workers, name=name
-    ):
-        write_whole(parts.file((first, last)), text, error=RecordingError, force=True)
-        count += last - first
-        if done is not None:
-            done(count, len(files))
-    totals = _Totals()
-    for table, kinds, pick in (
-        (tables[1], RECORDINGS, totals.rows),
-        (tables[0], EVENTS, totals.events),
-    ):
-        with written(table, error=RecordingError, force=force) as file:
-            write(file, kinds, (values for part in _lines(parts, tasks) for values in pick(part)))
-    parts.remove()
+    parts = Parts(
+        beside(target, PARTS), _key(job, named, spec, files), ".jsonl", RecordingError, "job"
+    )
+    with parts.held():
+        chunk = parts.chunk()
+        if chunk is None:
+            chunk = CHUNK
+            parts.begin(chunk)
+        tasks = [(n, min(n + chunk, len(files))) for n in range(0, len(files), chunk)]
+        missing = list(parts.missing(tasks))
+        items = [
+            (
+                task,
+                tuple(
+                    (_legible(file.as_posix()), str(file.absolute()))
+                    for file in files[slice(*task)]
+                ),
+            )
+            for task in missing
+        ]
+        now = sum(last - first for first, last in missing)
+        count = len(files) - now
+        work, name = partial(run_part, job), f"process-{parts.key}"
+        for (first, last), text in run_tasks(
+            work, items, scheduler=scheduler, workers=workers, name=name
+        ):
+            write_whole(parts.file((first, last)), text, error=RecordingError, force=True)
+            count += last - first
+            if done is not None:
+                done(count, len(files))
+        totals = _Totals()
+        for table, kinds, pick in (
+            (tables[1], RECORDINGS, totals.rows),
+            (tables[0], EVENTS, totals.events),
+        ):
+            with written(table, error=RecordingError, force=force) as file:
+                write(
+                    file, kinds, (values for part in _lines(parts, tasks) for values in pick(part))
+                )
+        parts.remove()
     spent = time.perf_counter() - begin
     return Processed(*tables, len(files), totals.failed, totals.found, totals.frames, now, spent)
 
@@ -391,17 +411,22 @@ def _lines(parts: Parts, tasks: Sequence[Task]) -> Iterator[tuple[dict[str, Any]
         yield from cast("list[tuple[dict[str, Any], list[list[Any]]]]", lines)
 
 
-def _key(job: str, scene: str, files: Iterable[Path]) -> str:
-    """Return what distinguishes a job: the scene, and names, sizes and times of all files."""
+def _key(job: str, scene: str, spec: SceneSpec, files: Sequence[Path]) -> str:
+    """Return what tells a job from others: the scene, and names, sizes and times of all files.
+
+    Among these are the layouts of recordings, and the scene's own program and calibration.
+    """
     digest = hashlib.sha256(f"{__version__}\n{job}\n".encode())
     if Path(scene).is_file():
         digest.update(read_text(Path(scene), most=MEGABYTE).encode())
-    for file in files:
+    code = Path(program_of(spec).function.__code__.co_filename)
+    layouts = [file.with_suffix(".toml") for file in files]
+    for file in (*files, *layouts, code, spec.base / spec.calibration):
         inner = sorted(file.iterdir()) if file.is_dir() else [file]
         facts = [
             (p.name, s.st_size, s.st_mtime_ns) for p in inner if p.exists() for s in [p.stat()]
         ]
-        digest.update(f"{file.as_posix()} {facts}\n".encode())
+        digest.update(f"{_legible(file.as_posix())} {facts}\n".encode())
     return digest.hexdigest()[:32]
 
 

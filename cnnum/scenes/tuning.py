@@ -290,6 +290,8 @@ class Tuned:
                 f"{judged.found} of {judged.events} events found{_after(judged.delay)}; "
                 f"{self.shipped.found} with the shipped level, and {self.shipped.false} false."
             )
+        else:
+            yield f"No {self.event} is labelled, so it is not known what the level finds."
         if self.extrapolated:
             needed = 3.0 * TEN_MINUTES / self.asked / 60.0
             yield (
@@ -473,7 +475,7 @@ def tune(
     changes : mapping of str to object, optional
         Values that override those of the scene, by dotted key.
     engine : Engine, optional
-        The scene's own by default, else "numba": a program is built for every constant.
+        The scene's own by default; "numba" builds the program of every constant faster.
     trust : bool
         As in `load_scene`.
 
@@ -510,7 +512,7 @@ def tune(
     sought = any(label.kind in ("", dial.rule.kind) for _, label in known)
     every = {
         tried: [
-            _marked(dial, values, takes[n], [label for place, label in known if place == n])
+            _marked(dial, tried, values, takes[n], [label for place, label in known if place == n])
             for n, values in enumerate(_played(dial, tried, takes, used))
         ]
         for tried in (dial.grid(constants) if sought else [()])
@@ -633,7 +635,7 @@ def _played(
         ]
         same = sorted(same, key=lambda place: len(takes[place[0]].parts[place[1]]))[-BATCH:]
         places = [place for place in places if place not in same]
-        program = first.program.bind(**dict(constants))
+        program = first.program.bind(**{**dict(constants), **dial.open})
         shape = first.parts[0].shape[1:3]
         plan = engine.compile(program, shape, outputs, channels=first.channels)
         done.update(zip(same, _side_by_side(plan, dial.rule, [
@@ -692,13 +694,16 @@ def _names(number: int, source: object) -> tuple[str, ...]:
     return str(path), path.stem, path.name
 
 
-def _marked(dial: _Dial, values: Floats, take: _Take, labels: Sequence[Label]) -> Strengths:
+def _marked(
+    dial: _Dial, constants: Constants, values: Floats, take: _Take, labels: Sequence[Label]
+) -> Strengths:
     """Return a recording's strengths with its labels."""
     quiet = np.ones(len(values), np.bool_)
     for label in labels:
         quiet &= (take.times < label.begin - SLACK) | (take.times > label.end + SLACK)
     sought = tuple(label for label in labels if label.kind in ("", dial.rule.kind))
-    hold = ceil(float(dial.known.get("hold_time", 0.0)) * take.rate - 0.5)
+    hold_time = float({**dial.known, **dict(constants)}.get("hold_time", 0.0))
+    hold = ceil(hold_time * take.rate - 0.5)
     return Strengths(values, take.times, quiet, sought, hold)
 
 
@@ -765,9 +770,12 @@ def _toml(
         table["array"] = dict(array)
     parameters = {**dial.spec.parameters, **dict(choice.constants), dial.parameter: choice.level}
     parameters.pop("false_reports", None)  # the level is given
+    place, _, function = (program := dial.spec.program_name).rpartition(":")
+    if place.endswith(".py"):  # the scene may be written to another folder
+        program = f"{(dial.spec.base / place).absolute()}:{function}"
     table |= {
         "name": f"{dial.spec.name}, tuned", "needs": list(dial.spec.needs),
-        "program": {"name": dial.spec.program_name, "parameters": parameters},
+        "program": {"name": program, "parameters": parameters},
     }  # fmt: skip
     lines = [f"# {sentence}" for sentence in tuned]
     lines += [f"{key} = {toml_text(v)}" for key, v in table.items() if not isinstance(v, dict)]
@@ -780,6 +788,7 @@ def _toml(
 def _table(name: str, table: Mapping[str, object]) -> list[str]:
     plain = {key: value for key, value in table.items() if not isinstance(value, dict)}
     lines = ["", f"[{name}]", *(f"{key} = {toml_text(value)}" for key, value in plain.items())]
-    for key in table.keys() - plain.keys():
-        lines += _table(f"{name}.{key}", cast("dict[str, object]", table[key]))
+    for key, value in table.items():
+        if isinstance(value, dict):
+            lines += _table(f"{name}.{key}", cast("dict[str, object]", value))
     return lines

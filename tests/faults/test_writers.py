@@ -723,7 +723,8 @@ def test_commands_refuse_before_the_work(faults, folder):
     cases = [(name, kind) for name in OUTPUTS for kind in KINDS]
     for name, kind in faults.each(cases, short=len(cases)):
         option = name.split()[-1]
-        suffix = {"--save": ".npz", "--picture": ".png"}.get(option, ".html")
+        drawn = option in ("--picture", "--chart") or name == "explain --out"
+        suffix = ".npz" if option == "--save" else ".png" if drawn else ".html"
         target = folder / f"out{suffix}"
         why = in_the_way(kind, target)
         before = tree(folder)

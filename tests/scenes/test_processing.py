@@ -2,16 +2,18 @@
 
 import csv
 import dataclasses
+import os
 import sys
 
 import numpy as np
 import pytest
 
 import cnnum
-from cnnum.design.tasks import run_tasks
+from cnnum.design.tasks import Parts, run_tasks
 from cnnum.errors import MissingExtraError, RecordingError, UnknownNameError
 from cnnum.scenes import processing
 from cnnum.scenes.processing import process, sources_of
+from cnnum.scenes.scene_file import read_scene
 
 SCENE = """
 needs = ["contact"]
@@ -161,6 +163,62 @@ def test_what_cannot_be_done_is_refused_before_the_work(folder, tmp_path, monkey
     with pytest.raises(MissingExtraError, match=r"ends in \.csv needs nothing"):
         process(folder, folder / "scene.toml", tmp_path / "e.parquet")
     assert not list(tmp_path.iterdir())
+
+
+def test_names_of_any_bytes_are_rows(folder, tmp_path):
+    """Such a name was no text, and ended the command after all recordings had run."""
+    names = [b"=cmd,\n.npz", b"\xff.npz"]
+    for name in names:
+        (tmp_path / os.fsdecode(name)).write_bytes(b"none")
+    made = process(tmp_path, folder / "scene.toml", tmp_path / "e.csv")
+    with made.recordings.open(newline="", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["recording"] for row in rows] == [
+        f"{tmp_path}/=cmd,\n.npz",
+        f"{tmp_path}/\\udcff.npz",
+    ]
+    assert made.failed == 2
+    assert all(row["error"] for row in rows)
+
+
+def test_a_recording_counts_once(tmp_path, monkeypatch):
+    (tmp_path / "r.npz").touch()
+    for name in "abc":  # each would lead to three more, without end
+        (tmp_path / name).symlink_to(tmp_path, target_is_directory=True)
+    monkeypatch.chdir(tmp_path)
+    assert sources_of([tmp_path]) == [tmp_path / "r.npz"]
+    assert [str(path) for path in sources_of(["r.npz", tmp_path, "./r.npz"])] == ["r.npz"]
+
+
+def test_a_second_run_into_the_same_tables_is_refused(folder, tmp_path):
+    """Both did all the work, and the first to end removed the results of the other."""
+    out = tmp_path / "e.csv"
+    parts = Parts(tmp_path / "e.csv.parts", "key", ".jsonl", RecordingError, "job")
+    with parts.held(), pytest.raises(RecordingError, match="Another process works on the results"):
+        process(folder, folder / "scene.toml", out)
+    made = process(folder / "day1" / "junk.npz", folder / "scene.toml", out)
+    assert made.failed == 1
+
+
+@pytest.mark.parametrize("name", ["own.py", "scene.toml", "forces.toml", "r.txt", "r.toml"])
+def test_whatever_decides_the_events_tells_jobs_apart(name, tmp_path):
+    contents = {
+        "own.py": "import cnnum\n@cnnum.program\ndef own(frame): return {'a': frame.z.max()}\n",
+        "scene.toml": "needs = ['a']\n[array]\ndriver = 'simulated'\n"
+        "[program]\nname = 'own.py:own'\n[calibration]\nfile = 'forces.toml'\n",
+        "forces.toml": "", "r.txt": "1", "r.toml": "shape = [1, 1]\n",
+    }  # fmt: skip
+    for file, text in contents.items():
+        (tmp_path / file).write_text(text)
+
+    def key():
+        spec = read_scene(tmp_path / "scene.toml", trust=True)
+        return processing._key("", str(tmp_path / "scene.toml"), spec, [tmp_path / "r.txt"])
+
+    before = key()
+    assert key() == before
+    (tmp_path / name).write_text(contents[name] + "\n")
+    assert key() != before
 
 
 DYING = """

@@ -153,7 +153,7 @@ def test_strengths_at_any_level_are_those_of_the_program(name):
     dial = _dial(read_scene(name), name)
     take = _take(dial, source, None, ENGINE)
     (values,) = _played(dial, (), [take], ENGINE)
-    series = _marked(dial, values, take, [])
+    series = _marked(dial, (), values, take, [])
     assert values.max() > 0.05
     for level in (0.3 * values.max(), 0.8 * values.max()):
         changes = {"needs": [dial.rule.flag], "program": {"name": name},
@@ -162,6 +162,39 @@ def test_strengths_at_any_level_are_those_of_the_program(name):
             flags = [float(m.outputs[dial.rule.flag]) > 0.0 for m in opened.results()]
         assert any(flags)
         np.testing.assert_array_equal(series.flags(level), flags)
+
+
+def test_a_hold_that_is_tried_is_that_of_the_program(scene):
+    """Two knocks a second apart are one report under a hold of 1.2 s, and two under 0.1 s."""
+    from cnnum.scenes.scene_file import read_scene
+    from cnnum.scenes.tuning import _dial, _marked, _played, _take
+
+    knocks = recording({3: 8.0, 4: 7.0})
+    dial = _dial(read_scene(scene, trust=True), "knock")
+    take = _take(dial, knocks, None, ENGINE)
+    for hold, reports in ((0.1, 2), (1.2, 1)):
+        tried = (("hold_time", hold),)
+        (values,) = _played(dial, tried, [take], ENGINE)
+        flags = _marked(dial, tried, values, take, []).flags(5.0)
+        changes = {"needs": ["knocks"], "program.parameters": {"level": 5.0, "hold_time": hold}}
+        with cnnum.load_scene(
+            scene, recording=knocks, engine=ENGINE, changes=changes, trust=True
+        ) as opened:
+            expected = [float(m.outputs["knocks"]) > 0.0 for m in opened.results()]
+        np.testing.assert_array_equal(flags, expected)
+        assert np.diff(flags.astype(int)).clip(0).sum() == reports
+
+
+def test_the_scene_runs_from_any_folder(scene, tmp_path):
+    """A program beside the scene that was tuned is named with its whole path."""
+    other = tmp_path / "other"
+    other.mkdir()
+    knocks = recording({3: 8.0})
+    tuned = tune([knocks], scene, trust=True, engine=ENGINE, labels=[Label("0", 3.4, 3.6, "bump")])
+    assert "No knock is labelled" in str(tuned)
+    out = tuned.save(other / "tuned.toml")
+    with cnnum.load_scene(out, recording=knocks, engine=ENGINE, trust=True) as opened:
+        assert [event.time for event in opened.events()] == [3.5]
 
 
 WRONG = {
@@ -211,6 +244,10 @@ def test_the_command_writes_scene_and_chart(scene, tmp_path, capsys):
     assert line["left_out"]["found"] == line["seen"]["found"] == line["seen"]["events"] == 1
     assert line["level"] == tomllib.loads(out.read_text())["program"]["parameters"]["level"]
     assert "median delay after the label, s" in chart.read_text()
+    with pytest.raises(SystemExit, match="2"):
+        main(["tune", *paths, "--out", str(tmp_path / "no.toml"), "--chart", "x.xyz"])
+    assert "'.xyz': expected one of '.png'" in capsys.readouterr().err
+    assert not (tmp_path / "no.toml").exists()
     rateless = tmp_path / "times.npy"
     np.save(rateless, np.zeros((50, 2, 2, 1)))
     rateless.with_suffix(".toml").write_text('shape = [2, 2]\nchannels = ["z"]\n')

@@ -8,8 +8,8 @@ from cnnum.cli.options import (
     Changes,
     force_option,
     json_option,
+    picture_option,
     scene_options,
-    target_option,
     trust_option,
 )
 from cnnum.cli.output import COMPILING, Output, busy, table
@@ -25,7 +25,7 @@ AROUND = 1.0
 )
 @click.option("--scene", default="slip", help="Scene file or name ('slip').")
 @click.option("--topic", default="", help="Topic of an MCAP file or a bag.")
-@target_option("--out", "FILE.svg|png", "Draw every read-out from 1 s before to 1 s after.")
+@picture_option("--out", "Draw every read-out from 1 s before to 1 s after.")
 @scene_options
 @trust_option
 @force_option

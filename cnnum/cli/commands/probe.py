@@ -18,8 +18,8 @@ from cnnum.cli.options import (
     json_option,
     limited,
     open_source,
+    picture_option,
     setting_option,
-    target_option,
     trust_option,
 )
 from cnnum.cli.output import Output, facts, number, progress, quantity
@@ -278,7 +278,7 @@ SHOWN = 12
     "--seconds", type=click.FloatRange(min=0, min_open=True), help="Seconds to measure (5)."
 )
 @click.option("--frames", type=click.IntRange(min=1), help="Number of frames to measure.")
-@target_option("--picture", "FILE.png", "Draw rest, noise and drift of every cell.")
+@picture_option("--picture", "Draw rest, noise and drift of every cell.")
 @force_option
 @trust_option
 @json_option

@@ -9,8 +9,8 @@ from cnnum.cli.options import (
     file_option,
     force_option,
     json_option,
+    picture_option,
     scene_options,
-    target_option,
     trust_option,
 )
 from cnnum.cli.output import Output, busy
@@ -40,7 +40,7 @@ from cnnum.cli.output import Output, busy
     help="Values of a parameter to try instead of the usual ones; may be repeated.",
 )
 @file_option("scene.toml", "Scene to write, for 'cnnum run' and 'cnnum replay'.")
-@target_option("--chart", "FILE.svg|png", "Draw false reports against level and delay.")
+@picture_option("--chart", "Draw false reports against level and delay.")
 @scene_options
 @trust_option
 @force_option

@@ -8,7 +8,7 @@ import click
 import numpy as np
 
 from cnnum.cli.library.templates_convert import is_place
-from cnnum.cli.options import completed, force_option, json_option, target_option
+from cnnum.cli.options import completed, force_option, json_option, picture_option
 from cnnum.cli.output import Output, progress, table
 
 if TYPE_CHECKING:
@@ -156,7 +156,7 @@ def _by_example(
 @click.command("compare")
 @click.argument("first", shell_complete=completed("template", files=True))
 @click.argument("second", shell_complete=completed("template", files=True))
-@target_option("--picture", "FILE.png|svg|pdf", "Write the comparison as a picture.")
+@picture_option("--picture", "Write the comparison as a picture.")
 @force_option
 @json_option
 def compare(first: str, second: str, picture: Path | None, force: bool, as_json: bool) -> None:
@@ -167,15 +167,8 @@ def compare(first: str, second: str, picture: Path | None, force: bool, as_json:
     stand beside the numbers.
     """
     from cnnum.design.finding import compare as compared
-    from cnnum.report.comparison import (
-        comparison_rows,
-        refuse_unknown_kind,
-        verdict,
-        write_comparison,
-    )
+    from cnnum.report.comparison import comparison_rows, verdict, write_comparison
 
-    if picture is not None:
-        refuse_unknown_kind(picture)
     this, other = _template(first), _template(second)
     comparison, output = compared(this, other), Output(as_json)
     numbers = {name: [_plain(value) for value in pair] for name, pair in comparison.differs.items()}
