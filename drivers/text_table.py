@@ -613,6 +613,8 @@ def open_text(raw: IO[bytes]) -> TextIOWrapper:
     try:
         getincrementaldecoder(encoding)().decode(begin)
     except UnicodeError:
+        if b"\0" in begin:
+            raise UnicodeError("it holds bytes of zero, as no text does") from None
         encoding = "cp1252"
     return TextIOWrapper(raw, encoding, newline="")
 

@@ -14,7 +14,7 @@ from cnnum.frame import Limits, limits_of
 from cnnum.programs import Program
 from cnnum.renamed import by_new_names
 from cnnum.safety.reading import LARGEST, names_something, parse_toml, read_text
-from cnnum.safety.values import LONGEST, checked_name, shown, tidied
+from cnnum.safety.values import LONGEST, checked_name, shown, tidied, visible
 from cnnum.scenes.events import EventRule, event_rule
 from cnnum.tactile.array_calibration import KEYS, ArrayCalibration
 
@@ -133,7 +133,12 @@ class SceneSpec:
         named = {"driver": self.driver, "program": self.program_name, "engine": self.engine}
         for part, name in named.items():
             if name is not None or part != "engine":
-                checked_name(f"the {part} of scene '{self.name}'", name, SceneError)
+                # a place of code is a path, which may be long and hold any sign that a line shows
+                place, _, leaf = str(name).rpartition(":")
+                in_file = place.endswith(".py") and visible(place) == place and "\n" not in place
+                checked_name(
+                    f"the {part} of scene '{self.name}'", leaf if in_file else name, SceneError
+                )
 
     @property
     def program_name(self) -> str:

@@ -2,6 +2,7 @@
 
 import pytest
 
+import cnnum
 from cnnum.errors import SceneError
 from cnnum.scenes.scene_file import read_scene, scene_names
 
@@ -65,6 +66,20 @@ def test_bad_scenes_get_one_sentence(tmp_path, text, words):
         read_scene(written(tmp_path, text))
     assert words in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_a_program_may_lie_at_any_path(tmp_path):
+    folder = tmp_path / "~ Bäume & #1 @home" / ("long" * 20)
+    folder.mkdir(parents=True)
+    code = "import cnnum\n\n@cnnum.program\ndef high(frame):\n    return {'a': frame.normal.max()}"
+    (folder / "own.py").write_text(code)
+    text = f"needs = ['a']\narray.driver = 'simulated'\nprogram.name = '{folder}/own.py:high'\n"
+    (tmp_path / "own.toml").write_text(text)
+    scene = cnnum.load_scene(tmp_path / "own.toml", trust=True)
+    assert scene.collect(frames=2)["a"].shape == (2,)
+    (tmp_path / "own.toml").write_text(text.replace("own.py:high", "own.py:hi@gh"))
+    with pytest.raises(SceneError, match="name of the program"):
+        cnnum.load_scene(tmp_path / "own.toml", trust=True)
 
 
 def test_missing_scene_names_those_that_there_are():
