@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from typing import cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cnnum.arrays import Floats
 from cnnum.engines.backend import Analogue, EngineRecord
@@ -39,27 +40,28 @@ class ReferenceExecutable(HostExecutable):
         """Fill in the values of all nodes."""
         # overflow is infinite on every engine; the plan refuses it where it comes out
         with np.errstate(all="ignore"):
-            self._evaluate(self.schedule.nodes, cast(dict[int, Floats], values), {}, batch)
+            known = cast(dict[int, Floats], values)
+            self._evaluate(self.schedule.nodes, known, {}, np.ones((batch, 1, 1), bool))
 
     def _evaluate(
         self,
         nodes: tuple[Node, ...],
         values: dict[int, Floats],
         answers: dict[int, dict[str, Floats]],
-        batch: int,
+        running: NDArray[np.bool_],
     ) -> None:
-        """Fill in the values of nodes whose arguments are known."""
+        """Fill in the values of nodes whose arguments are known; those of running frames count."""
         for node in nodes:
             arguments = [values[a.index] for a in node.arguments if a.index in values]
             operation = node.operation
             if node.index in values:
                 continue
             if isinstance(operation, Transient):
-                answers[node.index] = self._transient(node, operation, arguments, batch)
+                answers[node.index] = self._transient(node, operation, arguments, running)
             elif isinstance(operation, Loop):
-                answers[node.index] = self._loop(operation, arguments, batch)
+                answer = answers[node.index] = self._loop(operation, arguments, running)
                 if not picks(node, "finished", nodes):
-                    refuse_unfinished(1.0 - answers[node.index]["finished"].ravel())
+                    refuse_unfinished((running & (answer["finished"] == 0.0)).ravel())
             elif isinstance(operation, Pick):
                 values[node.index] = cast(
                     Floats, picked(operation, answers[node.arguments[0].index])
@@ -67,11 +69,13 @@ class ReferenceExecutable(HostExecutable):
             else:
                 values[node.index] = np.asarray(local(operation, arguments), np.float64)
 
-    def _loop(self, loop: Loop, arguments: list[Floats], batch: int) -> dict[str, Floats]:
+    def _loop(
+        self, loop: Loop, arguments: list[Floats], outside: NDArray[np.bool_]
+    ) -> dict[str, Floats]:
         """Run a loop's body; frames that have stopped keep their values."""
         start, *rest = arguments
-        count = len(loop.results)
-        running = np.broadcast_to(start != 0.0, (batch, 1, 1)).copy()
+        count, batch = len(loop.results), len(outside)
+        running = outside & (start != 0.0)
         carried = [np.broadcast_to(v, (batch, *v.shape[1:])).copy() for v in rest[:count]]
         iterations = np.zeros((batch, 1, 1))
         for _ in range(loop.limit):
@@ -79,7 +83,7 @@ class ReferenceExecutable(HostExecutable):
                 break
             values = {node.index: carried[place] for place, node in loop.carried.items()}
             values |= {node.index: rest[count + n] for n, node in loop.captured.items()}
-            self._evaluate(loop.nodes, values, {}, batch)
+            self._evaluate(loop.nodes, values, {}, running)
             becomes = [
                 np.where(running, values[n.index], carried[k]) for k, n in enumerate(loop.results)
             ]
@@ -94,14 +98,22 @@ class ReferenceExecutable(HostExecutable):
         return answers | {"iterations": iterations, "finished": (~running).astype(np.float64)}
 
     def _transient(
-        self, node: Node, operation: Transient, arguments: list[Floats], batch: int
+        self,
+        node: Node,
+        operation: Transient,
+        arguments: list[Floats],
+        running: NDArray[np.bool_],
     ) -> dict[str, Floats]:
-        """Solve frame by frame; answers by name, maps as (batch, layers, rows, cols)."""
-        answers = [
-            self.answer(operation, self.solvers[node.index], maps)
-            for maps in self._by_frame(operation, arguments, batch)
-        ]
-        return {name: np.array([answer[name] for answer in answers]) for name in answers[0]}
+        """Solve frames that go on; answers by name, (batch, layers, rows, cols) maps, else 0."""
+        batch = len(running)
+        frames, going = self._by_frame(operation, arguments, batch), np.flatnonzero(running)
+        solver = self.solvers[node.index]
+        answers = [self.answer(operation, solver, frames[frame]) for frame in going]
+        result = dict[str, Floats]()
+        for name, value in answers[0].items():
+            result[name] = np.zeros((batch, *value.shape))
+            result[name][going] = [answer[name] for answer in answers]
+        return result
 
     def _by_frame(
         self, operation: Transient, arguments: list[Floats], batch: int
@@ -134,7 +146,7 @@ class ReferenceExecutable(HostExecutable):
         before = self.schedule.nodes[: self.schedule.nodes.index(node)]
         seen, marks = list[list[Floats]](), list[list[list[Floats]]]()
         with np.errstate(all="ignore"):
-            self._evaluate(before, values, {}, len(frames))
+            self._evaluate(before, values, {}, np.ones((len(frames), 1, 1), bool))
             arguments = [values[argument.index] for argument in node.arguments]
             for maps in self._by_frame(node.operation, arguments, len(frames)):
                 equation = self._equation(node.operation, maps, None)

@@ -72,6 +72,40 @@ def test_loop_that_hits_its_limit_is_never_silent(engine):
     assert not got["finished"][0]
 
 
+def stops_beyond(frame):
+    """From 0, fall by `fall` and climb back by at most 3/16, until -5/16 is passed, or 3 times."""
+
+    def turn(x, turns):
+        climb = cnnum.loop(lambda z: z + 1 / 16, x, limit=3, until=lambda z: z.max() >= 0.0)
+        return climb.value - frame.fall, turns + 1 / 16
+
+    ends = {"limit": 4, "until": lambda x, turns: (x.max() <= -5 / 16) | (turns >= 3 / 16)}
+    run = cnnum.loop(turn, frame.start, frame.start.sum() * 0.0, **ends)
+    return {"x": run.values[0], "turns": run.values[1]}
+
+
+FALLS = np.array([10 / 16, 1 / 16, 4 / 16])
+"""The first is beyond at once, from where no climb leads back; the last comes to its limit."""
+
+
+@pytest.mark.parametrize("precision", ["opencl q15", "reference q15", "reference", "numba walked"])
+def test_a_loop_within_a_loop_counts_where_its_frame_goes_on(precision):
+    name, _, kind = precision.partition(" ")
+    shape = (2, 2) if kind != "walked" else (40, 80)
+    frames = np.zeros((3, *shape, 2))
+    frames[..., 0], frames[..., 1] = -1 / 16, FALLS[:, np.newaxis, np.newaxis]
+    more = {"channels": ("start", "fall")}
+    if kind == "q15":
+        more["like"] = np.tile(frames[:2], (6, 1, 1, 1))  # memories fill for 8 frames
+    engine = cnnum.Engine(name, precision="q15" if kind == "q15" else None)
+    plan = engine.compile(cnnum.program(stops_beyond), shape, **more)
+    got = plan(frames[:2])
+    np.testing.assert_array_equal(got["x"][:, 0, 0], [-10 / 16, -1 / 16])
+    np.testing.assert_array_equal(got["turns"], [1 / 16, 3 / 16])
+    with pytest.raises(MethodError, match=r"in 1 of 3 frames \(the first is frame 2\)"):
+        plan(frames)
+
+
 def test_loop_carries_several_values_and_numbers(engine):
     """Fibonacci in every cell: values swap, a counter runs along, a flag ends it."""
 
