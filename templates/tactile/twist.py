@@ -5,14 +5,15 @@ is pulled: what turns under a pull is a slip that pivots. It must exceed a share
 too: a shear that settles pulls apart as well as it turns. Curl and divergence at the load's last
 change are taken off: a press alone can show both.
 
-A shear that stays beyond any friction of the load above rest says that some load is part of the
-rest. No curl can be compared with it, so nothing is reported until the rest is learned anew.
+A shear beyond any friction of the load above rest says that some load is part of the rest. No curl
+can be compared with it, so nothing is reported until nothing touches any more or a load that counts
+is there, as after a reading that jumped. If it lasts, the rest must be learned anew.
 """
 
 from collections.abc import Mapping
 
 from cnnum.programs import program
-from cnnum.programs.fields import Field, most, where
+from cnnum.programs.fields import Field, maximum, most, where
 from cnnum.programs.machine import FrameFields
 from cnnum.programs.reports import level_of, report
 from cnnum.programs.transients import apply
@@ -22,7 +23,8 @@ from cnnum.templating.library import get_template
 PULLED = 2.0  # curl at least, over the ratio of shear to normal load
 HIDDEN, CLEAR = 3.0, 1 / 12  # shear over the load above rest beyond any friction, once it exceeds
 # that share of the least load: some load is hidden in the rest
-LASTS = 0.2  # s of that until it is sure: a reading that jumps for a moment is none
+LASTS, AS_AT_REST = 0.2, 1 / 48  # s of that until it is sure; and s after a shorter one in which a
+# load counts, or readings stay below that share of the least one, five times the noise
 DIVERGING = 0.2  # curl at least, over the divergence, beyond the ratio of shear to normal load
 LEVELS = ((0.3, 0.1), (0.5, 0.03), (0.7, 0.02), (5.0, 0.01))
 SHEAR_LEVELS = ((1.2, 0.03), (4.6, 0.01))
@@ -107,18 +109,26 @@ def read_outs(frame: FrameFields, *, recent: RecentLoads, still: float) -> dict[
 
 
 def load_hidden(recent: RecentLoads) -> Field:
-    """Return whether a shear is beyond any friction, or was for so long that a load was held."""
-    frame = recent.frame
-    (excess,) = most(
-        [
-            [pad.ratio * pad.load - HIDDEN * (pad.load - pad.least) - CLEAR * pad.least]
-            for pad in recent.pads
-        ]
+    """Return whether a shear beyond any friction says that a load is part of the rest."""
+    frame, lasts, least = recent.frame, recent.frame.frames_of(LASTS) - 0.5, recent.pads[0].least
+    loads = [pad.load - pad.least for pad in recent.pads]
+    shears = [pad.ratio * pad.load for pad in recent.pads]
+    ((excess,), (load,), (shear,)) = (
+        most([[value] for value in values])
+        for values in (
+            [shear - HIDDEN * load for shear, load in zip(shears, loads, strict=True)],
+            loads,
+            shears,
+        )
     )
-    beyond = ~recent.resting & (excess > 0.0)
-    lasts = frame.memory("frames beyond friction", scalar=True).count(beyond)
-    hidden = frame.memory("load is hidden", scalar=True, logic=True)
-    return beyond | hidden.latch(lasts > frame.frames_of(LASTS) - 0.5, frame.age > 0.0)
+    beyond = ~recent.resting & (excess > CLEAR * least)
+    sound = (load > least) | (maximum(load, shear) < AS_AT_REST * least)
+    long, over = (
+        frame.memory(f"frames {name}", scalar=True).count(holds) > lasts
+        for name, holds in (("beyond friction", beyond), ("without doubt", sound & ~beyond))
+    )
+    sure = frame.memory("load is hidden", scalar=True, logic=True).latch(long, frame.age > 0.0)
+    return sure | frame.memory("load may be hidden", scalar=True, logic=True).latch(beyond, ~over)
 
 
 def _over_load(recent: RecentLoads, pad: Pad, slope: Field) -> Field:

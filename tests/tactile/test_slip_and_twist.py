@@ -137,6 +137,18 @@ def test_a_reading_that_jumps_before_the_touch_hides_no_twist(fast, run, four, f
     agree(got, expected, ("twist", "twist_sense", "twist_strength"))
 
 
+def test_under_a_faint_load_a_short_shear_beyond_friction_silences_twist(numba, run, four):
+    """A held object shows it only now and then; without it the turn is reported."""
+    settings = replace(SETTINGS, floor=240.0 * 200.0)  # three times the load of the patch
+    frames = four[:, TURNS].copy()
+    beyond = frames.copy()
+    beyond[SETTINGS.quiet + 5, :, :, 0] += 0.5 * np.abs(frames).max()
+    for stream, expected in ((frames, True), (beyond, False)):
+        got, said = run(numba, both(**asdict(settings)), stream), played(stream, settings)
+        assert got["twist"].any() == expected
+        agree(got, said, ("twist", "twist_sense", "twist_strength"))
+
+
 @pytest.mark.parametrize(("arm", "pivots"), [(-0.75, True), (12.0, False)])
 def test_bristles_that_turn_about_a_place_pivot_and_far_ones_slide(run, numba, arm, pivots):
     trial = bristles.scene(bristles.swung(arm))(Arrays(), "swung", 7)
@@ -269,8 +281,9 @@ def test_recorded_grasps(fast, run):
             rows = [(k, frame) for k, frame in enumerate(driver.frames()) if not frame.repeated]
         frames = [frame for _, frame in rows]
         values = np.stack([frame.values for frame in frames])
-        got = run(fast, both(**USKIN), values, ["gross_slip", "slip_strength"])
+        got = run(fast, both(**USKIN), values, ["gross_slip", "slip_strength", "twist"])
         kept = np.logical_and.accumulate([not frame.truth["fail"] for frame in frames])
+        assert not got["twist"][kept].any()
         begins = np.flatnonzero(np.diff(got["gross_slip"], prepend=0.0) > 0)
         reports[trial] = [rows[k][0] for k in begins if kept[k]]
         scores.append(got["slip_strength"][kept])

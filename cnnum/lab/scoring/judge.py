@@ -133,3 +133,46 @@ def sense_right(trial: Trial, answers: Mapping[str, Floats]) -> bool:
     said = (answers["twist"] > 0) & trial.scored
     true = trial.sense[trial.sense != 0]
     return bool(said.any() and (answers["twist_sense"][said] == true[0]).all())
+
+
+SHORTEST = 2
+"""Frames of a slip at least; a shorter one may be the camera's noise."""
+
+AROUND = 0.3
+"""s around a slip in which a report is of it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Onsets:
+    """The slips of a trial against its reports.
+
+    Attributes
+    ----------
+    slips, found : int
+    delays : tuple of float, s
+        From each onset that begins without a report to the report of it.
+    rows : tuple of int
+        The same in rows of the log.
+    """
+
+    slips: int
+    found: int
+    delays: tuple[float, ...]
+    rows: tuple[int, ...]
+
+
+def onsets(trial: Trial, said: Flags) -> Onsets:
+    """Match the reports of a trial to its slips."""
+    near, slips, result = round(AROUND * trial.rate), 0, 0
+    delays, rows = list[float](), list[int]()
+    for start, after in runs(trial.scored & (trial.slips == 1)):
+        if after - start < SHORTEST:
+            continue
+        slips += 1
+        window = slice(max(0, start - near), after + near)
+        result += bool(said[window].any())
+        begins = [first for first, _ in runs(said) if window.start <= first < window.stop]
+        if begins and not said[window.start]:
+            delays.append((begins[0] - start) / trial.rate)
+            rows.append(int(trial.rows[begins[0]] - trial.rows[start]))
+    return Onsets(slips, result, tuple(delays), tuple(rows))

@@ -13,7 +13,7 @@ from cnnum.engine import Engine
 from cnnum.errors import SceneError
 from cnnum.lab.scoring.families.catalogue import FAMILIES
 from cnnum.lab.scoring.family_tables import drawn, played, tables
-from cnnum.lab.scoring.judge import judge, median, per_ten_minutes, share
+from cnnum.lab.scoring.judge import judge, median, onsets, per_ten_minutes, share
 from cnnum.lab.scoring.judged_programs import Answers, Subject, reports, shipped_level
 from cnnum.lab.scoring.left_out import GRID, choices, left_out_table
 from cnnum.lab.scoring.levels import LEVELS, level_table
@@ -23,12 +23,6 @@ from cnnum.lab.scoring.table import Column, Row, Table
 from cnnum.programs import Program
 
 NO_PROGRAMS: Mapping[str, Program] = MappingProxyType({})
-
-SHORTEST = 2
-"""Frames of a slip at least; a shorter one may be the camera's noise."""
-
-AROUND = 0.3
-"""s around a slip in which a report is of it."""
 
 ROWS, QUIET = 10.0, 0.25
 """Aims: rows between the onset of a slip and its report; share of trials without slip that have
@@ -52,42 +46,6 @@ NOTE = (
     "medians, of slips that begin while none is reported. False: reports that begin where the "
     "object is known to be still. Twists: reports of twist there, in ten minutes of it."
 )
-
-
-@dataclass(frozen=True, slots=True)
-class Onsets:
-    """The slips of a trial against its reports.
-
-    Attributes
-    ----------
-    slips, found : int
-    delays : tuple of float, s
-        From each onset that begins without a report to the report of it.
-    rows : tuple of int
-        The same in rows of the log.
-    """
-
-    slips: int
-    found: int
-    delays: tuple[float, ...]
-    rows: tuple[int, ...]
-
-
-def onsets(trial: Trial, said: Flags) -> Onsets:
-    """Match the reports of a trial to its slips."""
-    near, slips, result = round(AROUND * trial.rate), 0, 0
-    delays, rows = list[float](), list[int]()
-    for start, after in runs(trial.scored & (trial.slips == 1)):
-        if after - start < SHORTEST:
-            continue
-        slips += 1
-        window = slice(max(0, start - near), after + near)
-        result += bool(said[window].any())
-        begins = [first for first, _ in runs(said) if window.start <= first < window.stop]
-        if begins and not said[window.start]:
-            delays.append((begins[0] - start) / trial.rate)
-            rows.append(int(trial.rows[begins[0]] - trial.rows[start]))
-    return Onsets(slips, result, tuple(delays), tuple(rows))
 
 
 def report_table(groups: Mapping[str, tuple[Sequence[Trial], Sequence[Answers]]]) -> Table:

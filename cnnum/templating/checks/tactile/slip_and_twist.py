@@ -109,6 +109,8 @@ class MovingContact:
     offsets: Floats = field(default_factory=lambda: np.zeros(1))
     opened: Floats = field(default_factory=lambda: np.zeros(1))
     beyond: int = 0
+    calm: int = 0
+    doubt: bool = False
     hidden: bool = False
     loose: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(1, dtype=bool))
 
@@ -205,6 +207,8 @@ class MovingContact:
                 "row": middle["down"] + x.sum() / mass / k,
                 "column": wide * pad + middle["right"] - y.sum() / mass / k,
                 "beyond": force - HIDDEN * z.sum() - least / 12.0,
+                "counts": z.sum() - least,
+                "read": max(force, z.sum()) - least / 48.0,
                 "load_rate": per_s * (z.sum() - before.sum()),
                 "motion_cosine": along,
                 "x": x.sum(),
@@ -256,9 +260,13 @@ class MovingContact:
         where = int(np.argmax(np.abs(curls - self.offsets)))
         turned, apart = float((curls - self.offsets)[where]), float((parts - self.opened)[where])
         slips = self.slips.step(strength)
-        self.beyond = self.beyond + 1 if max(pad["beyond"] for pad in pads) > 0.0 else 0
+        above = {name: max(pad[name] for pad in pads) for name in ("beyond", "counts", "read")}
+        sound = above["beyond"] <= 0.0 and (above["counts"] > 0.0 or above["read"] < 0.0)
+        self.beyond = self.beyond + 1 if above["beyond"] > 0.0 else 0
         self.hidden = self.hidden or self.beyond >= LASTS * c.rate
-        silent = self.hidden or self.beyond > 0
+        self.calm = self.calm + 1 if sound else 0
+        self.doubt = self.beyond > 0 or (self.doubt and self.calm < LASTS * c.rate)
+        silent = self.hidden or self.doubt
         pulled = np.inf if silent else PULLED * pads[where]["ratio"] + DIVERGING * abs(apart)
         torque = float(np.mean([abs(pad["torque"]) for pad in pads]))
         turning = mean["pattern_speed"] * torque / np.hypot(torque, mean["ratio"])
