@@ -73,10 +73,10 @@ def skin(seed: int, *, moves: Moves, events: bool) -> Minute:
         loads = trial.frames - rest
         air = np.zeros((int(0.6 * RATE), *rest.shape))
         leaves = loads[-1] * np.linspace(1.0, 0.0, int(0.3 * RATE))[:, None, None, None]
-        touch = np.concatenate([loads, leaves, air]) / np.abs(loads).max()
+        touch: Floats = np.concatenate([loads, leaves, air]) / np.abs(loads).max()
         if events and (moving := np.flatnonzero((trial.slips != 0) | (trial.sense != 0))).size:
             spans.append(((count + moving[0]) / RATE, (count + moving[-1]) / RATE))
-        parts.append(touch * gains + 0.005 * rng.standard_normal(touch.shape))
+        parts.append(np.asarray(touch * gains + 0.005 * rng.standard_normal(touch.shape)))
         count += len(touch)
     last = int(SECONDS * RATE)
     spans = [span for span in spans if span[1] < SECONDS - 0.5]
@@ -99,7 +99,7 @@ SKINS: dict[str, tuple[str, str, Callable[[int, bool], Minute]]] = {
 
 def main() -> None:
     """Print a row a skin."""
-    arguments = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    arguments = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     arguments.add_argument("--count", type=int, default=5, help="minutes of each kind")
     arguments.add_argument("--seed", type=int, default=0)
     arguments.add_argument("--skin", action="append", help="one of the skins; all by default")
