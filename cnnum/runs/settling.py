@@ -30,8 +30,11 @@ LEAST_RTOL = {name: 64.0 * float(np.finfo(name).eps) for name in ("float32", "fl
 
 Maps = NDArray[np.floating]
 Given = Mapping[str, Maps]
-Rerun = Callable[[dict[str, Maps], float], Result]
-"""Runs frames from their start for a time."""
+FINER = 0.1
+"""Part of the tolerances at which a frame is run once more whose error may lead elsewhere."""
+
+Rerun = Callable[[dict[str, Maps], float, float], Result]
+"""Runs frames from their start for a time, at a part of the tolerances."""
 
 
 def to_rest(request: Request, down: Callable[[Request], Result]) -> Result:
@@ -44,8 +47,9 @@ def to_rest(request: Request, down: Callable[[Request], Result]) -> Result:
         settled = result.settled & (np.isfinite(result.error) | engine.whole)
         return replace(result, settled=settled, error=np.where(settled, result.error, np.inf))
 
-    def again(given: dict[str, Maps], duration: float) -> Result:
-        return down(request.by(replace(spec, duration=duration), given))
+    def again(given: dict[str, Maps], duration: float, part: float) -> Result:
+        own = replace(spec, duration=duration, rtol=part * spec.rtol, atol=part * spec.atol)
+        return down(request.by(own, given))
 
     return at_rest(result, request.template, request.given, again, spec, engine.precision)
 
@@ -68,7 +72,7 @@ def at_rest(
     given : mapping of str to (..., maps, rows, cols) float
         The run's maps, by role.
     again : callable
-        Runs some frames for a time.
+        Runs some frames for a time, at a part of the tolerances.
     spec : RunSpec
         Its limit is the time constants after which a frame is said not to rest.
     precision : str
@@ -93,6 +97,7 @@ def at_rest(
     seen: dict[int, Verdict] = {}
     still: dict[int, bool] = {}
     coarser = float(np.finfo(precision).eps / np.finfo(np.float64).eps)
+    unsure: list[int] = []
     waiting, first = np.flatnonzero(frames.settled), True
     while len(waiting):
         left: list[int] = []
@@ -110,17 +115,27 @@ def at_rest(
             single = Frame(cells, frames.given_of(frame))
             # masked cells stay at their start, whatever the precision makes of it
             x = np.where(single.moving, x, single.start())
-            seen[frame] = verdict(single, x, reach, tolerance)
+            seen[frame] = what = verdict(single, x, reach, tolerance)
+            if what.stability == "stable" and math.isinf(what.error) and math.isfinite(reach):
+                unsure.append(frame)
             late = longer(frames.time[frame] / slowest) > spec.settle_limit
             late |= bool(frames.steps[frame] > MOST_STEPS)
             rate, rounded = single.rates(x)
             still[frame] = bool((np.abs(rate) <= coarser * rounded).all())
             late |= still[frame]
-            if seen[frame].stability != "stable" and seen[frame].decided and not late:
+            if what.stability != "stable" and what.decided and not late:
                 left.append(frame)
         waiting = np.array(left, dtype=np.intp)
         if len(waiting):
-            waiting, first = frames.run_on(waiting, again), False
+            waiting, first = frames.run_on(waiting, again, frames.later(waiting)), False
+    if template.delayed is None and unsure:
+        sharp = np.array(unsure, dtype=np.intp)
+        for frame in frames.run_on(sharp, again, frames.time[sharp], FINER).tolist():
+            single = Frame(cells, frames.given_of(frame))
+            x = np.where(single.moving, frames.state[frame], single.start())
+            tolerance = spec.atol + spec.rtol * np.abs(x)
+            what = verdict(single, x, float(frames.error[frame]), tolerance)
+            seen[frame] = what if math.isfinite(what.error) else seen[frame]
     for frame, what in seen.items():
         frames.state[frame], frames.error[frame] = what.state, what.error
         known = what.decided and not (what.stability == "unknown" and still.get(frame, False))
@@ -229,10 +244,15 @@ class Frames:
             for role, maps in self._given.items()
         }
 
-    def run_on(self, frames: NDArray[np.intp], again: Rerun) -> NDArray[np.intp]:
-        """Run some frames anew for a longer time; return those that are elsewhere then."""
+    def later(self, frames: NDArray[np.intp]) -> Floats:
+        """Return the times up to which frames are run that were not shown to rest."""
         slowest = float(self._template.tau.max())
-        ends = np.array([slowest * longer(float(self.time[frame]) / slowest) for frame in frames])
+        return np.array([slowest * longer(float(self.time[frame]) / slowest) for frame in frames])
+
+    def run_on(
+        self, frames: NDArray[np.intp], again: Rerun, ends: Floats, part: float = 1.0
+    ) -> NDArray[np.intp]:
+        """Run some frames anew up to their times; return those that are elsewhere then."""
         moved: list[NDArray[np.intp]] = []
         for end in np.unique(ends):
             some = frames[ends == end]
@@ -242,7 +262,7 @@ class Frames:
             }
             before = self.state[some]
             try:
-                more = again(given, float(end))
+                more = again(given, float(end), part)
             except MethodError:  # it would take too many steps: these frames do not rest
                 continue
             count = len(some)

@@ -6,6 +6,7 @@ from contextlib import suppress
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 import cnnum
 from cnnum.templating.template import Template
@@ -86,3 +87,18 @@ def test_the_reference_gives_up_such_a_weight(monkeypatch):
     monkeypatch.setattr(module, "MOST_WORK", 2e7)
     with pytest.raises(cnnum.errors.MethodError, match=r"^The reference solver gives up after"):
         cnnum.Engine("reference").run(WILD, state=WILD_START, duration="settle")
+
+
+@pytest.mark.one_in(2)
+@pytest.mark.parametrize("label", NAMES)
+def test_a_start_beside_a_saddle_is_proven_to_leave_it(engines, label):
+    """The tolerance of x' = −x + 2 tanh(x) holds both sides of 0; a finer run tells them apart."""
+    template = Template("beside", [[2.0]], output="tanh", duration="settle")
+    starts = np.array([-1e-6, 1e-12]).reshape(2, 1, 1)
+    result = engines[label].run(template, state=starts)
+    truth = np.sign(starts) * brentq(lambda x: x - 2.0 * np.tanh(x), 1.0, 2.0, xtol=1e-15)
+    assert result.certified.tolist() == ["proven"] * 2
+    assert result.stability.tolist() == ["stable"] * 2
+    # the truth itself is known to 1e-15, times 3 where 2 tanh is solved for
+    assert (np.abs(result.state - truth)[:, 0, 0] <= result.error + 4e-15).all()
+    assert (result.error <= 1e-5 + 1e-4 * 2.0).all()
