@@ -36,7 +36,7 @@ class Engine(OfThisProcess):
     ----------
     name : str, optional
         "opencl", "numba" or "reference". The default is "opencl" if a device works, and otherwise
-        "numba", with one sentence on standard error.
+        "numba", which is announced on standard error.
     device : str, optional
         Part of the name of a device or platform. The default is the fastest device.
     precision : str, optional
@@ -94,7 +94,7 @@ class Engine(OfThisProcess):
         Raises
         ------
         DeviceError
-            If the device does not have it.
+            If the device does not support that precision.
         """
         device = self.device if self._open.record.devices else None
         return Engine(self.name, device=device, precision=precision, fallback=self._fallback)
@@ -127,21 +127,23 @@ class Engine(OfThisProcess):
         method, rtol, atol, dt : optional
             As in `run`, for every transient of the program. The default is that of each transient.
         like : (frames, ..., rows, cols, channels) float, optional
-            For whole numbers: typical streams, on which the range of every value is measured. The
-            default is each batch itself. A stream with memories requires it.
+            Typical streams, on which the range of every value is measured for a precision of
+            whole numbers. By default, the range is measured on each batch itself; a stream with
+            memories requires `like`.
         chip : Chip, optional
             Emulate an analogue array of limited accuracy (engine "reference" only).
 
         Raises
         ------
         MethodError
-            If a transient cannot run by that method, or not in such steps.
+            If a transient cannot run by that method or with that step.
         ProgramError
-            If it is not a program or cannot be traced, or if `like` is given with real numbers.
+            If `program` is not a program or cannot be traced, or if `like` is given without a
+            precision of whole numbers.
         UnknownNameError
-            If a need is not among its outputs.
+            If `program` or a name in `needs` is unknown.
         NotSupportedError
-            If this engine does not support something in it.
+            If this engine does not support something in the program.
         SizeError
             If the memory of the machine is too small for one frame.
         """
@@ -195,16 +197,16 @@ class Engine(OfThisProcess):
         """Run the transient of a template.
 
         If input, initial state and weights keep every cell within the linear range of the standard
-        output, the array counts as linear and may be solved exactly.
+        output, the array is treated as linear and may be solved exactly.
 
         Parameters
         ----------
         template : Template, TemplateBatch or str
-            A template, the name of one of the library, or a batch of templates, which become the
-            first axis of the result.
+            A template, the name of a template in the library, or a batch of templates, whose axes
+            come first in the result.
         input : (..., rows, cols) or (..., inputs, rows, cols) float, optional
-            Input maps. For a template without a control template that starts from its input, this
-            is the initial state.
+            Input maps. A template that has no control template and starts from its input takes
+            them as its initial state.
         previous : like `input`, optional
             Inputs before the start, for a template with delays. The default is `input`.
         state : (..., rows, cols) or (..., layers, rows, cols) float, optional
@@ -216,9 +218,9 @@ class Engine(OfThisProcess):
         duration : float or "settle", optional
             In the unit of `tau`. The default is that of the template.
         method : str
-            "auto", "propagator", "decision" (the output of cells that see no other cell, without
-            their states), "wavefront" (the end of an array whose order of events does not matter),
-            or one of `cnnum.integrators.stability.METHODS`.
+            "auto", "propagator", "decision" (only the outputs, for cells that are not coupled to
+            other cells), "wavefront" (only the final state, for arrays in which the order of the
+            changes does not matter), or one of `cnnum.integrators.stability.METHODS`.
         rtol, atol : float
             Relative and absolute tolerance of the state.
         dt : float, optional
@@ -230,10 +232,10 @@ class Engine(OfThisProcess):
             Also estimate the error of fixed steps, which takes at least one more evaluation of the
             rates per step, and a finer run where errors may grow. It allows at most 100,000 steps.
         at : sequence of float, optional
-            Increasing times in the unit of `tau`, instead of a duration. One run to the last of
-            them returns the state at each; state and error are those of a run that ends there. A
-            time takes about as long as a step, and less where the array is linear. Whole numbers
-            run anew to each time.
+            Increasing times in the unit of `tau`, instead of a duration. A single run to the last
+            time returns the state at each of them, with the state and error of a run that ends
+            there. Each time costs about as much as one step, and less if the array is linear. In
+            a precision of whole numbers, the array runs anew for each time.
         chip : Chip, optional
             Emulate an analogue array of limited accuracy: weights, maps, noise and mismatch.
 

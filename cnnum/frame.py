@@ -197,15 +197,16 @@ class Frame(ByContent):
     unit : str
         "count", "V", "Pa", "N"…
     sequence : int
-        Number of the scan, from the device if it counts.
+        Number of the scan, as counted by the device if it does.
     time : float
-        Time in s from the first frame, on the clock of the device or otherwise of the host.
+        Time in s since the first frame, by the clock of the device, or of the host if the device
+    has none.
     quality : Quality
     truth : Truth or None
     monotonic_ns : int or None
         Arrival on the host's monotonic clock; None for frames that did not just arrive.
     wall_ns : int or None
-        Arrival by the time of day, ns since 1970. Recordings keep it.
+        Arrival in wall-clock time, ns since 1970. Recordings keep it.
     saturated : (rows, cols) bool, optional
         Taxels at an end of their range, if the driver knows which.
     calibration : str
@@ -261,7 +262,7 @@ class Frame(ByContent):
         return sharing.facts(f"Frame {self.sequence}", pairs, shown)
 
     def maps(self) -> dict[str, NDArray[np.float64]]:
-        """Return the (rows, cols) values of each channel by its name, as `shown_maps`."""
+        """Return the values of each channel, (rows, cols), by the name of the channel."""
         return shown_maps(self.values, self.channels, self.unit)
 
     def plot(self, ax: object = None) -> object:
@@ -277,12 +278,12 @@ class Frame(ByContent):
 
     @property
     def bad(self) -> bool:
-        """Whether the frame must not become an event."""
+        """Whether the frame is too faulty to be processed."""
         return bool(self.quality & BAD)
 
     @property
     def repeated(self) -> bool:
-        """Whether this repeats the previous scan."""
+        """Whether the frame repeats the previous scan."""
         return bool(self.quality & Quality.REPEATED)
 
 

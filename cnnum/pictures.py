@@ -49,7 +49,7 @@ def as_picture(pixels: ArrayLike) -> Floats:
     Raises
     ------
     ArrayError
-        If the pixels are of another type, do not form rows and columns, or have colours.
+        If the pixels have another type, do not form rows and columns, or have colours.
     """
     try:
         array = np.asarray(pixels)
@@ -96,7 +96,7 @@ def load_picture(path: str | Path) -> Floats:
     Parameters
     ----------
     path : str or Path
-        File that Pillow reads (PNG, BMP, GIF, JPEG, TIFF…); transparent parts are white.
+        Image in a format that Pillow reads (PNG, BMP, GIF, JPEG, TIFF…); transparency is white.
 
     Returns
     -------
@@ -140,7 +140,7 @@ def save_picture(
         +1 is black, −1 is white.
     path : str or Path
     scale : int
-        Pixels along the side of a cell.
+        Side length of a cell, in pixels.
     force : bool
         Whether an existing file is replaced.
 
@@ -149,7 +149,7 @@ def save_picture(
     ArrayError
         If the picture does not have two axes, or is not finite.
     PictureError
-        If there is such a file, it cannot be written, or the suffix is unknown.
+        If the file exists already or cannot be written, or the suffix is unknown.
     MissingExtraError
         If Pillow is not installed.
     """

@@ -34,7 +34,7 @@ from cnnum.stream import Stream
 from cnnum.values import OfThisProcess
 
 COSTLIEST = 12
-"""Operations of a plot."""
+"""Number of operations in a plot."""
 
 HELD_BY_ALL = min(HELD.values())
 
@@ -125,7 +125,7 @@ _FOR_USERS = (
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Plan(OfThisProcess):
-    """Compiled program; call it with a frame or a batch of frames.
+    """A compiled program, which is called with a frame or a batch of frames.
 
     Attributes
     ----------
@@ -133,16 +133,16 @@ class Plan(OfThisProcess):
     schedule : Schedule
         The program's operations.
     built : Schedule
-        The schedule that runs: chains of linear operations may be fused.
+        The schedule that actually runs, in which chains of linear operations may be fused.
     solvers : mapping of int to Solver
         How each transient runs.
     executable : Executable
     backend : Backend
-        The builder, which can build the plan again to be traced.
+        The back end that built the plan, and can build it again for a trace.
     rate : float or None, Hz
-        Frame rate of its streams; None if it is not known.
+        Frame rate of the plan's streams; None if it is not known.
     at_rate : callable or None
-        Compiles the program for a rate, if it depends on one that is not known.
+        Compiles the program for a given rate, if the program depends on a rate that is not known.
     """
 
     program: str
@@ -190,7 +190,7 @@ class Plan(OfThisProcess):
 
     @property
     def source(self) -> str:
-        """The exact text of the kernels."""
+        """The exact source text of the kernels."""
         return self.executable.source
 
     @property
@@ -224,7 +224,7 @@ class Plan(OfThisProcess):
         return self.run_finite(self.looked_at(frame)[0])
 
     def run_finite(self, frame: NDArray[np.floating]) -> dict[str, Floats]:
-        """Run the program on a frame or a batch whose numbers have been checked.
+        """Run the program on a frame or a batch that is known to be finite.
 
         Parameters and errors are those of a call.
         """
@@ -240,7 +240,7 @@ class Plan(OfThisProcess):
         Parameters
         ----------
         maps : sequence of (..., maps, rows, cols) float
-            Together all channels, in order.
+            All channels in order, split into one or more arrays.
         lead : tuple of int
             Leading axes to which all channels broadcast.
 
@@ -302,17 +302,20 @@ class Plan(OfThisProcess):
             stream.push_read(empty)
 
     def looked_at(self, frame: ArrayLike) -> tuple[Floats, float]:
-        """Return frames whose numbers fit the precision, with an axis of channels.
+        """Check that frames are finite in the precision, and return them with a channel axis.
 
         Returns
         -------
-        (..., rows, cols, channels) float, and a bound of its magnitudes
+        frames : (..., rows, cols, channels) float
+        bound : float
+            Bound on the magnitudes of the frames.
 
         Raises
         ------
         ArrayError
-            If it does not consist of real, finite numbers. FrameError if a number is too large for
-            the precision.
+            If the frames do not consist of real, finite numbers.
+        FrameError
+            If a number is too large for the precision.
         """
         array, channels = numbers("frame", frame), self.schedule.channels
         size = magnitude(array)
@@ -324,7 +327,7 @@ class Plan(OfThisProcess):
         return array, size
 
     def read(self, array: NDArray[np.floating]) -> tuple[NDArray[np.floating], tuple[int, ...]]:
-        """Return the channels read, as (batch, rows, cols, channels), and the leading axes."""
+        """Return the channels read, (batch, rows, cols, channels), and the leading axes."""
         lead, channels = array.shape[:-3], self.schedule.channels
         if array.shape[-3:] != (*self.schedule.shape, len(channels)):
             raise self.misshapen("(..., ", channels, array.shape)
@@ -339,7 +342,7 @@ class Plan(OfThisProcess):
     def misshapen(
         self, opening: str, channels: Sequence[str], shape: tuple[int, ...]
     ) -> ArrayError:
-        """Return the error of a frame of another shape than the plan's."""
+        """Return the error for a frame whose shape differs from the plan's."""
         rows, cols = self.schedule.shape
         names = f"the channels {', '.join(channels)}" if channels else "no channel"
         return ArrayError(
@@ -369,7 +372,7 @@ class Plan(OfThisProcess):
         """Yield each operation with its result for a frame, or a batch of frames.
 
         The plan is built again on its engine with every result kept, so the values are those of the
-        device. Of a loop, only its results are shown.
+        device. Operations inside a loop are not shown, only the results of the loop.
 
         Raises
         ------
@@ -389,7 +392,7 @@ class Plan(OfThisProcess):
         return replace(self, built=self.schedule, executable=executable)
 
     def explain(self) -> Explanation:
-        """Return the operations that run, those left out and why, and the cost."""
+        """Return the operations that run, those that are left out with the reason, and the cost."""
         schedule, cells = self.built, self.built.cells
         done = work(schedule.nodes, self.solvers, schedule.shape)
         maps = tuple(name for name, node in schedule.outputs.items() if not node.scalar)

@@ -27,12 +27,12 @@ kept: a memory that it has filled with huge numbers overflows in the next frames
 
 @dataclass(slots=True, eq=False, repr=False)
 class Stream(OfThisProcess):
-    """Frames of one array, or of a batch of arrays, over time; owns their memories.
+    """A sequence of frames of one array, or of a batch of arrays, with the program's memories.
 
-    A frame that makes something overflow is refused and leaves the memories unchanged. To save
-    time, only unusual frames are examined: those with numbers more than twice as large as any
-    before, or so large that their fourth power overflows. If an ordinary frame makes memories
-    infinite, they begin anew.
+    A frame that causes an overflow raises an error and leaves the memories unchanged. To save time,
+    only unusual frames are examined: those with numbers more than twice as large as any before, or
+    so large that their fourth power overflows. If an ordinary frame makes memories infinite, they
+    are reset.
 
     Threads that push to one stream take turns. Streams of one plan are independent.
     """
@@ -70,7 +70,7 @@ class Stream(OfThisProcess):
             self._clear()
 
     def tare(self) -> None:
-        """Restart with the next frame, from which rest and noise are learned again."""
+        """Restart the stream with the next frame, from which rest and noise are learned again."""
         with self._turn:
             self._clear()
 
@@ -80,10 +80,11 @@ class Stream(OfThisProcess):
         Raises
         ------
         FrameError
-            If a number does not fit the precision, or an output or a memory would not be finite.
-            The memories are as before the frame.
+            If a number does not fit the precision, or an output or a memory would not be finite;
+            the memories then stay as they were.
         ArrayError
-            If the frame's leading axes are not those of the stream, or it holds NaN or infinity.
+            If the frame's leading axes are not those of the stream, or the frame contains NaN or
+            infinity.
         MethodError
             If a transient does not reach its end.
         """
@@ -100,7 +101,7 @@ class Stream(OfThisProcess):
         return self.push_read(frames[0], size)
 
     def push_read(self, values: Floats, size: float | None = None) -> dict[str, Floats]:
-        """Run the program on the next frame of one array, given only the channels that it reads.
+        """Run the program on the next frame of one array, given only the channels that are read.
 
         Parameters
         ----------
@@ -112,7 +113,9 @@ class Stream(OfThisProcess):
         Raises
         ------
         ArrayError
-            If they have another shape; FrameError and MethodError as `push`.
+            If the values have another shape.
+        FrameError, MethodError
+            As for `push`.
         """
         if values.shape != self._read:
             raise self.plan.misshapen("(", self.plan.schedule.channels_read, values.shape)

@@ -222,22 +222,22 @@ def load_recording(path: str | Path, *, budget: float = 1.0, topic: str = "") ->
     Parameters
     ----------
     path : str or Path
-        A file of `cnnum record` or `Recording.save` (.mcap, .npz, .csv), your own data file with
-        its layout, or the folder of a uSkin trial.
+        A file from `cnnum record` or `Recording.save` (.mcap, .npz, .csv), a data file of your own
+        with its layout, or the folder of a uSkin trial.
     budget : float
-        Factor by which the limits of time, unpacked bytes and frames of an MCAP file are raised.
+        Factor on the limits of reading time, unpacked bytes and frames of an MCAP file.
     topic : str
-        Topic of an MCAP file or a bag, instead of the one in its layout.
+        Topic to read from an MCAP file or a bag, instead of the one in its layout.
 
     Returns
     -------
     Recording
-        Flags, times and truth included.
+        The frames with their flags, times and truth.
 
     Raises
     ------
     RecordingError, CodecError
-        If it cannot be read, or is not a recording.
+        If the file cannot be read, or is not a recording.
     SceneError
         If its layout is missing or wrong.
     """

@@ -93,7 +93,7 @@ class Read:
 
 @dataclass(frozen=True, slots=True)
 class RunSpec:
-    """Duration, method and tolerances of a run; None leaves them to the template or the engine.
+    """Duration, method and tolerances of a run; None means the default of the template or engine.
 
     Attributes
     ----------
@@ -104,12 +104,12 @@ class RunSpec:
     rtol, atol : float
         Requested relative and absolute error of the state.
     dt : float or None
-        Fixed step, in the same unit.
+        Fixed step, in the unit of the template's τ.
     settle_limit : float
-        Time after which a run to equilibrium gives up and says so, in time constants of the slowest
-        layer.
+        Time after which a run to equilibrium gives up and reports so, in time constants of the
+        slowest layer.
     force : bool
-        Take a fixed step outside the stability bound; the result is marked.
+        Allow a fixed step outside the stability bound; the result is marked.
     estimate : bool
         Also estimate the error of fixed steps, which takes more evaluations of the rates per step.
     """

@@ -374,9 +374,10 @@ def stability_bound(
 
     Notes
     -----
-    Rates are those of `spectrum`, and a mode that grows by itself (Re λ > 0) sets no bound. For a
-    linear array, the bound keeps |R| ≤ 1 for all other eigenvalues or, where these are not known,
-    for a box around the field of values, which may leave no step for Euler's and Heun's methods.
+    The rates are those of `spectrum`, and a mode that grows by itself (Re λ > 0) sets no bound. For
+    a linear array, the bound keeps |R| ≤ 1 for all other eigenvalues or, if these are not known,
+    for a box around the field of values, in which Euler's and Heun's methods may have no stable
+    step.
     The rates of an array that saturates change with the cells: the bound lets no mode grow faster
     than the array itself could, e^{max(Re λ, 0) h}, without saturation or, by Gershgorin's discs,
     with any. With a delay, a mode also depends on its past. The step then divides the delay, and

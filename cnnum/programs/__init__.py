@@ -34,7 +34,7 @@ class Program:
     Attributes
     ----------
     function : callable
-        Takes the frame's fields and keyword parameters, returns a mapping of names to fields.
+        Takes the frame's fields and keyword parameters, and returns a mapping of names to fields.
     name : str
     parameters : tuple of (str, value)
         Keyword parameters set with `bind`.
@@ -57,7 +57,7 @@ class Program:
 
         Every program accepts ``rate``, the frame rate of its stream (`FrameFields.rate`), which a
         scene takes from its array. A length, rate, load or modulus may be a text with a unit, such
-        as ``rate="100 Hz"``. A depth is in pitches of the array; given as a length, it needs the
+        as ``rate="100 Hz"``. A depth is in pitches of the array; to give it as a length, set the
         pitch as well: ``depth="1 mm", pitch="1.5 mm"``.
 
         Raises
@@ -120,7 +120,7 @@ class Program:
         return _again, (*place, self.name, self.parameters)
 
     def trace(self, shape: Sequence[int], channels: Sequence[str] = FORCE_AXES) -> Graph:
-        """Return the program's graph for an array of that shape.
+        """Return the program's graph for an array of shape (rows, cols).
 
         Raises
         ------
@@ -171,12 +171,12 @@ def _again(
 
 
 def program(function: Traced) -> Program:
-    """Make a function an analogic program, which is traced when an engine compiles it.
+    """Turn a function into an analogic program, which is traced when an engine compiles it.
 
     Raises
     ------
     ProgramError
-        If it is not a function, or a lambda, which has no name.
+        If the argument is not a function, or is a lambda, which has no name.
     """
     if not callable(function):
         raise ProgramError(f"cnnum.program expects a function, got {type(function).__name__}.")

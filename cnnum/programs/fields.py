@@ -81,8 +81,8 @@ class Field:
     It can also be a stack of several `maps`. Local operations apply to all of them and combine them
     with numbers or with stacks of equally many maps; global operations reduce over all of them.
 
-    Arithmetic and comparisons work cell by cell, including `==` and `!=`. NumPy's functions of the
-    same meaning accept fields, as in `numpy.sqrt(field)`.
+    Arithmetic and comparisons work cell by cell, including `==` and `!=`. NumPy's
+    corresponding functions accept fields, as in `numpy.sqrt(field)`.
     """
 
     __slots__ = ("_graph", "_node")
@@ -93,22 +93,22 @@ class Field:
 
     @property
     def node(self) -> Node:
-        """Node of the graph that computes it."""
+        """Node of the graph that computes the field."""
         return self._node
 
     @property
     def graph(self) -> Graph:
-        """The graph that it belongs to."""
+        """Graph that the field belongs to."""
         return self._graph
 
     @property
     def scalar(self) -> bool:
-        """Whether it is one number per frame."""
+        """Whether the field is one number per frame."""
         return self._node.scalar
 
     @property
     def logic(self) -> bool:
-        """Whether it is a flag or a logic map."""
+        """Whether the field is a flag or a logic map."""
         return self._node.logic
 
     @property
@@ -254,7 +254,7 @@ class Field:
         Raises
         ------
         ProgramError
-            Of a stack.
+            If the field is a stack of maps.
         """
         if self.maps > 1:
             raise ProgramError(f"'argmax' needs a single map, got a stack of {self.maps}.")
@@ -359,7 +359,7 @@ def square(a: Field) -> Field:
 
 
 def exp(a: Field) -> Field:
-    """Return e to the power of every cell."""
+    """Return the exponential of every cell."""
     return combine(op.EXPONENTIAL, a)
 
 

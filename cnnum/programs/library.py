@@ -39,12 +39,12 @@ def program_names(room: str | None = None) -> tuple[str, ...]:
     Parameters
     ----------
     room : "tactile" or "pictures", optional
-        Programs for three-axial frames, or for pictures. The default is all.
+        Only programs for three-axial frames, or only those for pictures. The default is all.
 
     Raises
     ------
     UnknownNameError
-        If there is no such room.
+        If `room` is unknown.
     """
     if not (room is None or (isinstance(cast(object, room), str) and room in _ROOMS)):
         raise name_error("room of programs", room, _ROOMS)
@@ -53,12 +53,12 @@ def program_names(room: str | None = None) -> tuple[str, ...]:
 
 
 def get_program(name: str) -> Program:
-    """Return the program of that name.
+    """Return the library's program of that name.
 
     Raises
     ------
     UnknownNameError
-        If there is no such name.
+        If the library has no program of that name.
     """
     for room in _ROOMS if isinstance(cast(object, name), str) else ():
         if name in _modules(room) and (program := _program(room, name)) is not None:
@@ -81,7 +81,7 @@ def load_program(path: str | PathLike[str], name: str | None = None) -> Program:
     ProgramError
         If the file cannot be read or run, has no program, or has several and none is named.
     UnknownNameError
-        If it has no program of that name.
+        If the file has no program of that name.
     """
     file = Path(path)
     try:

@@ -88,20 +88,20 @@ def loop(body: Body, *values: Field, limit: int, until: Until | None = None) -> 
     ----------
     body : callable
         Takes the carried fields and returns their next values, one field each. It may read fields
-        from outside, but cannot store memories.
+        from outside the loop, but cannot store memories.
     values : Field
-        The first values of the carried fields.
+        Initial values of the carried fields.
     limit : int
-        The largest number of runs of the body; see `Looped.finished`. A loop that reaches it raises
-        an error where `finished` is not read; exported C sets `unfinished` in its answers.
+        Maximum number of iterations. A loop that reaches it raises an error unless the program
+        reads `Looped.finished`; exported C sets `unfinished` in its answers.
     until : callable, optional
-        Takes the new values and returns a flag that ends the loop. Without it the loop ends when no
-        carried value changes any more.
+        Takes the new values and returns a flag that ends the loop. By default, the loop ends when
+        no carried value changes any more.
 
     Raises
     ------
     ProgramError
-        If the body does not return as many fields, or a map becomes a number.
+        If the body does not return one field per value, or a map becomes a number.
     """
     graph = graph_of(values).innermost
     start = graph.constant(1.0)
@@ -116,7 +116,8 @@ def branch(flag: Field, body: Body, *values: Field) -> tuple[Field, ...]:
     Raises
     ------
     ProgramError
-        If the flag is not one logic value per frame, or the body does not fit the values.
+        If the flag is not one logic value per frame, or the results of the body do not fit the
+        values.
     """
     expect("flag", flag, Field, ProgramError)
     if not (flag.scalar and flag.logic):

@@ -53,8 +53,8 @@ class LocalMemory:
         Raises
         ------
         ProgramError
-            If it was stored before in this frame, or if a map is stored in a memory of one number,
-            or numbers in a memory of logic values.
+            If the memory was already stored in this frame, or if a map is stored in a memory of one
+            number, or numbers in a memory of logic values.
         """
         if value.graph is not self._graph:
             raise ProgramError("A memory must be stored once per frame, outside loops.")
@@ -75,11 +75,11 @@ class LocalMemory:
         self._graph.memories[self._number] = Memory(memory.read, value.node)
 
     def latch(self, sets: Field, stays: Field) -> Field:
-        """Store and return a flag or logic map that `sets` turns on and `stays` keeps on."""
+        """Store and return a flag or logic map that `sets` switches on and `stays` keeps on."""
         return self._now(sets | (self.value & stays))
 
     def hold(self, value: Field, when: Field) -> Field:
-        """Store and return a value while `when` holds, and its last value afterwards."""
+        """Store and return the value where `when` holds, and the last such value elsewhere."""
         return self._now(where(when, value, self.value))
 
     def count(self, when: Field) -> Field:
@@ -87,9 +87,10 @@ class LocalMemory:
         return self._now(where(when, self.value + 1.0, 0.0))
 
     def mean(self, value: Field, share: Field | float) -> Field:
-        """Store and return a running mean in which the value of this frame has a given share.
+        """Store and return a running mean in which the current value has the weight `share`.
 
-        A constant share gives a leaky mean, and a share of 1/n in the n-th frame the plain mean.
+        A constant share gives an exponential moving average; a share of 1/n in the n-th frame
+        gives the arithmetic mean.
         """
         return self._now(self.value + share * (value - self.value))
 
@@ -161,20 +162,20 @@ class FrameFields:
         return NOMINAL if self._graph.rate is None else self._graph.rate
 
     def run_at(self, rate: float, program: str, *, uses: bool = False) -> None:
-        """Take the rate that a program inside this one is bound to, where nothing else says one.
+        """Adopt the rate of a program that is called inside this one, if no rate is set yet.
 
         Parameters
         ----------
         rate : float, Hz
         program : str
-            Its name, for error messages.
+            Name of the inner program, for error messages.
         uses : bool
-            Whether it takes the rate as a parameter of its own.
+            Whether the inner program has the rate among its own parameters.
 
         Raises
         ------
         ProgramError
-            If a program around it, or one before it, runs at another rate.
+            If an enclosing program, or one called earlier, runs at another rate.
         """
         if self._graph.rate is None and not self._graph.timed:
             self._graph.rate = rate
@@ -187,10 +188,10 @@ class FrameFields:
         self._graph.timed = self._graph.timed or uses
 
     def sees(self, frequency: float, *outputs: str) -> None:
-        """Say up to which frequency outputs follow the signal.
+        """Declare the frequency up to which outputs follow the signal.
 
-        Frames at less than twice that rate (Nyquist) leave out part of it, and whoever compiles the
-        program for them is told so.
+        A frame rate below twice this frequency (Nyquist) loses part of the signal; compiling the
+        program for such a rate reports so.
 
         Parameters
         ----------
@@ -201,13 +202,13 @@ class FrameFields:
         self._graph.quickest |= dict.fromkeys(outputs, frequency)
 
     def frames_of(self, seconds: float, least: int = 1) -> int:
-        """Return the number of frames in a time, rounded up, but at least some.
+        """Return the number of frames in a time, rounded up, and at least `least`.
 
         Parameters
         ----------
         seconds : float
         least : int
-            Frames that a mean needs at any rate, so that its noise is known.
+            Smallest number to return, for example the frames that a mean needs at any rate.
         """
         return max(least, ceil(round(seconds * self.rate, 6)))
 
@@ -218,7 +219,7 @@ class FrameFields:
 
     @property
     def first(self) -> Field:
-        """A flag that holds on the first frame of a stream."""
+        """Flag that holds on the first frame of a stream."""
         return Field(self._graph, self._graph.add(FirstFrame(), scalar=True, logic=True))
 
     @property
@@ -228,32 +229,32 @@ class FrameFields:
 
     @property
     def row(self) -> Field:
-        """The row number of every cell."""
+        """Row number of every cell."""
         return self.constant(np.indices(self.shape)[0])
 
     @property
     def column(self) -> Field:
-        """The column number of every cell."""
+        """Column number of every cell."""
         return self.constant(np.indices(self.shape)[1])
 
     def centroid(self, weight: Field) -> tuple[Field, Field]:
-        """Return the row and column of the centre of a weight, in cells; 0 where its sum is 0."""
+        """Return the row and column of a map's centroid, in cells; 0 if the map's sum is 0."""
         whole = weight.sum()
         return (weight * self.row).sum() / whole, (weight * self.column).sum() / whole
 
     def constant(self, values: ArrayLike) -> Field:
-        """Return a constant: a number, (rows, cols) or (maps, rows, cols)."""
+        """Return a constant field, given as a number, (rows, cols) or (maps, rows, cols)."""
         return constant(self._graph, values)
 
     def memory(
         self, name: str = "", *, scalar: bool = False, logic: bool = False, maps: int = 1
     ) -> LocalMemory:
-        """Return a new memory, which keeps its value from frame to frame and begins with 0.
+        """Return a new memory, which keeps its value from frame to frame and starts at 0.
 
         Parameters
         ----------
         name : str
-            Its name in traces.
+            Name of the memory in traces.
         scalar : bool
             Whether it holds one number instead of a map.
         logic : bool
@@ -274,7 +275,7 @@ class FrameFields:
     def once(self, make: Callable[..., Made], **settings: Hashable) -> Made:
         """Return `make(frame, **settings)`, computed once for all callers.
 
-        Programs inside another one thus share fields and memories.
+        Programs that are called inside another one share fields and memories in this way.
         """
         key = (make, *sorted(settings.items()))
         if key not in self._made:
@@ -282,7 +283,7 @@ class FrameFields:
         return cast(Made, self._made[key])
 
     def previous(self, value: Field) -> Field:
-        """Return `value` in the previous frame; on the first frame, in this one."""
+        """Return `value` as of the previous frame; on the first frame, as of the current one."""
         memory = self.memory(scalar=value.scalar, logic=value.logic, maps=value.maps)
         memory.store(value)
         return where(self.first, value, memory.value)

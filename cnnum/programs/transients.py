@@ -72,15 +72,16 @@ def transient(
     mask : logic Field, optional
         Fixed-state mask: where it holds, the state keeps its value.
     weights : sequence of Field
-        Maps whose cells hold the numbers of each frame's own template, as `cnnum.runs.batches`
-        packs them. Those of the template say only where they are, and how fast it may be.
+        Maps whose cells hold the numbers of a template for each frame, as `cnnum.runs.batches`
+        packs them. The template itself then only determines which weights exist, and how fast the
+        array may be.
     spec : RunSpec, optional
         Duration, method and tolerances.
 
     Raises
     ------
     ProgramError
-        If the number of maps is not the template's, or an argument is of another type.
+        If the number of maps does not fit the template, or an argument has the wrong type.
     """
     template = _template(template)
     if template.inputs == 0 and template.initial == "input" and state is None:
@@ -186,13 +187,13 @@ def apply(
 ) -> Field:
     """Run a template of one layer inside a program and return its output map.
 
-    The arguments are those of `transient`, which also returns states, layers and figures of the
+    The arguments are those of `transient`, which also returns states, layers and statistics of the
     run.
 
     Raises
     ------
     ProgramError
-        If the template has several layers, or an argument is of another type.
+        If the template has several layers, or an argument has the wrong type.
     """
     template = _template(template)
     if template.layers != 1:
@@ -223,12 +224,12 @@ def shift(field: Field, rows: int = 0, cols: int = 0, *, boundary: float | str =
     field : Field
     rows, cols : int
     boundary : float, "zero-flux" or "periodic"
-        The value that moves in from beyond the rim.
+        Values that move in from beyond the rim.
 
     Raises
     ------
     ProgramError
-        If it is no field, or not moved by whole cells within the array.
+        If `field` is not a field, or `rows` and `cols` are not whole numbers within the array.
     """
     expect("field", field, Field, ProgramError)
     for name, cells, most in zip(("rows", "cols"), (rows, cols), field.graph.shape, strict=True):

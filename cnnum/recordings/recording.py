@@ -49,12 +49,12 @@ class Recording(ByContent):
     Parameters
     ----------
     values : (frames, rows, cols, channels) or (frames, rows, cols) float
-        A frame with NaN or infinity is a bad frame when it is replayed. Without a last axis there
-        is one channel. Values of (frames, pads, rows, cols, channels) are kept with the columns
+        A frame with NaN or infinity is replayed as a bad frame. Without a last axis there is one
+        channel. Values of shape (frames, pads, rows, cols, channels) are stored with the columns
         of all pads side by side.
     rate : float, Hz, optional
-        The default follows from the usual step of the times, which is questioned where it is longer
-        than arrays take.
+        By default, the rate follows from the usual step of the times; a step that is too long for
+        an array gives a warning.
     unit : str
         "count", "V", "N", "Pa", "strain"…
     channels : sequence of str, optional
@@ -65,16 +65,17 @@ class Recording(ByContent):
     truth : mapping of str to (frames,) float, optional
         Ground truth of every frame, by name.
     quality : (frames,) int, optional
-        Flags of `cnnum.Quality`. The default marks frames before which scans are missing.
+        Flags of `cnnum.Quality`. By default, frames before which scans are missing are marked.
     saturated : (frames, rows, cols) bool, optional
-        Taxels at an end of their range; frames with such taxels get the flag.
+        Taxels at an end of their range. Frames with such taxels get the flag `Quality.SATURATED`.
     sequence : (frames,) int, optional
-        Numbers of the scans. By default they follow from the times: after a pause, or where scans
-        are missing, the number jumps, and the frame has the flag `Quality.DROPPED_BEFORE`.
+        Numbers of the scans. By default, they follow from the times: after a pause or missing
+        scans the number jumps, and the frame has the flag `Quality.DROPPED_BEFORE`.
     wall_ns : (frames,) int, optional
-        Time of day at which the frames came, ns since 1970.
+        Wall-clock time at which the frames arrived, ns since 1970.
     pads : int, optional
-        Pads side by side in the columns; of values with five axes their second.
+        Number of pads side by side in the columns. For values with five axes, it is the length of
+        the second axis.
 
     Raises
     ------
@@ -189,21 +190,21 @@ class Recording(ByContent):
     def from_frames(
         cls, frames: Iterable[Frame], *, rate: float | None = None, pads: int | None = None
     ) -> Recording:
-        """Return the recording of frames as a driver yields them, flags, marks and truth included.
+        """Return a recording of frames from a driver, with their flags, saturation marks and truth.
 
         Parameters
         ----------
         frames : iterable of Frame
-            Of one array.
+            Frames of a single array.
         rate : float, Hz, optional
-            The default is that of the times, and 1 Hz if they have none.
+            By default, the rate follows from the times, or is 1 Hz if they give none.
         pads : int, optional
-            Pads side by side in the columns.
+            Number of pads side by side in the columns.
 
         Raises
         ------
         ArrayError
-            If there is no frame, or they are not of one array.
+            If there is no frame, or the frames are not from a single array.
         """
         held = list(frames)
         arrays = {(frame.shape, tuple(frame.channels), frame.unit) for frame in held}
@@ -236,14 +237,14 @@ class Recording(ByContent):
 
     @classmethod
     def from_mcap(cls, path: str | Path) -> Recording:
-        """Return the recording in an MCAP file of `cnnum record`, which may be cut off or damaged.
+        """Return the recording in an MCAP file from `cnnum record`, even if truncated or damaged.
 
-        `cnnum.load_recording` reads every kind of file, messages of other programs included.
+        `cnnum.load_recording` reads every kind of file, including messages of other programs.
 
         Raises
         ------
         RecordingError, CodecError
-            If it cannot be read, or is not a recording of cnnum.
+            If the file cannot be read, or is not a recording of cnnum.
         """
         contents = look(as_path(path, RecordingError))
         contents.warn()
@@ -253,20 +254,20 @@ class Recording(ByContent):
 
     @classmethod
     def from_xarray(cls, dataset: Any) -> Recording:
-        """Return the recording in a dataset of `to_xarray`, or in your own dataset like it.
+        """Return the recording in a dataset from `to_xarray`, or in a similar one of your own.
 
         Parameters
         ----------
         dataset : xarray.Dataset
             With "values" on the axes time, row, col and axis, and possibly pad. The coordinates
             time (s) and axis (names of channels), the variables "quality" and "saturated", and the
-            attributes "rate", "unit" and "pads" are taken where they are there; other variables on
-            the axis time are truths.
+            attributes "rate", "unit" and "pads" are used if present; other variables on the axis
+            time become truths.
 
         Raises
         ------
         ArrayError
-            If it has no such values, or the parts do not fit together.
+            If the dataset has no such values, or its parts do not fit together.
         """
         sizes: tuple[str, ...] = ("time", "row", "col", "axis")
         if "values" in dataset and "pad" in dataset["values"].dims:
@@ -298,23 +299,23 @@ class Recording(ByContent):
     def from_dataframe(
         cls, frame: Any, *, rate: float | None = None, unit: str | None = None
     ) -> Recording:
-        """Return the recording in a data frame of `to_dataframe`, or in one like it.
+        """Return the recording in a data frame from `to_dataframe`, or in a similar one.
 
         Parameters
         ----------
         frame : pandas.DataFrame
-            A row for each frame, and a column for each taxel and channel: "z[0, 3]" is channel z
-            at row 0, column 3. "time" (s), "sequence", "quality", "saturated", "log time (ns)",
-            "truth …", "rate (Hz)", "unit" and "pads" are taken where they are there; others are
-            refused.
+            One row per frame, and one column per taxel and channel: "z[0, 3]" is channel z at row
+            0, column 3. The columns "time" (s), "sequence", "quality", "saturated",
+            "log time (ns)", "truth …", "rate (Hz)", "unit" and "pads" are used if present; any
+            other column is an error.
         rate : float, Hz, optional
         unit : str, optional
-            Both override those of the data frame.
+            They override the rate and unit of the data frame.
 
         Raises
         ------
         ArrayError
-            If a taxel is missing, a column has another name, or the parts do not fit together.
+            If a taxel is missing, a column is unknown, or the parts do not fit together.
         """
         columns = {str(name): frame[name] for name in frame.columns}
         cells = {name: match for name in columns if (match := CELL.fullmatch(name))}
@@ -410,7 +411,7 @@ class Recording(ByContent):
     def to_dataframe(self) -> Any:
         """Return a `pandas.DataFrame` with one row per frame (extra `tables`).
 
-        `cnnum.load_recording` and every command can read what its `to_csv` writes.
+        Its `to_csv` writes a file that `cnnum.load_recording` and every command can read.
         """
         columns: dict[str, Any] = {
             "time": self.times,
@@ -465,7 +466,7 @@ class Recording(ByContent):
         unit: str = "",
         tare: int = 0,
     ) -> Recording:
-        """Return the recording with gain · (raw − offset) as its values.
+        """Return a calibrated recording, with the values gain · (raw − offset).
 
         Parameters
         ----------
@@ -475,7 +476,7 @@ class Recording(ByContent):
         Raises
         ------
         CalibrationError
-            If they do not fit the array.
+            If the gain or the offset does not fit the array.
         """
         known = ArrayCalibration(gain, offset, unit, tare)
         return Recording(
@@ -498,16 +499,16 @@ class Recording(ByContent):
         Parameters
         ----------
         path : str or Path
-            Its suffix says the kind: ".mcap", ".npz", ".csv" or ".h5".
+            The suffix gives the format: ".mcap", ".npz", ".csv" or ".h5".
         force : bool
-            Whether an existing file is replaced.
+            Whether to replace an existing file.
 
         Raises
         ------
         UnknownNameError
-            If the suffix is another one.
+            If the suffix is unknown.
         RecordingError
-            If there is such a file already, or it cannot be written.
+            If the file already exists, or cannot be written.
         """
         target = Path(path)
         suffix_of(target)

@@ -57,28 +57,30 @@ class Analysis(ByContent):
     exact : bool
         Whether `fastest` comes from the eigenvalues of the array and not from a bound on them.
     fastest : float
-        Largest |λ| of the array, whatever cells saturate, 1/time. With a delay, of the modes that
-        do not decay.
+        Largest |λ| of the array, whichever cells saturate, in 1/time. With a delay, only modes that
+        do not decay count.
     slowest : float
-        Smallest rate of decay while no cell saturates, 1/time; NaN where none decays or is known.
+        Smallest rate of decay while no cell saturates, in 1/time; NaN if no mode decays, or if the
+        rates are not known.
     growth, turning : float
-        Largest real and imaginary part of a rate while no cell saturates, 1/time; NaN where the
+        Largest real and imaginary parts of the rates while no cell saturates, in 1/time; NaN if the
         rates are not known.
     stiffness : float
-        Largest rate of decay over the smallest; NaN as `slowest`.
+        Ratio of the largest rate of decay to the smallest; NaN where `slowest` is NaN.
     condition : float
-        Condition of the matrix 1 − A, which gives the state at rest while no cell saturates: how
-        much more an error of the drive may count than the drive itself. Infinite where 1 − A is
-        singular, NaN where it is not known.
+        Condition number of the matrix 1 − A, which gives the state at rest while no cell saturates:
+        the largest factor by which it amplifies a relative error of the drive. Infinite if 1 − A is
+        singular, NaN if it is not known.
     saturation : str
         Effect of saturating cells, as a sentence.
     largest : float
-        Bound on |x| for inputs within [−1, 1], beyond the rim those of the boundary, and for starts
-        within [−1, 1] or at the template's initial state; infinite where none is known.
+        Bound on |x| for inputs within [−1, 1], with the template's own inputs beyond the rim, and
+        for initial states within [−1, 1] or as the template gives them; infinite if no bound is
+        known.
     bounds : mapping of str to StabilityBound
-        Longest stable step of every method.
+        Longest stable step of each method.
     method, reason : str
-        What method="auto" chooses, and why.
+        The method that ``method="auto"`` chooses, and the reason.
     """
 
     template: str
@@ -122,7 +124,7 @@ def analyse(template: Template | str, shape: Sequence[int] = (8, 8)) -> Analysis
     TemplateError
         If it is not a template.
     UnknownNameError
-        If there is none of that name.
+        If the library has no template of that name.
 
     Notes
     -----

@@ -36,7 +36,7 @@ STREAMS = {"A": 0, "B": 1, "z": 2, "noise": 3, "A of cells": 4}
 class Chip:
     """Model of an analogue array and its limited accuracy, for `Engine.run` and `Engine.compile`.
 
-    Numbers of b bits are whole multiples of the largest one divided by 2^(b − 1) − 1. Weights are
+    A number of b bits is a whole multiple of the full scale divided by 2^(b − 1) − 1. Weights are
     rounded relative to the largest of A, B and z. Inputs, the initial state and the output are
     rounded relative to `full_scale` and saturate there; a bias map has its own scale. Noise is
     added to the output before it is rounded.
@@ -44,7 +44,7 @@ class Chip:
     Each weight is multiplied by 1 + ε. For B and z, ε differs from cell to cell. For A, all cells
     share it in `Engine.run`, since most engines have no feedback that differs from cell to cell;
     in a program, `Engine("reference").compile(..., chip=...)`, each cell has its own. In a
-    program, the full scale of a map is its largest number, and noise is a share of that.
+    program, the full scale of a map is its largest value, and the noise is relative to it.
 
     ACE16k has weights of 8 bits and an accuracy of 7 to 8 bits: Rodríguez-Vázquez et al. 2004,
     "ACE16k: the third generation of mixed-signal SIMD-CNN ACE chips toward VSoCs", IEEE
@@ -60,7 +60,7 @@ class Chip:
     weight_bits, state_bits : int
         2 to 32.
     noise : float
-        Standard deviation of the noise of the output, in its unit.
+        Standard deviation of the noise of the output, in the unit of the output.
     mismatch : float
         Standard deviation of ε, as a share of the weight.
     seed : int
@@ -72,7 +72,7 @@ class Chip:
     Raises
     ------
     MethodError
-        If a number is beyond its range.
+        If a number is out of range.
     """
 
     weight_bits: int = 8
@@ -95,12 +95,12 @@ class Chip:
                 )
 
     def stored(self, values: ArrayLike) -> Floats:
-        """Return values as a memory of the array holds them: saturated and rounded."""
+        """Return values as a memory of the array stores them: saturated and rounded."""
         held = np.clip(np.asarray(values, dtype=np.float64), -self.full_scale, self.full_scale)
         return on_grid(held, self.full_scale, self.state_bits)
 
     def read(self, output: Floats) -> Floats:
-        """Return an output as it is read: noisy, saturated and rounded."""
+        """Return an output as the array reads it out: with noise, saturated and rounded."""
         if self.noise:
             output = output + self.noise * self.drawn("noise", output.shape)
         return self.stored(output)
@@ -112,12 +112,12 @@ class Chip:
         ----------
         template : Template
         shared : bool
-            Whether A has a mismatch that all cells share; otherwise it has none here.
+            Whether A gets one mismatch that all cells share; if false, A stays exact here.
 
         Raises
         ------
         NotSupportedError
-            If it has nonlinear or delayed couplings, or gains.
+            If the template has nonlinear or delayed couplings, or gains.
         """
         if not template.plain:
             raise NotSupportedError(
@@ -136,12 +136,12 @@ class Chip:
         return replace(template, **changes)
 
     def offsets(self, template: Template, inputs: Floats | None, shape: Shape) -> Floats:
-        """Return the bias that mismatch of B and z adds, (..., layers, rows, cols).
+        """Return the bias that the mismatch of B and z adds, (..., layers, rows, cols).
 
         Parameters
         ----------
         template : Template
-            The programmed one.
+            The template as `programmed` returns it.
         inputs : (..., inputs, rows, cols) float or None
         shape : (rows, cols)
         """
@@ -162,7 +162,7 @@ class Chip:
         return self.mismatch * total
 
     def drawn(self, part: str, size: tuple[int, ...]) -> Floats:
-        """Return the random numbers of a part, the same for a given size at every call."""
+        """Return the standard normal numbers of a part, the same for every call with that size."""
         return np.random.default_rng([self.seed, STREAMS[part]]).standard_normal(size)
 
 

@@ -97,20 +97,20 @@ def _as_later(result: "Result") -> Later:
 
 
 class Proof:
-    """What a proof of a run takes, which is made when it is asked for: see `Certificate`.
+    """Everything that the proof of a run needs; `Certificate` computes it on request.
 
     Parameters
     ----------
     template : Template
     given : mapping of str to array, or sequence of array or None
         The run's maps, (..., maps, rows, cols) by role; or (rows, cols) in the order of `ROLES`.
-        They are kept as they are, so they are the proof's own.
+        They are not copied, so the caller must not change them.
     duration : float or "settle"
         In the unit of `tau`.
     tolerances : (rtol, atol)
     state : (..., rows, cols) or (..., layers, rows, cols) float
     error : (...) float
-        Both of the result.
+        State and error of the result.
     """
 
     __slots__ = ("_given", "_made", "duration", "error", "state", "template", "tolerances")
@@ -191,7 +191,7 @@ class Proven:
 
     @property
     def decision(self) -> Decision:
-        """What is proven of every cell."""
+        """What is proven for every cell."""
         off = self._error[..., np.newaxis, np.newaxis]
         at_rest = np.ones(self._error.shape, dtype=bool)
         return Decision(self._state - off, self._state + off, at_rest)
@@ -202,7 +202,7 @@ class Proven:
 
 
 class Decided:
-    """The proof of outputs that were found without states; what is more comes with the states.
+    """Proof of outputs that were computed without states; further facts need the whole result.
 
     Parameters
     ----------
@@ -232,7 +232,7 @@ class Decided:
 
     @property
     def decision(self) -> Decision:
-        """What is proven of every cell: its output, which stays."""
+        """What is proven for every cell: its output, which no longer changes."""
         y = self._output
         lower = np.where(y > -1.0, np.nextafter(y, -np.inf), -np.inf)
         upper = np.where(y < 1.0, np.nextafter(y, np.inf), np.inf)
@@ -248,10 +248,10 @@ class Decided:
 
 
 ROLES = ("input", "previous", "state", "bias", "mask")
-"""Of the maps of a run, in the order in which they are given."""
+"""Roles of the maps of a run, in the order of the arguments."""
 
 LATER = ("state", "time", "steps", "settled", "error")
-"""Parts of a result that are made when they are read, where its output is known without them."""
+"""Attributes of a result that are computed when read, if its output is known without them."""
 
 FEW = 6
 """Times that a picture shows."""
@@ -265,32 +265,33 @@ class Result(ByContent):
     ----------
     output, state : (..., rows, cols) or (..., layers, rows, cols) float
     time : (...) float
-        Time reached, in the unit of `tau`. For an exact run to equilibrium, this is the longest
-        time that other runs may take. In discrete time it is a whole number of steps: a duration
-        of 0.4 takes one step and reaches 1.
+        Time reached, in the unit of `tau`. For an exact run to equilibrium, this is the time limit
+        that other runs have. In discrete time it is a whole number of steps: a duration of 0.4
+        takes one step and reaches 1.
     steps : (...) int
         Steps taken, including rejected ones; 0 if none were needed.
     settled : (...) bool
         Whether |dx/dt|·τ is below the tolerance in every cell. For a run to equilibrium, whether
-        the equilibrium was reached and is kept; false at an unstable one (`stability`).
+        the equilibrium was reached and is stable (`stability`).
     error : (...) float
         Largest error of the state; `certified` says how it is known. For a run to equilibrium, it
-        is the distance to the equilibrium of the true array, and infinite if that is not shown to
-        be the one. For other runs by steps, it is an estimate: the local errors and roundings of
-        all steps, times a safety factor. For an exact answer, it bounds the roundings. With a
-        delay, it comes from runs with steps of half the length. It is infinite where nothing is
-        known: for fixed steps and discrete time without `estimate=True`, for forced steps, for
-        runs with a delay to one of several equilibria, and where an estimate exceeds 1e30.
+        is the distance to the equilibrium of the true array, and infinite if the run is not shown
+        to lead there. For other runs in steps, it is an estimate: the local errors and rounding
+        errors of all steps, times a safety factor. For an exact solution, it bounds the rounding
+        errors. With a delay, it comes from runs with steps of half the length. It is infinite if
+        nothing is known: for fixed steps and discrete time without `estimate=True`, for forced
+        steps, for runs with a delay to one of several equilibria, and where an estimate exceeds
+        1e30.
     method : str
-        Where it is "decision", the output was found in one pass over the input, and it is proven
-        (`decision`). State, time, steps, settled and error are made by the run itself when one of
-        them is first read.
+        Method of the run. With "decision", the output was computed in one pass over the input and
+        is proven (`decision`); the run that gives state, time, steps, settled and error takes place
+        when one of them is first read.
     reason : str
         Why this method was chosen: why the array is solved exactly, or about how many evaluations
-        of the rates it takes compared with others. The `reference` engine solves far below the
-        tolerance instead, unless the answer is exact or the steps were requested.
+        of the rates the method needs compared with others. The `reference` engine instead solves
+        far below the tolerance, unless an exact solution exists or fixed steps were requested.
     ways : tuple of str
-        How the run was taken, from the outermost way to the innermost: "chip", "batch", "times",
+        The strategies of the run, from the outermost to the innermost: "chip", "batch", "times",
         "decided", "prepared", "wavefront", "compared", "settling", "halved", "implicit", "linear"
         and "plain".
     """
@@ -318,7 +319,7 @@ class Result(ByContent):
     def of_output(
         cls, output: Floats, method: str, reason: str, later: Later, proof: Decided
     ) -> "Result":
-        """Return a result whose output is known and whose other parts are computed later."""
+        """Return a result whose output is known and whose other attributes are computed later."""
         output.flags.writeable = False
         result = cls.__new__(cls)
         known = {"output": output, "method": method, "reason": reason, "times": (), "ways": ()}
@@ -343,16 +344,17 @@ class Result(ByContent):
     def certified(self) -> NDArray[np.str_]:
         """How the `error` of each frame is known, (...): "proven", "estimated" or "unknown".
 
-        * "proven": the true array, in exact arithmetic and from this start, is within `error` of
-          `state` at the end, or comes to an equilibrium that is. An enclosure of its trajectory,
-          independent of the run, shows this.
-        * "estimated": `error` is finite, and no proof was found. For a run to equilibrium it is
+        * "proven": in exact arithmetic, the array comes from this initial state to within `error`
+          of `state` at the end, or to an equilibrium that lies so near. An enclosure of its
+          trajectory, independent of the run, shows this.
+        * "estimated": `error` is finite, but no proof was found. For a run to equilibrium, it is
           proven that all states within the estimated error lead to one equilibrium, and how far
           away that is.
         * "unknown": `error` is infinite.
 
-        This is computed on first use, which takes from a tenth of a second per frame of a small
-        array to a minute. Runs `at` times, of template batches and in whole numbers are not proven.
+        The value is computed on first use, which takes from a tenth of a second per frame of a
+        small array to a minute. Runs `at` times, of template batches and in whole numbers are not
+        proven.
         """
         if self.proof is None:
             return np.where(np.isfinite(self.error), "estimated", "unknown")
@@ -363,8 +365,8 @@ class Result(ByContent):
         """Stability of the equilibrium at `state`, (...): "stable", "unstable" or "unknown".
 
         An unstable equilibrium is a saddle or a source: an array that starts on it may stay there,
-        but leaves it at the slightest disturbance. "unknown" also means that no equilibrium is
-        near.
+        but leaves it at the slightest disturbance. "unknown" is also the answer if no equilibrium
+        is near.
         """
         if self.proof is None:
             return np.full(np.shape(self.error), "unknown")
@@ -374,8 +376,8 @@ class Result(ByContent):
     def decision(self) -> Decision:
         """What is proven for each cell: bounds, sign, saturation, and whether outputs are at rest.
 
-        Computed on first use, as `certified` is. Long runs cost less here than in `error`, because
-        saturated cells add nothing.
+        The value is computed on first use, as that of `certified`. In long runs, these bounds widen
+        less than `error` does, because saturated cells add nothing.
         """
         if self.proof is None:
             wide = np.full(self.state.shape, np.inf)
@@ -399,9 +401,9 @@ class Result(ByContent):
         ]
 
     def maps(self) -> dict[str, Floats]:
-        """Return the (rows, cols) output and state of the first array and layer.
+        """Return the output and state of the first array and layer, (rows, cols) each, by name.
 
-        For a run `at` times, these are its outputs at a few of them.
+        For a run `at` times, these are its outputs at a few of the times.
         """
         if self.times:
             first = self.output.reshape(len(self.times), -1, *self.output.shape[-2:])[:, 0]
@@ -421,9 +423,9 @@ class Result(ByContent):
         return sharing.maps(self.maps(), ax)
 
     def to_xarray(self) -> Any:
-        """Return an `xarray.Dataset` of output, state and figures (extra `tables`).
+        """Return an `xarray.Dataset` of output, state and statistics (extra `tables`).
 
-        A run `at` times has these as its coordinate "tau".
+        For a run `at` times, these are the coordinate "tau".
         """
         batch = [f"batch_{n}" for n in range(np.ndim(self.time) - bool(self.times))]
         lead = ["tau", *batch] if self.times else batch

@@ -154,15 +154,15 @@ def _kernels(template: Template, part: str, own: Floats, values: Floats) -> Floa
 class TemplateBatch(ByContent):
     """Templates that differ only in their numbers, so that they run in one launch.
 
-    Leading axes of the numbers broadcast with each other, and in a run with those of its arrays:
-    weights of (n, 1, k, k) and inputs of (m, rows, cols) are n × m runs.
+    The leading axes of the numbers broadcast with each other and, in a run, with those of its
+    arrays: weights of shape (n, 1, k, k) and inputs of shape (m, rows, cols) make n × m runs.
 
     Parameters
     ----------
     template : Template or str
-        A template, or the name of one of the library. It supplies the numbers that are left out
-        and everything else: boundaries, initial state, duration, output, tables of nonlinear
-        couplings, times of gains.
+        A template, or the name of a template in the library. It supplies the numbers that are left
+        out and everything else: boundaries, initial state, duration, output function, tables of
+        nonlinear couplings, times of gains.
     A : (..., k, k) or (..., layers, layers, k, k) float, optional
     B : (..., k, k) or (..., layers, inputs, k, k) float, optional
     z, tau : (...) or (..., layers) float, optional
@@ -171,23 +171,22 @@ class TemplateBatch(ByContent):
         Delay of the delayed couplings, in the unit of tau.
     delayed_A, delayed_B : like `A` and `B`, optional
     nonlinear : sequence of ((..., k, k) float or None), optional
-        Weights of each nonlinear coupling, in their order.
+        Weights of the nonlinear couplings, in their order.
     gains : sequence of ((..., points) float or None), optional
-        Values of each gain at the times of its table, in their order.
+        Values of the gains at the times of their tables, in their order.
 
     Attributes
     ----------
     template : Template
     parts : mapping of str to array
-        All numbers by their name, such as "A", "delayed A" and "gain 1", each with its own leading
-        axes.
+        All numbers by name, such as "A", "delayed A" and "gain 1", each with its own leading axes.
     lead : tuple of int
-        The leading axes that all numbers broadcast to.
+        Leading axes to which all numbers broadcast.
 
     Raises
     ------
     TemplateError
-        If shapes do not fit, a τ or delay is not positive, or the template lacks such a part.
+        If shapes do not fit, a τ or delay is not positive, or the template has no such part.
     """
 
     template: Template
@@ -233,7 +232,7 @@ class TemplateBatch(ByContent):
         Raises
         ------
         TemplateError
-            If there is none, or they differ in more than their numbers.
+            If there is no template, or the templates differ in more than their numbers.
         """
         expect("templates", templates, Sequence, TemplateError)
         if not templates:
@@ -264,7 +263,7 @@ class TemplateBatch(ByContent):
         return math.prod(self.lead)
 
     def flat(self, lead: tuple[int, ...]) -> dict[str, Floats]:
-        """Return the numbers of every run of the batch, to which the weights broadcast.
+        """Return the numbers of every run, for leading axes to which those of the batch broadcast.
 
         Returns
         -------

@@ -59,17 +59,18 @@ class NonlinearCoupling:
     weights : (k, k) float
         Correlation weights; 1 where a template file has the function's letter.
     function : Table or PairFunction
-        A `PairFunction` sees both quantities as they are, so it needs a centre and no flags.
+        A `PairFunction` takes both quantities themselves, so it needs a centre and allows neither
+        `times_argument` nor `reversed_sign`.
     neighbour : "x", "y" or "u"
         y for a nonlinear A, u for a nonlinear B; any of them in a generalised D.
     centre : "x", "y", "u" or None
-        None: the argument is the neighbour's quantity alone.
+        If None, the argument is the neighbour's quantity alone.
     times_argument : bool
         Multiply f(argument) by the argument (the D form ``x-x#x-x``).
     reversed_sign : bool
         The argument is neighbour − centre.
     to, source : int
-        Layer that it acts on; layer (or input) of the neighbour.
+        Layer that the coupling acts on, and layer (or input) of the neighbour.
     centre_source : int
         Layer (or input) of the centre's quantity.
     """
@@ -105,12 +106,12 @@ class NonlinearCoupling:
 
     @property
     def table(self) -> Table:
-        """The function, where it is a table.
+        """The function, which must be a table.
 
         Raises
         ------
         NotSupportedError
-            If it is a function of two cells, which files and tables of numbers cannot hold.
+            If it is a `PairFunction`, which template files cannot hold.
         """
         if isinstance(self.function, Table):
             return self.function
@@ -141,20 +142,20 @@ class NonlinearCoupling:
 
     @property
     def static(self) -> bool:
-        """Whether it reads inputs alone, so that it is part of the cells' drive."""
+        """Whether the coupling reads inputs only, so that it is part of the drive."""
         return self.neighbour == "u" and self.centre in ("u", None)
 
     @property
     def jumps(self) -> bool:
-        """Whether it can make the rates of the cells jump."""
+        """Whether the coupling can make the rates of the cells discontinuous."""
         steps = isinstance(self.function, Table) and self.function.interpolation == "constant"
         return steps and not self.static
 
     @property
     def stiffness(self) -> float:
-        """A bound on the share of the coupling in a row of the Jacobian, centre and neighbours.
+        """Bound on what the coupling adds to a row of the Jacobian, summed over its cells.
 
-        Steps have no slope; their effect is bounded by their values.
+        Piecewise constant tables have no slope; their effect is bounded by their values.
         """
         if self.static:
             return 0.0
@@ -229,7 +230,7 @@ class Gain:
     Attributes
     ----------
     to, source : int
-        The couplings A[to, source].
+        Layers of the couplings A[to, source] that are scaled.
     table : Table
         Factor over the time since the start, in the unit of tau.
     """

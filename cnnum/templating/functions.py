@@ -17,16 +17,16 @@ Interpolation = Literal["constant", "linear"]
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """A function given by points (v_k, f_k), as the CNN Software Library writes them.
+    """Function given by points (v_k, f_k), as in the CNN Software Library.
 
-    * "constant": f_k holds for v_{k−1} < v ≤ v_k; f_1 before the first point, the last beyond.
-    * "linear": straight lines between the points, the end values beyond them.
+    * "constant": f_k for v_{k−1} < v ≤ v_k, f_1 before the first point, the last value beyond it.
+    * "linear": straight lines between the points, constant beyond the first and the last.
 
     Attributes
     ----------
     interpolation : "constant" or "linear"
     points : tuple of (v, f)
-        v strictly increasing; at least one point.
+        At least one point, with v strictly increasing.
 
     Raises
     ------
@@ -57,7 +57,7 @@ class Table:
 
     @classmethod
     def of(cls, interpolation: str, points: Sequence[Sequence[float]]) -> "Table":
-        """Return the table of a list of pairs.
+        """Return a table with the given points, a sequence of pairs (v, f).
 
         Raises
         ------
@@ -97,7 +97,7 @@ class Table:
 
     @property
     def steepest(self) -> float:
-        """The largest slope of the straight lines; 0 for steps, which have none to speak of."""
+        """The largest magnitude of the slope between points; 0 for a piecewise constant table."""
         if self.interpolation == "constant" or len(self.points) < 2:
             return 0.0
         places, values = np.array(self.points).T
@@ -105,7 +105,7 @@ class Table:
 
     @property
     def largest(self) -> float:
-        """The largest size of the function's values."""
+        """The largest magnitude of the function's values."""
         return max(abs(f) for _, f in self.points)
 
 
@@ -119,29 +119,29 @@ class OutputFunction:
     Attributes
     ----------
     name : str
-        As template files say it.
+        Name in template files.
     numpy : callable
         f on an array.
     opencl : str
-        f as an OpenCL C expression of `x`; `ONE` is 1 in the kernel's own type, `R(0.5)` another
-        number.
+        f as an OpenCL C expression of `x`. `ONE` is 1 in the kernel's own type, and `R(0.5)` is
+        how other constants are written.
     linear : bool
         f(x) = x everywhere, so that the array is a linear system.
     limited : bool
         The state itself is kept within [−1, 1] (full-range model).
     discrete : bool
-        The array runs in discrete time, one step a time constant (DT-CNN).
+        The array runs in discrete time, one step per time constant (DT-CNN).
     slope : (float, float)
-        The least and the largest f' of a function that runs in continuous time. Bounds of rates,
-        steps and errors follow from it.
+        The smallest and the largest f' of a function that runs in continuous time, from which the
+        bounds on rates, steps and errors are derived.
     smooth : bool
-        Whether f' changes steadily, so that no step meets a bend.
+        Whether f' is continuous, so that no step meets a kink.
 
     Raises
     ------
     TemplateError
-        If the name is not one line of plain signs, or the OpenCL form no expression of x. Or if the
-        slopes are no two finite numbers in order.
+        If the name is not one line of letters, digits and common signs, the OpenCL form is not an
+        expression of x, or the slopes are not two finite numbers in order.
     """
 
     name: str
@@ -174,7 +174,7 @@ class OutputFunction:
 
     @property
     def saturates(self) -> bool:
-        """Whether f' lies between 0 and 1, as the bounds of symmetric arrays need it."""
+        """Whether f' lies between 0 and 1, as the bounds for symmetric arrays require."""
         return self.slope[0] >= 0.0 and self.slope[1] <= 1.0
 
     @property
@@ -243,7 +243,7 @@ _PAIR_NUMBERS = count()
 
 @dataclass(frozen=True, slots=True)
 class PairFunction:
-    """A function of the centre's quantity c and the neighbour's n, in the forms engines need.
+    """Function of the centre's quantity c and the neighbour's n, in the forms that engines need.
 
     Attributes
     ----------
@@ -251,16 +251,16 @@ class PairFunction:
     numpy : callable
         f(c, n) on arrays that broadcast.
     opencl : str
-        f as an OpenCL C expression of `c` and `n`, with the words of an `OutputFunction`'s.
+        f as an OpenCL C expression of `c` and `n`, written as for an `OutputFunction`.
     slope : float
-        A bound on |∂f/∂c| + |∂f/∂n| over the values that the two quantities take. Bounds of steps
-        and of errors follow from it.
+        Bound on |∂f/∂c| + |∂f/∂n| over the values that the two quantities take, from which the
+        bounds on steps and errors are derived.
 
     Raises
     ------
     TemplateError
-        If the name is not one line of plain signs, or the OpenCL form no expression of `c` and
-        `n`. Or if the slope is no finite number from 0 up.
+        If the name is not one line of letters, digits and common signs, the OpenCL form is not an
+        expression of `c` and `n`, or the slope is not a finite number of at least 0.
     """
 
     name: str

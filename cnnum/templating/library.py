@@ -20,12 +20,12 @@ _SUFFIX = ".toml"
 
 
 def get_template(name: str) -> Template:
-    """Return the library's template of that name; case does not matter, aliases count.
+    """Return the library's template of that name or alias, regardless of case.
 
     Raises
     ------
     UnknownNameError
-        If there is none; the sentence names the nearest ones.
+        If the library has no template of that name; the message suggests similar names.
     """
     return _load(template_path(name)).template
 

@@ -35,7 +35,7 @@ LEAST_TAU = 1e-150
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """Check that a template must pass: the name of a closed form and its parameters."""
+    """The check that a template must pass: the name of a closed form and its parameters."""
 
     name: str
     parameters: tuple[tuple[str, float | str], ...] = ()
@@ -46,7 +46,7 @@ class Template:
     """A CNN template with its boundary, initial state and duration.
 
     Two templates are equal if their names and all numbers that affect a run are equal; `digest`
-    represents these numbers. `dataclasses.replace` returns a copy with some parts replaced.
+    identifies these numbers. `dataclasses.replace` returns a copy with some parts replaced.
 
     Parameters
     ----------
@@ -59,8 +59,8 @@ class Template:
     z : float or (layers,) float
         Bias.
     tau : float or (layers,) float
-        Time constant of a layer, in a unit of your choice. Durations, steps, delays and the tables
-        of gains are in the same unit, so in time constants if tau is 1.
+        Time constant of each layer, in a unit of your choice. Durations, steps, delays and the
+        tables of gains are in the same unit, that is, in time constants if tau is 1.
     boundary : float, "zero-flux" or "periodic"
         State of the virtual cells beyond the rim.
     input_boundary : float, "zero-flux" or "periodic", optional
@@ -77,17 +77,17 @@ class Template:
     delayed : DelayedCoupling, optional
     gains : sequence of Gain
     description, source : str
-        Its purpose, and the source of the numbers.
+        Purpose of the template, and source of its numbers.
     check : Check, optional
-        The closed form it is checked against.
+        The closed form that the template is checked against.
     needs_state : bool
-        Whether the initial state is a picture that a run should be given, as the second operand of
-        LOGAND is: a run without one then says so. It changes no number of a run.
+        Whether the initial state is a picture that a run should be given, such as the second
+        operand of LOGAND: a run without one then warns. It does not affect the result.
 
     Raises
     ------
     TemplateError
-        If the parts do not fit together, or one is of another type.
+        If the parts do not fit together, or one has the wrong type.
     UnknownNameError
         If there is no such output function.
     """
@@ -284,7 +284,7 @@ class Template:
 
     @property
     def plain(self) -> bool:
-        """Whether all couplings are linear, at once, and constant in time."""
+        """Whether all couplings are linear, without delay and constant in time."""
         return not self.nonlinear and self.delayed is None and not self.gains
 
     def without_state(self) -> str:
@@ -298,7 +298,7 @@ class Template:
         )
 
     def timed(self, time: float, digits: int = 6) -> str:
-        """Return a time in words, in units of τ where every time constant is 1.
+        """Return a time as text, in units of τ if every time constant is 1.
 
         Parameters
         ----------
@@ -311,7 +311,7 @@ class Template:
 
     @property
     def unit_of_time(self) -> str:
-        """Unit of durations, steps and delays in words: τ if every time constant is 1."""
+        """Unit of durations, steps and delays as text: τ if every time constant is 1."""
         return "τ" if (self.tau == 1.0).all() else "(unit of τ)"
 
     def _repr_html_(self) -> str:

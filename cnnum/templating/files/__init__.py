@@ -37,23 +37,24 @@ __all__ = [
 
 
 def load_template(path: str | PathLike[str], *, strict: bool = False) -> Template:
-    """Return the template that a file describes; its suffix gives the format.
+    """Load a template from a file whose suffix gives the format.
 
-    What a file of another program leaves open is guessed, and each guess is logged by the logger
-    "cnnum".
+    Whatever a file of another program leaves open is guessed, and each guess is logged by the
+    logger "cnnum".
 
     Parameters
     ----------
     path : path
     strict : bool
-        Whether to refuse a file in which something is guessed.
+        Whether to raise an error instead of guessing.
 
     Raises
     ------
     TemplateFileError
         If the file cannot be read.
     TemplateError
-        If the suffix is unknown, or the content is not a template; names the file and the key.
+        If the suffix is unknown, or the content is not a template; the message names the file and
+        the key.
     """
     return load_entry(path, strict=strict).template
 
@@ -146,7 +147,7 @@ def save_template(
     aliases: Iterable[str] = (),
     force: bool = False,
 ) -> None:
-    """Write a template to a file, whole or not at all.
+    """Write a template to a file, completely or not at all.
 
     Parameters
     ----------
@@ -155,16 +156,16 @@ def save_template(
     path : path
         Its suffix gives the format.
     aliases : iterable of str
-        Other names that the library finds it by.
+        Other names by which the library finds the template.
     force : bool
-        Whether an existing file is replaced.
+        Whether to replace an existing file.
 
     Raises
     ------
     TemplateFileError
-        If there is such a file, or it cannot be written.
+        If the file exists already, or cannot be written.
     TemplateError
-        If the suffix is unknown, or a text of the template has no UTF-8 form.
+        If the suffix is unknown, or a text of the template cannot be encoded as UTF-8.
     """
     from cnnum.templating.library import as_template  # it reads files by this module
 
