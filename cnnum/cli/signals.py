@@ -2,7 +2,7 @@
 
 import signal
 import threading
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from types import FrameType
 from typing import Any
@@ -58,13 +58,38 @@ def stoppable() -> Generator[Stop, None, None]:
     background, and so does `nohup`.
     """
     stop = Stop()
-    heeded = [
+    with handled(stop, signal.SIGTERM, *_heeded()):
+        yield stop
+
+
+def _heeded() -> list[signal.Signals]:
+    return [
         number
         for number in (signal.SIGINT, _HANG_UP)
         if number is not None and signal.getsignal(number) is not signal.SIG_IGN
     ]
-    with handled(stop, signal.SIGTERM, *heeded):
-        yield stop
+
+
+@contextmanager
+def stop_wanted() -> Generator[Callable[[], bool], None, None]:
+    """Note Ctrl-C, SIGTERM and SIGHUP in the block, which ends at its next good place.
+
+    Yields
+    ------
+    callable
+        Whether that is wanted. A second signal ends the block at once, as Ctrl-C does.
+    """
+    wanted = False
+
+    def note(_number: int, _frame: FrameType | None) -> None:
+        nonlocal wanted
+        if wanted:
+            raise KeyboardInterrupt
+        wanted = True
+        click.echo("Stopping at the next step; a second Ctrl-C ends at once.", err=True)
+
+    with handled(note, signal.SIGTERM, *_heeded()):
+        yield lambda: wanted
 
 
 @contextmanager

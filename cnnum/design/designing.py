@@ -18,16 +18,25 @@ from cnnum.design.linear_program import (
     as_template,
     equalities,
     separate,
+    separate_wide,
     settle_bound,
 )
-from cnnum.design.local_rules import Seen, Table, check_of, example_table, rule_table
-from cnnum.design.search import Search, search
+from cnnum.design.local_rules import (
+    Seen,
+    Table,
+    WideRule,
+    check_of,
+    example_table,
+    rule_table,
+)
+from cnnum.design.search import Search, Watch, go_on, search
 from cnnum.design.worst_case import worst_case
 from cnnum.errors import MethodError, TemplateError
 from cnnum.safety.reading import LARGEST, parse_toml, read_text
 from cnnum.safety.values import checked_name
 from cnnum.templating.checks.registry import form_of
 from cnnum.templating.checks.robustness import flips
+from cnnum.templating.checks.rules import reads_wide
 from cnnum.templating.checks.running import Engine, measure
 from cnnum.templating.files import toml_values as toml
 from cnnum.templating.files.entry import About, Entry, FlipRate, Proof
@@ -401,8 +410,16 @@ class Designed:
     table: Table | None
 
 
-def designed(spec: Spec, engine: Engine) -> tuple[Designed, ...]:
+def designed(spec: Spec, engine: Engine, watch: Watch = go_on) -> tuple[Designed, ...]:
     """Return the templates of a specification: one, or a sequence where it may be split.
+
+    Parameters
+    ----------
+    spec : Spec
+    engine : Engine
+    watch : callable
+        Is given the `Advance` of a long design, and says whether it goes on. Where it does not, a
+        search or a lesson returns its best template so far.
 
     Raises
     ------
@@ -410,28 +427,28 @@ def designed(spec: Spec, engine: Engine) -> tuple[Designed, ...]:
         If no template can do the job; the sentence says why.
     """
     if spec.search:
-        return (_searched(spec, engine),)
+        return (_searched(spec, engine, watch),)
     if spec.learn:
-        return (_learned(spec, engine),)
-    return tuple(_proved(spec, engine, *part) for part in _parts(spec))
+        return (_learned(spec, engine, watch),)
+    return tuple(_proved(spec, engine, *part) for part in _parts(spec, watch))
 
 
-def _searched(spec: Spec, engine: Engine) -> Designed:
+def _searched(spec: Spec, engine: Engine, watch: Watch) -> Designed:
     """Return the template of a search, whose proof is counted and no bound."""
     options: dict[str, Any] = dict(spec.search)
     form = replace(get_template(str(options.pop("like"))), name=spec.name)
-    result = search(Search(form, **options), engine)
+    result = search(Search(form, **options), engine, watch)
     return _counted(spec, engine, result.template, SOURCE, "search", result.evaluations)
 
 
-def _learned(spec: Spec, engine: Engine) -> Designed:
+def _learned(spec: Spec, engine: Engine, watch: Watch) -> Designed:
     """Return the template that gradients lead to, whose proof is counted and no bound."""
     options: dict[str, Any] = dict(spec.learn)
     form = replace(get_template(str(options.pop("like"))), name=spec.name)
     ways = {key: options.pop(key) for key in ("step", "duration") if key in options}
     lesson = replace(lesson_of(form, spec.examples), **ways)
-    result = learn(lesson, **options)
-    if result.loss > NEAR:
+    result = learn(lesson, **options, watch=watch)
+    if result.loss > NEAR and not result.stopped:
         raise TemplateError(
             f"'{spec.name}' is not learned: the mean squared error ends at {result.loss:.3g}, "
             f"expected {NEAR:g} at most; take more restarts, or another form."
@@ -455,9 +472,14 @@ def _counted(
     return Designed(entry, None, None)
 
 
-def _parts(spec: Spec) -> Iterator[tuple[Template, Weights, Table]]:
-    table = spec.table()
-    separation = separate(table)
+def _parts(spec: Spec, watch: Watch) -> Iterator[tuple[Template, Weights, Table]]:
+    wide = reads_wide(spec.rule) and not (spec.still or spec.split)
+    if wide:
+        rule = WideRule(spec.rule, spec.avoid, spec.name)
+        separation, table = separate_wide(rule, watch=watch)
+    else:
+        table = spec.table()
+        separation = separate(table)
     if isinstance(separation, Weights):
         yield (
             _template(spec, spec.name, separation, spec.description, _check(spec, separation)),
@@ -466,9 +488,10 @@ def _parts(spec: Spec) -> Iterator[tuple[Template, Weights, Table]]:
         )
         return
     if not spec.split:
+        cure = "set split = true in [design] for a sequence of templates, or let it see more"
         raise TemplateError(
-            f"No single template does '{spec.name}': {separation.why} ({_shown(separation)}); set "
-            "split = true in [design] for a sequence of templates, or let it see more."
+            f"No single template does '{spec.name}': {separation.why} ({_shown(separation)}); "
+            f"{'write a sequence of rules that are linear sums' if wide else cure}."
         )
     steps = sequence(table)
     for n, (weights, part) in enumerate(steps, 1):
@@ -549,14 +572,20 @@ def _rates(spec: Spec, template: Template, engine: Engine) -> tuple[FlipRate, ..
     )
 
 
+def _place(seen: Seen) -> str:
+    if seen.source == "before":
+        return "before"
+    near = max(abs(seen.down), abs(seen.east)) <= 1
+    return PLACES[3 * (seen.down + 1) + seen.east + 1] if near else f"[{seen.down}, {seen.east}]"
+
+
 def _shown(conflict: Conflict) -> str:
     """Return one neighbourhood of each colour, by the cells that it sees."""
     result = list[str]()
     for colour, word in ((1.0, "black"), (-1.0, "white")):
         signs = conflict.signs[np.flatnonzero(conflict.colours == colour)[0]]
         seen = " ".join(
-            f"{PLACES[3 * (s.down + 1) + s.east + 1] if s.source != 'before' else 'before'}="
-            f"{'#' if sign > 0.0 else 'o'}"
+            f"{_place(s)}={'#' if sign > 0.0 else 'o'}"
             for s, sign in zip(conflict.seen, signs, strict=True)
         )
         result.append(f"{word} at {seen}")

@@ -26,7 +26,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import minimize
 
 from cnnum.arrays import Floats, Shape, finite
-from cnnum.design.search import Group, groups_of, with_weights
+from cnnum.design.search import Advance, Group, Watch, go_on, groups_of, with_weights
 from cnnum.errors import SizeError, TemplateError
 from cnnum.integrators.tableau import EULER, HEUN, RK4, ButcherTableau
 from cnnum.templating.boundary import Boundary, rim_copies
@@ -640,11 +640,14 @@ class Learned:
         Mean squared error, and the term that shrinks weights.
     evaluations : int
         Runs with their gradients.
+    stopped : bool
+        Whether it was stopped before its end.
     """
 
     template: Template
     loss: float
     evaluations: int
+    stopped: bool = False
 
 
 def learn(
@@ -655,6 +658,7 @@ def learn(
     enough: float = 0.0,
     seed: int = 0,
     from_form: bool = False,
+    watch: Watch = go_on,
 ) -> Learned:
     """Return the template of the least loss that gradients lead to.
 
@@ -670,6 +674,8 @@ def learn(
     seed : int
     from_form : bool
         The first start is from the form's own numbers.
+    watch : callable
+        Is given each run, and ends the lesson by False.
 
     Raises
     ------
@@ -681,6 +687,14 @@ def learn(
     loss, hard = Loss(lesson), lesson.form.output.name == "standard"
     soft: Loss | None = None  # made for the second start, which few lessons come to
     rng, best, evaluations = np.random.default_rng(seed), (np.inf, np.zeros(0)), 0
+    stopped = False
+
+    def watched(loss: float) -> bool:
+        nonlocal stopped
+        least = min(best[0], loss)
+        stopped = not watch(Advance(restart + 1, restarts, "start", least, "least error"))
+        return not stopped
+
     for restart in range(restarts):
         start = 0.5 * rng.normal(size=len(loss.groups))
         if from_form and restart == 0:
@@ -689,23 +703,23 @@ def learn(
             if soft is None:
                 smooth = replace(lesson.form, output=output_function("tanh"))
                 soft = Loss(replace(lesson, form=smooth))
-            _, start, count = _descended(soft, start, iterations, 0.0)
+            _, start, count = _descended(soft, start, iterations, 0.0, lambda _: watched(np.inf))
             evaluations += count
-        least, weights, count = _descended(loss, start, iterations, enough)
+        least, weights, count = _descended(loss, start, iterations, enough, watched)
         evaluations += count
         if least < best[0]:
             best = (least, weights)
-        if best[0] <= enough:
+        if best[0] <= enough or stopped:
             break
     if best[0] >= LARGEST:
         raise TemplateError(
             f"Every start of '{lesson.form.name}' diverges: use a shorter duration or step."
         )
-    return Learned(with_weights(lesson.form, loss.groups, best[1]), best[0], evaluations)
+    return Learned(with_weights(lesson.form, loss.groups, best[1]), best[0], evaluations, stopped)
 
 
 def _descended(
-    loss: Loss, start: Floats, iterations: int, enough: float
+    loss: Loss, start: Floats, iterations: int, enough: float, watched: Callable[[float], bool]
 ) -> tuple[float, Floats, int]:
     """Return the least loss from a start, its weights, and how often it was asked."""
     best, count = (np.inf, start), 0
@@ -716,7 +730,7 @@ def _descended(
         result, slopes = loss(weights)
         if result < best[0]:
             best = (result, weights.copy())
-        if result <= enough:
+        if result <= enough or not watched(best[0]):
             raise StopIteration
         return result, slopes
 

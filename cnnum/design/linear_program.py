@@ -17,7 +17,8 @@ from fractions import Fraction
 import numpy as np
 
 from cnnum.arrays import Floats
-from cnnum.design.local_rules import NINE, Seen, Source, Table
+from cnnum.design.local_rules import FIVE, NINE, Seen, Source, Table, WideRule
+from cnnum.design.search import Advance, Watch, go_on
 from cnnum.errors import TemplateError
 from cnnum.templating.template import Check, Initial, Template
 
@@ -137,6 +138,53 @@ def separate(table: Table, *, symmetric: bool = True) -> Weights | Conflict:
         return conflict(table)
     values = (at[:columns] - at[columns : 2 * columns]) / margin
     return _weights(table, signed, values, _bound(table, shares, signed, symmetric=symmetric))
+
+
+NEAR = 1e-9
+"""Of the margin, by which a neighbourhood that was not drawn may be narrower."""
+
+
+def separate_wide(
+    rule: WideRule, *, seed: int = 0, watch: Watch = go_on
+) -> tuple[Weights | Conflict, Table]:
+    """Return the weights of the largest relative margin for a rule of 5×5 cells, and their table.
+
+    The linear program sees drawn neighbourhoods. A search through all of them for the narrowest one
+    then either proves its margin, or gives it neighbourhoods to see as well (cutting planes,
+    Kelley 1960). A bound for some neighbourhoods is one for all.
+
+    Parameters
+    ----------
+    rule : WideRule
+    seed : int
+    watch : callable
+        Is given the margin over all neighbourhoods, of 1 over those seen.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        If `watch` ends it: weights are right at its end alone.
+    """
+    table, turn = rule.drawn(np.random.default_rng(seed)), 0
+    while True:
+        turn += 1
+        result = separate(table)
+        if isinstance(result, Conflict):
+            return result, table
+        worst = rule.table(rule.narrowest(result.values))
+        margin = float((worst.colours * result.sums(worst)).min())
+        if margin >= 1.0 - NEAR:
+            return result, table
+        if not watch(Advance(turn, None, "round", margin, "margin proven, of 1,")):
+            raise KeyboardInterrupt
+        signs = np.concatenate([table.signs, worst.signs])
+        colours = np.concatenate([table.colours, worst.colours])
+        table = Table(table.seen, *_without_repeats(signs, colours))
+
+
+def _without_repeats(signs: Floats, colours: Floats) -> tuple[Floats, Floats]:
+    rows, first = np.unique(signs, axis=0, return_index=True)
+    return rows, colours[first]
 
 
 def conflict(table: Table) -> Conflict:
@@ -272,10 +320,10 @@ def as_template(weights: Weights, shape: Shape) -> Template:
     """Return the template of weights; it rests after a run of its duration."""
     scale = shape.margin
     coupled = any(seen.source == "y" for seen in weights.seen)
-    feedback, control = (
-        scale * np.array([weights.of(source, *place) for place in NINE]).reshape(3, 3)
-        for source in ("y", "u")
-    )
+    places = FIVE if any(max(abs(seen.down), abs(seen.east)) > 1 for seen in weights.seen) else NINE
+    side = round(math.sqrt(len(places)))
+    feedback = scale * np.array([weights.of("y", *at) for at in NINE]).reshape(3, 3)
+    control = scale * np.array([weights.of("u", *at) for at in places]).reshape(side, side)
     before = scale * weights.of("before")
     feedback[1, 1] += 1.0 + (0.0 if coupled else before or HELD)
     return Template(

@@ -13,13 +13,28 @@ from cnnum.errors import TemplateError
 from cnnum.templating.boundary import parse_boundary
 from cnnum.templating.checks.records import Case
 from cnnum.templating.checks.registry import form_of
-from cnnum.templating.checks.rules import Neighbourhood, Rule, reads_wide
+from cnnum.templating.checks.rules import (
+    CELLS,
+    SIDE,
+    LinearCase,
+    Neighbourhood,
+    Rule,
+    TooTangledError,
+    both,
+    cases_of,
+    narrowest,
+    reads_wide,
+)
 from cnnum.templating.template import Check, Template
 
 Source = Literal["u", "y", "before"]
 
 WHITE = parse_boundary(-1.0)
 NINE = tuple((down, east) for down in (-1, 0, 1) for east in (-1, 0, 1))
+FIVE = tuple((down, east) for down in range(-2, 3) for east in range(-2, 3))
+
+DRAWN = 150
+"""Neighbourhoods of 5×5 cells that the table of a rule begins with, before mirrors and turns."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,8 +138,11 @@ def rule_table(
     TemplateError
         If the text is no rule, or holds everywhere or nowhere, or reads too many cells.
     """
-    if reads_wide(rule):
-        raise TemplateError(f"The rule '{rule}' reads 5×5 cells, but a design supports only 3×3.")
+    if reads_wide(rule) or reads_wide(avoid):
+        raise TemplateError(
+            f"The rule '{rule}' reads 5×5 cells, whose neighbourhoods are too many for a table: "
+            "a single template is designed for it, by a rule that is applied once."
+        )
     if "u_ring" in rule:
         raise TemplateError(
             f"The rule '{rule}' counts black input cells in the neighbourhood, but a design "
@@ -146,6 +164,93 @@ def rule_table(
     colours = np.where(held(rule), 1.0, -1.0)
     table = Table(seen, signs[~free], colours[~free])
     return table if whole else table.without_idle()
+
+
+class WideRule:
+    """A rule of 5×5 cells, whose 2²⁵ neighbourhoods are drawn and searched, not listed.
+
+    Parameters
+    ----------
+    rule, avoid, name : str
+        As `rule_table` takes them.
+
+    Raises
+    ------
+    TemplateError
+        If the text is no rule, or is not made of sums of cells that are compared.
+    """
+
+    def __init__(self, rule: str, avoid: str = "", name: str = "design") -> None:
+        self._rule, self._avoid = Rule(name, rule), Rule(name, avoid) if avoid else None
+        before = [Seen("before")] * ("before" in rule + avoid)
+        self.seen = (*(Seen("u", *place) for place in FIVE), *before)
+        self._colours(np.ones((1, len(self.seen))))  # refuses names that the language lacks
+        try:
+            self._cases = {colour: self._cases_of(colour) for colour in (-1.0, 1.0)}
+        except TooTangledError:
+            raise TemplateError(
+                f"The rule '{rule}' of 5×5 cells cannot be searched for its narrowest "
+                "neighbourhood: write it as a few comparisons of sums, such as c and ring24 > 5."
+            ) from None
+
+    def _cases_of(self, colour: float) -> list[LinearCase]:
+        cases = cases_of(self._rule, holds=colour > 0.0)
+        return both(cases, cases_of(self._avoid, holds=False)) if self._avoid else cases
+
+    def drawn(self, rng: np.random.Generator) -> Table:
+        """Return the table of neighbourhoods of all densities, and their mirrors and turns.
+
+        Others are added that each set of inequalities of the rule has, however rare it is.
+        """
+        share = rng.random((DRAWN, 1))
+        drawn = np.where(rng.random((DRAWN, len(self.seen))) < share, 1.0, -1.0)
+        rare = [self.narrowest(rng.normal(size=len(self.seen))) for _ in range(4)]
+        return self.table(np.concatenate([drawn, *rare]))
+
+    def table(self, signs: Floats) -> Table:
+        """Return the table of some neighbourhoods, their mirrors and turns, each once."""
+        cells = signs[:, :CELLS].reshape(-1, SIDE, SIDE)
+        turned = [np.rot90(side, n, (1, 2)) for side in (cells, cells[..., ::-1]) for n in range(4)]
+        images = np.concatenate([image.reshape(-1, CELLS) for image in turned])
+        rows = np.unique(np.column_stack([images, np.tile(signs[:, CELLS:], (8, 1))]), axis=0)
+        colours = self._colours(rows)
+        return Table(self.seen, rows[colours != 0.0], colours[colours != 0.0])
+
+    def _colours(self, signs: Floats) -> Floats:
+        black = signs[:, :CELLS].reshape(-1, SIDE, SIDE) > 0.0
+        state = signs[:, -1] > 0.0 if len(self.seen) > CELLS else np.zeros(len(signs), np.bool_)
+        before = np.broadcast_to(state[:, np.newaxis, np.newaxis], black.shape)
+        cells = Neighbourhood(black, WHITE)
+        middle = SIDE // 2
+        held, free = (
+            np.broadcast_to(rule(cells, before, cells), black.shape)[:, middle, middle]
+            if rule
+            else np.zeros(len(signs), np.bool_)
+            for rule in (self._rule, self._avoid)
+        )
+        return np.where(free, 0.0, np.where(held, 1.0, -1.0))
+
+    def narrowest(self, values: Floats) -> Floats:
+        """Return for each colour and set of inequalities the row of the smallest sum towards it.
+
+        Parameters
+        ----------
+        values : (columns,) float
+            Weights of what is seen.
+
+        Returns
+        -------
+        (rows, columns) float, ±1
+        """
+        weights = np.zeros(CELLS + 1)
+        weights[: len(values)] = values
+        rows = [
+            row
+            for colour, cases in self._cases.items()
+            for case in cases
+            if (row := narrowest(case, colour * weights, {})) is not None
+        ]
+        return 2.0 * np.array(rows).reshape(-1, CELLS + 1)[:, : len(values)] - 1.0
 
 
 def table_of(template: Template, *, whole: bool = False) -> Table:

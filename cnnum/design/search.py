@@ -6,7 +6,7 @@ run side by side: a generation of all of them is one launch.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from importlib import import_module
 from typing import Any
@@ -60,6 +60,43 @@ class Search:
 
 
 @dataclass(frozen=True, slots=True)
+class Advance:
+    """How far a long design has come.
+
+    Attributes
+    ----------
+    done : int
+    of : int or None
+        None where it is not known.
+    step : str
+        Name of what is counted.
+    best : float
+        Of the best so far.
+    figure : str
+        Name of that.
+    """
+
+    done: int
+    of: int | None
+    step: str
+    best: float
+    figure: str
+
+    def __str__(self) -> str:
+        limit = "" if self.of is None else f" of {self.of}"
+        return f"{self.step} {self.done}{limit}, {self.figure} {self.best:.3g}"
+
+
+Watch = Callable[[Advance], bool]
+"""Is given an advance, and returns whether the work goes on."""
+
+
+def go_on(_: Advance) -> bool:
+    """Let work go on to its end."""
+    return True
+
+
+@dataclass(frozen=True, slots=True)
 class Found:
     """The best template of a search.
 
@@ -99,10 +136,10 @@ def with_weights(form: Template, groups: Sequence[Group], weights: Floats) -> Te
     return with_numbers(form, parts)
 
 
-def search(wanted: Search, engine: Engine) -> Found:
+def search(wanted: Search, engine: Engine, watch: Watch = go_on) -> Found:
     """Return the best template that CMA-ES finds from a start that knows no weights.
 
-    The own feedback starts at 2, other weights at 0.
+    The own feedback starts at 2, other weights at 0. `watch` is given each generation.
 
     Raises
     ------
@@ -123,7 +160,7 @@ def search(wanted: Search, engine: Engine) -> Found:
         options = {"seed": wanted.seed + restart + 1, "popsize": wanted.population, "verbose": -9}
         strategies.append(cma.CMAEvolutionStrategy(start, SPREAD, options))
     best, evaluations = Found(wanted.form, math.inf, 0), 0
-    for _ in range(wanted.generations):
+    for generation in range(1, wanted.generations + 1):
         proposals = [strategy.ask() for strategy in strategies]
         flat = [np.asarray(x) for points in proposals for x in points]
         made = [with_weights(judge.template, groups, x) for x in flat]
@@ -140,7 +177,8 @@ def search(wanted: Search, engine: Engine) -> Found:
         least = int(np.argmin(losses))
         if losses[least] < best.loss:
             best = Found(with_weights(wanted.form, groups, flat[least]), losses[least], 0)
-        if best.loss == 0.0:
+        advance = Advance(generation, wanted.generations, "generation", best.loss, "best loss")
+        if best.loss == 0.0 or not watch(advance):
             break
     return replace(best, evaluations=evaluations)
 

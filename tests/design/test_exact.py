@@ -14,6 +14,7 @@ from cnnum.design.designing import Spec, answers, as_rule, designed, load_spec, 
 from cnnum.design.found_again import again, found_again
 from cnnum.design.linear_program import Conflict, Shape, Weights, as_template, design, separate
 from cnnum.design.local_rules import rule_table, table_of
+from cnnum.design.search import Advance
 from cnnum.design.worst_case import worst_case
 from cnnum.errors import TemplateError
 from cnnum.templating.batch import TemplateBatch
@@ -237,11 +238,36 @@ def test_examples_become_a_template(tmp_path):
 
 
 @pytest.mark.parametrize(
+    ("rule", "size"),
+    [
+        # sums of −1 a neighbour, with the numbers of the cell and z from both of their fences:
+        # own + z = −13 between 5 and 6 black ones, and z − own = −25 where the cell is white
+        ("c and ring24 <= 5", 24 + 6 + 19),
+        # of 2²⁵ neighbourhoods one is black: 24 + 23 numbers of 1, none drawn by chance
+        ('match("#####/#####/##.##/#####/#####")', 24 + 23),
+    ],
+)
+def test_rules_of_5_by_5_cells_have_the_margin_of_a_sum_by_hand(rule: str, size: int) -> None:
+    seen = list[Advance]()
+    spec = Spec("WIDE", rule=rule, draws=1, mismatch=(0.005,))
+    (made,) = designed(spec, Engine("numba"), lambda advance: not seen.append(advance))
+    proof = made.entry.proof
+    assert proof is not None
+    assert proof.relative_margin == pytest.approx(1.0 / size, rel=1e-9)
+    assert proof.bound == pytest.approx(1.0 / size, rel=1e-6)  # no weights have more
+    assert proof.flips[0].rate == 0.0
+    assert all(advance.best < 1.0 for advance in seen)  # what was drawn did not decide
+    assert made.entry.template.radius == 2
+
+
+@pytest.mark.parametrize(
     ("text", "words"),
     [
         ('name = "A"\n[design]\n', "needs a rule or examples"),
         ('name = "A"\n[design]\nrule = "c or not c"\n', "one colour for all"),
-        ('name = "A"\n[design]\nrule = "ring24 > 3"\n', "5×5"),
+        ('name = "A"\n[design]\nuntil = "still"\nrule = "ring24 > 3"\n', "5×5"),
+        ('name = "A"\n[design]\nrule = "ring24 * ring > 3"\n', "a few comparisons of sums"),
+        ('name = "A"\n[design]\nrule = "ring24 == 3"\n', "a sequence of rules that are"),
         ('name = "A"\n[design]\nrule = "w != e"\n', "No single template does 'A': 2 black and 2"),
         ('name = "A"\n[design]\nrule = "c"\nuntil = "now"\n', "'once' or 'still'"),
         ('name = "A"\n[design]\nrul = "c"\n', "unknown key 'rul'"),

@@ -1,13 +1,19 @@
 """Searches: weights from a start that knows none, with no more flips than the published ones."""
 
+import signal
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 from cnnum import Template, get_template
+from cnnum.cli.root import main
 from cnnum.design.designing import designed, load_spec
 from cnnum.design.search import Search, compared, groups_of, search, with_weights
 from cnnum.errors import TemplateError
 from cnnum.templating.checks import run_check
+from cnnum.templating.files import load_entry
 
 pytest.importorskip("cma", reason="the extra 'search' is not installed")
 
@@ -26,6 +32,8 @@ def test_a_search_is_the_same_again(opencl):
     wanted = Search(get_template("CCD_HOR"), generations=2, restarts=1, draws=3)
     first, second = search(wanted, opencl), search(wanted, opencl)
     assert first.template.digest == second.template.digest
+    stopped = search(replace(wanted, generations=1000), opencl, lambda advance: advance.done < 2)
+    assert stopped == second
 
 
 def test_a_form_gives_pattern_and_ties_and_no_number():
@@ -61,6 +69,33 @@ def test_a_form_may_have_layers_and_nonlinear_couplings(opencl):
     found = search(Search(form, generations=1, restarts=2, population=4, draws=2), opencl)
     assert found.evaluations == 2 * 4 * 3
     assert found.template.digest != form.digest
+
+
+def test_ctrl_c_keeps_the_best_template_so_far(tmp_path, monkeypatch):
+    """A signal in the third step; the file then holds a template with its own proof."""
+    steps = []
+
+    def advance(_, note=""):
+        steps.append(note)
+        if len(steps) == 3:
+            signal.raise_signal(signal.SIGTERM)
+
+    monkeypatch.setattr("cnnum.cli.output.Steps.advance", advance)
+    path, form = tmp_path / "s.toml", get_template("EDGE")
+    path.write_text(
+        'name = "MINE"\n[design]\ndraws = 2\n[learn]\nlike = "EDGE"\nrestarts = 10000\n'
+    )
+    words = ["templates", "design", str(path), "--output", str(tmp_path / "made")]
+    ran = CliRunner().invoke(main, words)
+    assert ran.exit_code == 130, ran.output
+    assert f"Stopped at {steps[2]}: the best template so far is written." in ran.output
+    assert len(steps) == 3
+    errors = [float(note.split()[-1]) for note in steps]
+    assert errors[0] >= errors[1] >= errors[2]
+    kept = load_entry(tmp_path / "made" / "mine.toml")
+    assert kept.proof is not None
+    assert kept.template.check == form.check
+    assert kept.template.digest != form.digest
 
 
 def test_a_form_without_weights_is_refused(opencl):

@@ -9,9 +9,11 @@ import click
 
 from cnnum.cli.library.templates_convert import is_place
 from cnnum.cli.options import completed, force_option, json_option
-from cnnum.cli.output import Output, facts, number, table
+from cnnum.cli.output import Output, facts, number, progress, table
+from cnnum.cli.signals import STOPPED, stop_wanted
 
 if TYPE_CHECKING:
+    from cnnum.design.search import Advance
     from cnnum.engine import Engine
     from cnnum.templating.checks.robustness import Flips
     from cnnum.templating.template import Template
@@ -39,12 +41,12 @@ _DRAWS = 50
 )
 @force_option
 @json_option
-def design(name: str, engine: str, weights: bool, output: Path, force: bool, as_json: bool) -> None:
+def design(name: str, engine: str, weights: bool, output: Path, force: bool, as_json: bool) -> int:
     """Design templates from the specification NAME, or show how robust the template NAME is.
 
     A specification is a TOML file with a rule in a table [design], tables [[example]], a table
     [search] for coupled templates, or a table [learn] for gradients. The designed templates are
-    written as files with their proof.
+    written as files with their proof. Ctrl-C ends a search or a lesson with the best one so far.
 
     For a template of the library or a file, the command shows the stability class with the reason,
     the largest stable Euler step, settling time against array size, margin, cost, and how often
@@ -56,13 +58,13 @@ def design(name: str, engine: str, weights: bool, output: Path, force: bool, as_
     from cnnum.templating.library import get_template
 
     if is_place(name) and is_spec(name):
-        _design(name, Engine(engine), output, Output(as_json), force)
-        return
+        return _design(name, Engine(engine), output, Output(as_json), force)
     template = load_template(name) if is_place(name) else get_template(name)
     report(template, Engine(engine), Output(as_json), weights=weights)
+    return 0
 
 
-def _design(name: str, engine: "Engine", folder: Path, output: Output, force: bool) -> None:
+def _design(name: str, engine: "Engine", folder: Path, output: Output, force: bool) -> int:
     """Design the templates of a specification, write them, and show their proofs."""
     from cnnum.design.designing import designed, load_spec
     from cnnum.errors import TemplateFileError
@@ -75,10 +77,17 @@ def _design(name: str, engine: "Engine", folder: Path, output: Output, force: bo
     if not spec.split:  # the files of a sequence are known when it is
         path = named_after(folder, spec.name, ".toml")
         refuse_target(path, error=TemplateFileError, force=force)
-    designs = {
-        named_after(folder, design.entry.template.name, ".toml"): design
-        for design in designed(spec, engine)
-    }
+    stopped = ""
+    with progress("designing", None, as_json=output.as_json) as steps, stop_wanted() as wanted:
+
+        def watch(advance: "Advance") -> bool:
+            nonlocal stopped
+            steps.advance(str(advance))
+            stopped = str(advance) if wanted() else ""
+            return not stopped
+
+        made = designed(spec, engine, watch)
+    designs = {named_after(folder, design.entry.template.name, ".toml"): design for design in made}
     for path in designs:  # all are looked at before one is written
         refuse_target(path, error=TemplateFileError, force=force)
     columns = (">examples", ">margin", ">relative", ">at most", ">worst case", ">flips at", "file")
@@ -103,6 +112,11 @@ def _design(name: str, engine: "Engine", folder: Path, output: Output, force: bo
             str(path),
         )
     output.show(shown)
+    if stopped:
+        click.echo(
+            f"Stopped at {stopped}: the best template so far is written.", err=output.as_json
+        )
+    return STOPPED if stopped else 0
 
 
 def report(
