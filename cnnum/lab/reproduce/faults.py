@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 Remembered = type(lru_cache(len))
 """Of functions that remember their results."""
 
-CACHED = ("cnnum.lab.reproduce", "cnnum.tactile")
+CACHED = ("cnnum.lab.reproduce", "cnnum.tactile", "cnnum.templates")
 """Packages whose remembered results a fault would not reach."""
 
 
@@ -78,17 +78,11 @@ class Fault:
             for part in path.split("."):
                 owner = getattr(owner, part)
             return [(owner, name)]
-        modules = [m for key, m in sys.modules.items() if key.split(".")[0] == "cnnum"]
-        return [
-            (module, key)
-            for module in modules
-            for key, value in vars(module).items()
-            if value is self.subject
-        ]
+        return _places_of(self.subject)
 
     @contextmanager
     def applied(self) -> Generator[None]:
-        """Have the library compute with the fault."""
+        """Have the library compute with the fault; modules that are imported meanwhile lose it."""
         wrong, places = self._wrong(), self.places()
         kept: list[Any] = [vars(owner)[name] for owner, name in places]
         _forget()
@@ -99,6 +93,8 @@ class Fault:
         finally:
             for (owner, name), right in zip(places, kept, strict=True):
                 setattr(owner, name, right)
+            for owner, name in _places_of(wrong):
+                setattr(owner, name, self.subject)
             _forget()
 
 
@@ -251,6 +247,14 @@ def mutant(item: "Item", fault: Fault) -> Mutant:
         except Exception:  # the library itself noticed, or NumPy did: the check gave no number
             got = float("nan")
     return Mutant(item, fault, got, not item.error(got) <= item.tolerance)
+
+
+def _places_of(thing: Any) -> list[tuple[Any, str]]:
+    """Return every module of the library that holds a thing, and under which name."""
+    modules = [module for key, module in sys.modules.items() if key.split(".")[0] == "cnnum"]
+    return [
+        (module, key) for module in modules for key, held in vars(module).items() if held is thing
+    ]
 
 
 def _forget() -> None:

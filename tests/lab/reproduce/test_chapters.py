@@ -1,6 +1,8 @@
 """The dissertation's numbers: every check passes, and fails if its subject is broken."""
 
 import math
+import sys
+from types import ModuleType
 
 import numpy as np
 import pytest
@@ -167,6 +169,21 @@ def test_faults_reach_functions_methods_and_properties_and_leave_no_trace() -> N
     with misled(fields.stress, 2, "z", factor=2.0, shift=1e-4).applied():
         assert fields.stress(*place)[2, 2] == all_three()[0] != right[0]
     assert all_three() == right
+
+
+def test_modules_imported_and_results_remembered_with_a_fault_lose_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The module of a program is first imported when a check asks for it."""
+    from cnnum.templates.tactile.shared import pressure
+
+    right, late = pressure.rectangle_strain, ModuleType("cnnum.late")
+    with scaled(right, 3.0).applied():
+        vars(late)["rectangle_strain"] = pressure.rectangle_strain
+        monkeypatch.setitem(sys.modules, "cnnum.late", late)
+        wrong = pressure.shear_seen((1, 2), 1.0).own_x
+    assert vars(late)["rectangle_strain"] is pressure.rectangle_strain is right
+    assert wrong == pytest.approx(3.0 * pressure.shear_seen((1, 2), 1.0).own_x)
 
 
 def test_a_refusal_of_the_library_is_a_fall() -> None:
