@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy import ndimage
+from scipy import fft, ndimage
 
 from cnnum.drivers.registry import open_driver
 from cnnum.drivers.simulated.bodies import outline_of
@@ -137,6 +137,10 @@ def test_localize_gives_the_load_on_every_bump():
         whole = float(out["bump_normal"])
         assert whole == pytest.approx(truths[n]["normal_force"], rel=0.015)
         assert np.abs(np.array([out["bump_x"], out["bump_y"]]) / whole - pull).max() < 0.02
+        for axis, places in zip(("row", "column"), np.indices(own.shape[1:3]), strict=True):
+            middle = np.average(places, weights=own[n, ..., 2])
+            # noise of 0.1 mN of 150 mN, on bumps up to two cells from the middle
+            assert out[f"bump_{axis}"] == pytest.approx(middle, abs=0.01)
     events = [event for moment in moments for event in moment.events]
     assert [event.kind for event in events] == ["bump", "bump_release"]
     touching = [n for n, truth in enumerate(truths) if truth["contact"]]
@@ -611,7 +615,24 @@ def test_receptors_reports_what_each_channel_of_the_skin_feels():
     (stretch_ends,) = times["stretch_end"]
     assert 2.12 < stretch_ends < 2.35
     # 10 standard deviations of the noise are a report's level, which a slow push has just exceeded
-    assert all(10 < e.strength < 30 for e in events if e.kind in ("pressure", "motion"))
+    begun = ("pressure", "motion", "vibration")
+    assert all(10 < e.strength < 30 for e in events if e.kind in begun)
+    # the strength of a stretch is all shear over its noise in the second half of the rest of 0.4 s
+    # at 1 kHz; a field moves no shear off the array, and a hold of 0.1 s is ten time constants
+    pulls = np.array([[m.outputs[f"stretch_{axis}"] for axis in "xy"] for m in moments])
+    shear = -np.array([m.values[..., :2].sum(axis=(0, 1)) for m in moments])
+    np.testing.assert_allclose(
+        pulls[2000:2100].mean(axis=0),
+        (shear[2000:2100] - shear[:400].mean(axis=0)).mean(axis=0),
+        rtol=0.01,
+    )
+    noise = np.sqrt(np.square(pulls[200:400]).sum(axis=1).mean())
+    strength = [float(m.outputs["sa2_strength"]) for m in moments[2000:2100]]
+    np.testing.assert_allclose(strength, np.hypot(*pulls[2000:2100].T) / noise, rtol=1e-3)
+    # it is felt ahead of the pull, which goes towards 0.5 rad
+    felt = [float(moments[2050].outputs[f"sa2_{axis}"]) for axis in ("row", "column")]
+    ahead = felt - place_of(scene, truths[2050])
+    assert np.arctan2(*ahead) == pytest.approx(0.5, abs=0.1)
     # where: in the middle of what is felt, of a pull ahead of it; at the end, where it was last
     for name, begin, end, most, strong in (
         ("sa1", 0.85, 1.0, 0.1, 1000), ("ra1", 0.6, 0.7, 0.3, 25), ("pc", 1.1, 1.2, 0.7, 5),
@@ -676,6 +697,17 @@ def test_on_off_tells_what_comes_from_what_goes():
     # a taxel answers with one sign, and neither before anything comes
     assert not held_still["off_sustained"][far < 0.8].any()
     assert not held_still["on_sustained"][around].any()
+    # it is the signal that receptors spread by 0.25 cells², less what the surround does by 2 more
+    curve = (
+        -2 * np.cos(np.pi * np.arange(8) / 8)[:, None] - 2 * np.cos(np.pi * np.arange(8) / 8) + 4
+    )
+    signal = np.mean([m.values[..., 0] for m in moments[:80]], axis=0)
+    signal = signal - np.mean([m.values[..., 0] for m in moments[at - 20 : at]], axis=0)
+    waves = fft.dctn(signal, norm="ortho") / (1 + 0.25 * curve)
+    exact = fft.idctn(waves - waves / (1 + 2 * curve), norm="ortho")
+    answer = held_still["on_sustained"] - held_still["off_sustained"]
+    # a frame's noise of 3.5e-4, of which receptors let a third through
+    assert np.abs(answer - exact).max() < 0.05 * exact.max()
     # 0.8 s are 8 time constants of the adaptation
     noise = 0.05 * held_still["on_sustained"].max()
     for name in ("on_transient", "off_transient"):
@@ -687,6 +719,9 @@ def test_on_off_tells_what_comes_from_what_goes():
     for name, begin in (("on_transient", held[0]), ("off_transient", lifts)):
         during = next(m.outputs for m in moments if m.frame.time >= begin + 0.08)
         assert during[name][far < 0.8].mean() > 4 * noise
+        assert during[name][far < 0.8].min() > during[name][far > 1.2].max()
+    assert not moments[-1].outputs["comes"]
+    assert not moments[-1].outputs["goes"]
 
 
 @pytest.mark.one_in(3)

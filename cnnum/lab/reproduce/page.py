@@ -35,7 +35,9 @@ def tally(rows: Sequence[Row]) -> str:
     """Return how many of the checks passed, in a few words."""
     checks = [row for row in rows if row.passed is not None]
     passed = sum(bool(row.passed) for row in checks)
-    return f"{passed} of {len(checks)}" if checks else "not run"
+    compared = sum(row.passed is None and not row.missing for row in rows)
+    alone = f"{compared} compared" if compared else "not run"
+    return f"{passed} of {len(checks)}" if checks else alone
 
 
 def number(value: float, digits: int = 4) -> str:
