@@ -1,6 +1,7 @@
 """Every scene that comes with the package reports, and what it reports is its array's own truth."""
 
 import os
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ from scipy import fft, ndimage
 from cnnum.drivers.registry import open_driver
 from cnnum.drivers.simulated.bodies import outline_of
 from cnnum.drivers.simulated.cover import CELLS, MARGIN
+from cnnum.drivers.simulated.settings import DEFAULT
 from cnnum.errors import PhysicsError, RecordingError, SceneError
 from cnnum.lab.bench.programs.edge_errors import found_places, met, off_outline
 from cnnum.scenes.arrangement import events_of_everything, warn_of_no_bumps
@@ -70,7 +72,7 @@ def tell_the_same(moments):
             assert (event.time, event.frame) == (moment.frame.time, moment.number)
             assert (event.where, event.direction, event.unit) == (where, way, unit)
             assert event.strength == (float(moment.outputs[strength]) if strength else None)
-            assert event.sense == (np.sign(moment.outputs[sense]) if sense else None)
+            assert event.sense == (moment.outputs[sense] if sense else None)
 
 
 def played(name, **changes):
@@ -241,7 +243,9 @@ def test_every_packaged_scene_has_its_test():
 @pytest.mark.one_in(5)  # the first has all events; the others are parts of it
 @pytest.mark.parametrize("name", ["tactile", "demo", "contact", "slip", "twist"])
 def test_a_sphere_that_is_pulled_and_turned_is_reported(name):
-    scene, moments, truths = played(name)
+    sense = -1 if name == "twist" else 1
+    script = [asdict(replace(phase, angle=sense * phase.angle)) for phase in DEFAULT]
+    scene, moments, truths = played(name, **({"array.script": script} if sense < 0 else {}))
     events = {(event.kind, event.phase): event for moment in moments for event in moment.events}
     wanted = {
         "contact": {("contact", None), ("release", None)},
@@ -268,12 +272,18 @@ def test_a_sphere_that_is_pulled_and_turned_is_reported(name):
         # 0.3 mm of sliding, the aim of docs/scoring.md
         assert 0 <= slip.time - since < 0.3e-3 / 0.8e-3
         assert slip.strength > 2 * max(strengths(moments, truths, "slip"))
+        # it has just exceeded its level
+        assert 0.4 < slip.strength < 0.6
+        assert (slip.motion, slip.sense) == ("slide", None)
+        assert not moments[-1].outputs["gross_slip"]
     if ("twist", None) in events:
         twist, truth = events["twist", None], truths[events["twist", None].frame]
-        assert twist.sense == np.sign(truth["twist_rate"]) == 1
+        assert twist.sense == np.sign(truth["twist_rate"]) == sense
         assert np.abs(twist.where - place_of(scene, truth)).max() < 0.3
         assert 0 <= twist.time - onset(moments, truths, "twist_rate") < 0.2
         assert twist.strength > 2 * max(strengths(moments, truths, "twist"))
+        assert 0.1 < twist.strength < 0.15
+        assert not moments[-1].outputs["twist"]
     for m, truth in zip(moments, truths, strict=True):
         out = m.outputs
         if "load_normal" not in out or truth["normal_force"] < 0.5:
@@ -288,6 +298,11 @@ def test_a_sphere_that_is_pulled_and_turned_is_reported(name):
             used = np.hypot(*pull) / truth["normal_force"]
             assert float(out["friction_used"]) == pytest.approx(used, abs=0.06)
             assert out["shear_known"]
+            touched = out["contact_map"] > 0
+            assert out["contact_area"] == touched.sum() > 0
+            middle = np.argwhere(touched).mean(axis=0)
+            # cells that are touched at all lie evenly around it, to half a cell
+            assert np.abs(middle - place_of(scene, truth)).max() < 0.5
 
 
 def strengths(moments, truths, kind):
@@ -305,6 +320,7 @@ def found_outline(scene, moment, truth):
     assert rows == cols
     # the map is of the taxels nearest to an outline
     marked = np.argwhere(moment.outputs["edges"] > 0) - shift
+    assert moment.outputs["edge_count"] == len(marked)
     assert np.median(off_outline(outline, marked, rows)) < 0.5
     assert met(outline, marked, rows) > 0.7
     return outline, places - shift, rows
@@ -339,7 +355,9 @@ def test_edges_follows_the_outline_of_every_flat_body(body, thickness):
     assert 0.1 <= first.time - onset(moments, truths, "contact") < 0.2
     assert np.abs(first.where - place_of(scene, truths[first.frame])).max() < 0.4
     free = [n for n, truth in enumerate(truths) if not truth["contact"]]
-    assert not any(moments[n].outputs["edges"].any() for n in free)
+    for n in free:
+        assert not moments[n].outputs["edges"].any()
+        assert not moments[n].outputs["edge_count"]
     held = [n for n, truth in enumerate(truths) if truth["normal_force"] > 0.9]
     assert off_middle(scene, moments, truths, held) < 0.4
     for n in held[::40]:
@@ -445,6 +463,12 @@ def test_edge_enhancement_finds_the_outline_through_the_cover(body):
     assert off_middle(scene, moments, truths, held) < 0.4
     rest = np.mean([moment.values[..., 0] for moment in moments[:16]], axis=0)
     still = max(np.abs(m.outputs["edge_enhanced"]).max() for m in moments[:60])
+    for moment, truth in zip(moments, truths, strict=True):
+        assert truth["contact"] or not moment.outputs["edges"].any()
+        assert truth["contact"] or not moment.outputs["edge_count"]
+    # the band-pass of tactile_edge.toml, with a mirror at the rim
+    half = 2 - 2 * np.cos(np.pi * np.arange(8) / 8)
+    passed = 0.5 * (half[:, None] + half)
     rows, cols = np.indices(scene.driver.shape)
     ours, sobel = [], []
     for n in held[::40]:
@@ -458,6 +482,8 @@ def test_edge_enhancement_finds_the_outline_through_the_cover(body):
         assert enhanced[(inside > 0.2) & (inside < 0.9)].mean() > 10.0 * still
         assert enhanced[(inside < -0.5) & (inside > -1.0)].mean() < -10.0 * still
         normal = rest - moments[n].values[..., 0]
+        waves = 4.0 * passed / (1.0 + passed) ** 2 * fft.dctn(normal, norm="ortho")
+        assert np.abs(enhanced - fft.idctn(waves, norm="ortho")).max() < 0.02 * enhanced.max()
         steep = np.hypot(ndimage.sobel(normal, 0), ndimage.sobel(normal, 1))
         at = np.argwhere(steep > 0.5 * steep.max()).astype(float)
         shift = np.array([truths[n]["y"], truths[n]["x"]]) / scene.driver.pitch
@@ -494,6 +520,7 @@ def test_texture_measures_the_friction_and_the_roughness_of_a_face(rate, frictio
     rubbed = [float(m.outputs["friction"]) for m in moments if m.outputs["texture_rubs"]]
     # docs/programs/texture.md
     assert 0.985 * friction < min(rubbed) <= max(rubbed) < 1.01 * friction
+    assert not moments[-1].outputs["texture_rubs"]
     # the last window without the release in it is held
     assert float(moments[-1].outputs["friction"]) == pytest.approx(friction, rel=0.02)
 
@@ -517,6 +544,8 @@ def test_grasp_code_reads_what_the_object_between_two_fingers_does():
         "grasp_squeeze", "grasp_slip", "grasp_squeeze", "grasp_tilt", "grasp_twist",
         "grasp_squeeze",
     ]  # fmt: skip
+    ended = ("squeeze", "slip", "tilt", "twist")
+    assert not any(moments[-1].outputs[f"grasp_{kind}"] for kind in ended)
     # the script's phases: a motion is reported after 0.1 s, a squeeze once rubber has moved on
     begins = [0.3, 0.9, 1.7, 2.1, 3.3, 4.1]
     for event, begin in zip(events, begins, strict=True):
@@ -663,8 +692,11 @@ def test_spikes_of_the_receptors_are_address_events(tmp_path):
     first = record["ra1_first"][-1]
     place = np.unravel_index(np.argmin(np.where(first < 0, np.inf, first)), first.shape)
     assert np.hypot(place[0] - (3.5 - 0.4 / 1.5), place[1] - (3.5 - 0.9 / 1.5)) < 1.5
-    one = (events["x"] == place[1]) & (events["y"] == place[0])
-    assert events["t"][one][0] == events["t"][0]
+    for row, column in np.argwhere(first >= 0):
+        own = events["t"][(events["x"] == column) & (events["y"] == row)]
+        # times are whole µs
+        assert first[row, column] == pytest.approx(1e-6 * (own[0] - events["t"][0]), abs=2e-6)
+    assert (first > 0).sum() > 5
     with pytest.raises(SceneError, match="one channel"):
         SceneRecord(["ra1"]).save(tmp_path / "none.txt")
 
