@@ -3,6 +3,8 @@
 from __future__ import annotations  # signatures that `help` shows as they are written
 
 import math
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from threading import RLock
 from typing import TYPE_CHECKING
@@ -128,10 +130,14 @@ class Stream(OfThisProcess):
                 return self._carefully(values[np.newaxis], (), size)
             outputs = single.run(values, first=self.frames == 0)
             if not all_finite(single.packed):
-                self._begin_anew_if_infinite()
+                self.begin_anew_if_infinite()
                 self.plan.refuse_infinite(outputs)
             self.frames += 1
             return outputs
+
+    def ordinary(self, size: float) -> bool:
+        """Return whether the next frame needs no care: one of such magnitudes has come before."""
+        return self.frames > 0 and not self._watch and size <= self._usual
 
     def _open(self) -> None:
         """Take the memories when the first frame comes."""
@@ -193,6 +199,14 @@ class Stream(OfThisProcess):
             self._clear()
             raise
 
+    def lent(self) -> Numbers:
+        """Return a copy of the memories, for a launch that many streams share."""
+        return tuple(numbers.copy() for numbers in self._held())
+
+    def took(self, numbers: Numbers) -> None:
+        """Take memories back."""
+        self.plan.executable.restore(self._memory, numbers, self._arrays)
+
     def _held(self) -> Numbers:
         return self.plan.executable.held(self._memory, self._arrays)
 
@@ -205,9 +219,10 @@ class Stream(OfThisProcess):
             self.plan.executable.restore(self._memory, self._before, self._arrays)
             self.frames, self._watch, self._before = self._frames_before, 0, ()
         else:
-            self._begin_anew_if_infinite()
+            self.begin_anew_if_infinite()
 
-    def _begin_anew_if_infinite(self) -> None:
+    def begin_anew_if_infinite(self) -> None:
+        """Let the next frame be the first, if a memory is not finite."""
         if not self._sane():
             self._clear()
 
@@ -215,3 +230,171 @@ class Stream(OfThisProcess):
         """Let the next frame be the first."""
         self._memory = self._one = None
         self.frames, self._watch, self._before = 0, 0, ()
+
+
+FEWEST = 3
+"""Ordinary frames from which a shared launch is quicker than one for each."""
+
+
+class Abreast:
+    """Streams of one plan whose frames share a launch, though each begins and is tared by itself.
+
+    A stream is at home or in the shared memory. Whatever is out of the ordinary (a first frame, one
+    larger than those before, a frame without the others) runs at home, as it would alone; so the
+    results are those of streams alone wherever the engine gives the same for a frame in a batch.
+
+    Parameters
+    ----------
+    plan : Plan
+        In real numbers.
+    count : int
+        Streams.
+
+    Attributes
+    ----------
+    streams : tuple of Stream
+    """
+
+    __slots__ = ("_away", "_memory", "_plan", "_turn", "streams")
+
+    def __init__(self, plan: Plan, count: int) -> None:
+        self.streams = tuple(plan.stream() for _ in range(count))
+        self._plan, self._turn = plan, RLock()
+        self._memory: object = None
+        self._away = [False] * count
+
+    def warm_up(self) -> None:
+        """Build the kernels; no memory changes."""
+        self._plan.warm_up()
+        executable, count = self._plan.executable, len(self.streams)
+        read = len(self._plan.schedule.channels_read)
+        empty = np.zeros((count, *self._plan.schedule.shape, read))
+        with self._turn, suppress(MethodError):  # loops of an empty frame may not end
+            executable.run(empty, executable.new_memory(count), first=True)
+
+    def push(
+        self, lanes: Sequence[int], values: Floats, sizes: Sequence[float]
+    ) -> list[dict[str, Floats] | FrameError | MethodError]:
+        """Run the program on the next frame of some of the streams.
+
+        Parameters
+        ----------
+        lanes : sequence of int
+            Streams, each at most once.
+        values : (lanes, rows, cols, channels read) float
+            Finite.
+        sizes : sequence of float
+            A bound on the magnitudes in each frame.
+
+        Returns
+        -------
+        list
+            For each frame its outputs, or why it was refused.
+        """
+        with self._turn:
+            streams = self.streams
+            ready = [
+                place for place, lane in enumerate(lanes) if streams[lane].ordinary(sizes[place])
+            ]
+            results = dict[int, dict[str, Floats] | FrameError | MethodError]()
+            if len(ready) >= FEWEST:
+                results = self._together(lanes, values, ready)
+            for place, lane in enumerate(lanes):
+                if place not in results:
+                    results[place] = self._alone(lane, values[place], sizes[place])
+            return [results[place] for place in range(len(lanes))]
+
+    def _alone(
+        self, lane: int, values: Floats, size: float
+    ) -> dict[str, Floats] | FrameError | MethodError:
+        self._bring_home([lane])
+        try:
+            return self.streams[lane].push_read(values, size)
+        except (FrameError, MethodError) as error:
+            return error
+
+    def _together(
+        self, lanes: Sequence[int], values: Floats, ready: Sequence[int]
+    ) -> dict[int, dict[str, Floats] | FrameError | MethodError]:
+        """Run ordinary frames in one launch; return nothing where a transient does not end."""
+        executable, count = self._plan.executable, len(self.streams)
+        running = [lanes[place] for place in ready]
+        self._send_away(running)
+        before = self._rows()
+        frames = np.zeros((count, *values.shape[1:]))
+        frames[running] = values[ready]
+        try:
+            outputs = executable.run(frames, self._memory, first=False)
+        except MethodError:
+            self._write(before)  # as it was; each alone shows which one does not end
+            return {}
+        if len(running) < count:
+            others = [lane for lane in range(count) if lane not in set(running)]
+            after = self._rows()
+            for now, was in zip(after, before, strict=True):
+                now[others] = was[others]
+            self._write(after)
+        results = dict[int, dict[str, Floats] | FrameError | MethodError]()
+        for place, lane in zip(ready, running, strict=True):
+            own = {name: numbers[lane] for name, numbers in outputs.items()}
+            self.streams[lane].frames += 1
+            results[place] = own
+        if not all(all_finite(numbers) for numbers in outputs.values()):
+            results |= self._refused(ready, running, results)
+        return results
+
+    def _refused(
+        self,
+        ready: Sequence[int],
+        running: Sequence[int],
+        results: Mapping[int, dict[str, Floats] | FrameError | MethodError],
+    ) -> dict[int, dict[str, Floats] | FrameError | MethodError]:
+        """Return the errors of frames whose outputs are not finite."""
+        errors = dict[int, dict[str, Floats] | FrameError | MethodError]()
+        for place, lane in zip(ready, running, strict=True):
+            outputs, stream = results[place], self.streams[lane]
+            assert isinstance(outputs, dict)
+            try:
+                self._plan.refuse_infinite(outputs)
+            except FrameError as error:
+                stream.frames -= 1
+                self._bring_home([lane])
+                stream.begin_anew_if_infinite()
+                errors[place] = error
+        return errors
+
+    def _rows(self) -> Numbers:
+        """Return a copy of the shared memory, a row for each stream."""
+        count = len(self.streams)
+        held = self._plan.executable.held(self._memory, count)
+        return tuple(numbers.reshape(count, -1).copy() for numbers in held)
+
+    def _write(self, rows: Numbers) -> None:
+        count = len(self.streams)
+        held = self._plan.executable.held(self._memory, count)
+        shaped = [new.reshape(old.shape) for new, old in zip(rows, held, strict=True)]
+        self._plan.executable.restore(self._memory, shaped, count)
+
+    def _send_away(self, lanes: Sequence[int]) -> None:
+        """Bring the memories of streams into the shared one."""
+        if self._memory is None:
+            self._memory = self._plan.executable.new_memory(len(self.streams))
+        new = [lane for lane in lanes if not self._away[lane]]
+        if not new:
+            return
+        rows = self._rows()
+        for lane in new:
+            for row, own in zip(rows, self.streams[lane].lent(), strict=True):
+                row[lane] = own.ravel()
+            self._away[lane] = True
+        self._write(rows)
+
+    def _bring_home(self, lanes: Sequence[int]) -> None:
+        """Bring memories back to their streams."""
+        for lane in lanes:
+            stream, away = self.streams[lane], self._away[lane]
+            self._away[lane] = False
+            if not away or stream.frames == 0:  # it was tared: no memory is left
+                continue
+            shared = zip(self._rows(), stream.lent(), strict=True)
+            stream.took(tuple(row[lane].reshape(own.shape) for row, own in shared))

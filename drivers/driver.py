@@ -20,14 +20,16 @@ class Mailbox:
         Frames that may wait; 1 keeps the newest only.
     lost : bool
         Whether frames that go are lost, which the one after them is flagged with, or only skipped.
+    changed : Condition, optional
+        Of several mailboxes that one reader waits for.
     """
 
-    def __init__(self, depth: int, *, lost: bool = True) -> None:
+    def __init__(self, depth: int, *, lost: bool = True, changed: Condition | None = None) -> None:
         self._lost = Quality.DROPPED_BEFORE if lost else Quality.GOOD
         self._owed = Quality.GOOD  # flags of frames that went, for the next one
         self._frames: deque[Frame] = deque()
         self._depth = depth
-        self._changed = Condition()
+        self._changed = changed or Condition()
         self._ended = False
         self._error: Exception | None = None
         self._pushed_out = 0
@@ -71,6 +73,17 @@ class Mailbox:
         """
         with self._changed:
             self._changed.wait_for(lambda: self._frames or self._ended)
+            return self.take()
+
+    @property
+    def ended(self) -> bool:
+        """Whether no more frames come, and none waits."""
+        with self._changed:
+            return self._ended and not self._frames
+
+    def take(self) -> Frame | None:
+        """Return the next frame if one waits, else None; it raises as `get`."""
+        with self._changed:
             if self._frames:
                 owed, self._owed = self._owed, Quality.GOOD
                 frame = self._frames.popleft()

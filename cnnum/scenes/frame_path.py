@@ -12,7 +12,7 @@ from cnnum.scenes.bad_frames import ANY, FrameRange
 from cnnum.scenes.conversion import DeadCells, Reader
 from cnnum.scenes.dropouts import Dropouts, Liveness
 from cnnum.scenes.events import Event, EventDetector
-from cnnum.scenes.saturation import Mask, Saturation, marked
+from cnnum.scenes.saturation import Mask, Saturation, Seen, marked
 from cnnum.stream import Stream
 
 
@@ -58,6 +58,35 @@ class FrameResult(NamedTuple):
         Shear may then be off either way, even in its sign.
         """
         return self.saturated is not None
+
+
+class Ready(NamedTuple):
+    """A frame on which the program can run.
+
+    Attributes
+    ----------
+    number : int
+    frame : Frame
+    values : (rows, cols, channels read) float
+    size : float
+        A bound of the magnitudes in the frame.
+    seen : Seen or None
+        What it shows of taxels at an end of their range.
+    masked : (rows, cols) bool or None
+    silent : tuple of Event
+        Of arrays that fall silent, or begin to speak.
+    started : float, s
+        When its way began, by the host's clock.
+    """
+
+    number: int
+    frame: Frame
+    values: Floats
+    size: float
+    seen: Seen | None
+    masked: Mask | None
+    silent: tuple[Event, ...]
+    started: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -107,6 +136,23 @@ class FramePath:
         MethodError
             If a transient of the first frame does not reach its end: that is the method's fault.
         """
+        ready = self.prepare(number, frame)
+        if isinstance(ready, FrameResult):
+            return ready
+        try:
+            outputs = self.stream.push_read(ready.values, ready.size)
+        except (FrameError, MethodError) as error:
+            return self.refused(ready, error)
+        return self.finish(ready, outputs)
+
+    def prepare(self, number: int, frame: Frame) -> "Ready | FrameResult":
+        """Return the input of the program, or the result of a frame on which it does not run.
+
+        Raises
+        ------
+        ArrayError
+            If the frame is not of the array's shape.
+        """
         started = time.perf_counter()
         # a good frame has no flags, and is asked no more: flags are slow to take apart
         if frame.quality and (passed_over := self._flagged(number, frame)) is not None:
@@ -129,17 +175,31 @@ class FramePath:
                 values = grid.maps(values)
             if self.marks:
                 values = marked(values, at_end if grid is None else grid.marks(at_end))
-            outputs = self.stream.push_read(values, size)
         except FrameError as error:
             return self._bad(number, frame, error)._replace(events=silent)
-        except MethodError as error:
-            if not self.stream.frames:
-                raise
-            return self._bad(number, frame, error)._replace(events=silent)
+        return Ready(number, frame, values, size, seen, masked, silent, started)
+
+    def refused(self, ready: "Ready", error: FrameError | MethodError) -> FrameResult:
+        """Return the result of a frame that the program has refused.
+
+        Raises
+        ------
+        MethodError
+            If it is the first one.
+        """
+        if isinstance(error, MethodError) and not self.stream.frames:
+            raise error
+        return self._bad(ready.number, ready.frame, error)._replace(events=ready.silent)
+
+    def finish(self, ready: "Ready", outputs: dict[str, Floats]) -> FrameResult:
+        """Return the result of a frame from what the program gave."""
+        number, frame, values, _, seen, masked, silent, started = ready
+        at_end = None if seen is None else seen.found
         if self.saturation is not None:
             self.saturation.take(seen)
         bound = at_end is not None
         events = self.detector.update(frame.time, number, outputs, saturated=bound)
+        grid = self.grid
         if grid is not None and events:
             events = tuple(_placed(event, grid) for event in events)
         spent = time.perf_counter() - started

@@ -75,7 +75,7 @@ from cnnum.scenes.push_watch import HeldWatch, OrderWatch, PushWatch
 from cnnum.scenes.saturation import CHANNEL, Saturation
 from cnnum.scenes.scene_file import EVERYTHING, SceneSpec, read_scene, scene_names
 from cnnum.scenes.scene_record import Histogram, SceneRecord, Summary
-from cnnum.values import OfThisProcess, same
+from cnnum.values import ByContent, OfThisProcess, same
 
 SLOWEST = 1e-3
 """Hz, the least rate of a program."""
@@ -131,7 +131,18 @@ class Passage:
         SceneError
             If the times of a recording contradict the program's rate.
         """
-        scene, way = self._scene, self.path
+        self.begin(number, frame)
+        return self.end(self.path.step(number, frame))
+
+    def begin(self, number: int, frame: Frame) -> None:
+        """Learn rest again if it is time to, and hold the times of frames against the rate.
+
+        Raises
+        ------
+        SceneError
+            As `step`.
+        """
+        scene = self._scene
         self.first = self.first if number else frame.time
         while self._due and frame.time - self.first >= self._due[0] - SAME_TIME:
             self._due.pop(0)
@@ -139,11 +150,14 @@ class Passage:
         if scene.take_tare():
             scene.push.begin()
             scene.holds.begin()
-            way.tare()
+            self.path.tare()
         if len(self._times) < TIMED:
             self._times.append(frame.time)
             scene.check_times(self._times)
-        moment = way.step(number, frame)
+
+    def end(self, moment: FrameResult) -> FrameResult:
+        """Let all that watches the scene see a result; return it, with the mark of a held rest."""
+        scene, frame = self._scene, moment.frame
         if moment.values is not None:
             if scene.holds.look(moment.values, frame.time):
                 scene.tare()
@@ -153,6 +167,18 @@ class Passage:
             marked_events = tuple(replace(event, rest_held=True) for event in moment.events)
             moment = moment._replace(events=marked_events)
         return moment
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Compiled(ByContent):
+    """What a plan is made of; scenes with equal ones can share it, and its launches."""
+
+    engine: Engine
+    function: object
+    parameters: tuple[tuple[str, object], ...]
+    shape: Shape
+    needs: tuple[str, ...]
+    channels: tuple[str, ...]
 
 
 @dataclass(slots=True, eq=False, repr=False)
@@ -181,6 +207,8 @@ class Scene(OfThisProcess):
         Detects a stream that begins with the object held, whose release tares the scene.
     grid : Grid or None
         Square grid on which the program runs, for taxels that are not on one.
+    compiled : Compiled or None
+        What the plan was made of; None where it is for this array alone.
     bad : BadFrames
         Frames skipped so far.
     """
@@ -198,6 +226,7 @@ class Scene(OfThisProcess):
     orders: OrderWatch
     holds: HeldWatch
     grid: Grid | None = None
+    compiled: Compiled | None = field(default=None, init=False)
     bad: BadFrames = field(default_factory=BadFrames)
     _micros: Histogram = field(default_factory=Histogram)
     _late: Histogram = field(default_factory=Histogram)  # µs from arrival to events
@@ -215,7 +244,11 @@ class Scene(OfThisProcess):
 
     @classmethod
     def of(
-        cls, spec: SceneSpec, engine: Engine | None = None, recording: Recording | None = None
+        cls,
+        spec: SceneSpec,
+        engine: Engine | None = None,
+        recording: Recording | None = None,
+        beside: Sequence["Scene"] = (),
     ) -> "Scene":
         """Open the array of a scene and compile its program for the wanted events.
 
@@ -226,6 +259,8 @@ class Scene(OfThisProcess):
             In place of the scene's own.
         recording : Recording, optional
             In place of its array.
+        beside : sequence of Scene
+            Scenes whose engines, and plans where these are equal, it takes.
 
         Raises
         ------
@@ -233,7 +268,8 @@ class Scene(OfThisProcess):
             If the file, the array, the program or the device has a fault.
         """
         how = {"device": spec.device, "precision": spec.precision, "fallback": spec.fallback}
-        used = engine or Engine(spec.engine, **how)
+        known = (scene.engine for scene in beside if _same_engine(scene.spec, spec))
+        used = engine or next(known, None) or Engine(spec.engine, **how)
         if recording is not None:
             spec = replace(spec, driver=MEMORY, driver_options={})
             driver: Driver = RecordingDriver(recording)
@@ -266,8 +302,12 @@ class Scene(OfThisProcess):
             if channels[-1] == CHANNEL:
                 limit = _end_of_range(driver, conversion)
                 at_ends = Saturation(driver.shape, limit, spec.dead, quiet=True)
-            like = like_frames(spec, used.precision, driver, conversion, dead, at_ends, grid)
-            plan = used.compile(program, shape, needs, channels=channels, like=like)
+            made = (program.function, program.parameters, shape, needs, channels)
+            compiled = Compiled(used, *made) if used.precision in REAL else None
+            plan = next((x.plan for x in beside if compiled and x.compiled == compiled), None)
+            if plan is None:
+                like = like_frames(spec, used.precision, driver, conversion, dead, at_ends, grid)
+                plan = used.compile(program, shape, needs, channels=channels, like=like)
             if plan.at_rate is not None:
                 raise SceneError(
                     f"Scene '{spec.name}': the program '{spec.program}' contains times in "
@@ -283,10 +323,12 @@ class Scene(OfThisProcess):
         orders = OrderWatch(driver.channels, getattr(driver, "pads", None) or 1)
         holds = HeldWatch(program, plan.schedule.channels_read)
         offered = tuple(outputs)
-        return cls(
+        scene = cls(
             spec, used, driver, conversion, plan, rules, within, dead, offered, push, orders,
             holds, grid,
         )  # fmt: skip
+        scene.compiled = compiled
+        return scene
 
     def results(self, begin: float = 0.0) -> Iterator[FrameResult]:
         """Yield every frame with its results, until the source ends or the caller stops.
@@ -305,7 +347,7 @@ class Scene(OfThisProcess):
         SceneError
             If the array is live and its frames were taken before, or a later pass has begun.
         """
-        with closing(self._frames()) as frames:
+        with closing(self.source()) as frames:
             way = Passage(self)
             for number, frame in enumerate(frames):
                 moment = way.step(number, frame)
@@ -313,8 +355,7 @@ class Scene(OfThisProcess):
                     self._before, self._last_before = self._before + 1, frame
                     self._seconds_before = frame.time - way.first
                     continue
-                self._begun += 1
-                self._count(moment, way.path)
+                self.count(moment, way.path)
                 yield moment
 
     def check_times(self, times: Sequence[float]) -> None:
@@ -354,7 +395,7 @@ class Scene(OfThisProcess):
             raise SceneError(said)
         logging.getLogger("cnnum").warning("%s", said)
 
-    def _frames(self) -> Generator[Frame, None, None]:
+    def source(self) -> Generator[Frame, None, None]:
         """Begin a pass: yield the frames of the source from its first one, and close it.
 
         Raises
@@ -469,7 +510,9 @@ class Scene(OfThisProcess):
         known = cast(Limits | None, getattr(self.driver, "limits", None))
         return self.spec.limits or known
 
-    def _count(self, moment: FrameResult, way: FramePath) -> None:
+    def count(self, moment: FrameResult, way: FramePath) -> None:
+        """Take a result into the summary."""
+        self._begun += 1
         if moment.values is not None:
             self._saturated += moment.saturated is not None
             self._masked += moment.masked is not None
@@ -562,7 +605,7 @@ class Scene(OfThisProcess):
             If the scene has no such frame, or if it was bad or repeated, so that nothing ran on it.
         """
         way = self._path(self.plan.keeping_everything(), (), quiet=True)
-        with closing(self._frames()) as frames:
+        with closing(self.source()) as frames:
             for at, frame in enumerate(frames):
                 moment = way.step(at, frame)
                 if at == number and moment.values is None:
@@ -617,7 +660,7 @@ class Scene(OfThisProcess):
         needs = read_outs_of(kinds, self.offered)
         way = self._path(self.engine.compile(program, self.shape, needs, channels=channels), ())
         weights, result = self.weights(), list[tuple[Explained, ...]]()
-        with closing(self._frames()) as frames:
+        with closing(self.source()) as frames:
             first = math.nan
             for number, frame in enumerate(frames):
                 first = first if number else frame.time
@@ -667,6 +710,12 @@ class Scene(OfThisProcess):
 def _reads_marks(graph: Graph) -> bool:
     """Return whether a program asks which taxels stand at an end of their range."""
     return any(node.operation == Input(CHANNEL) for node in graph.nodes)
+
+
+def _same_engine(this: SceneSpec, other: SceneSpec) -> bool:
+    """Return whether two scenes ask for the same engine, in real numbers."""
+    asked = ((x.engine, x.device, x.precision, x.fallback) for x in (this, other))
+    return next(asked) == next(asked) and (this.precision or REAL[0]) in REAL
 
 
 def _end_of_range(driver: Driver, conversion: Conversion) -> float:

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator, Mapping
+from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from importlib import resources
 from pathlib import Path
@@ -183,10 +184,104 @@ def read_scene(
     for key, value in by_new_names(changes or {}, RENAMED).items():
         _set(table, key, value)
         usual = [name for name in usual if not f"program.parameters.{name}.".startswith(f"{key}.")]
+    if SKIN in table:
+        raise SceneError(f"'{scene}' is a hand of several skins: load it by cnnum.load_hand.")
     spec = replace(_spec(str(scene), table, base), usual=tuple(usual))
     if not trust:
         _refuse_code(spec, scene, changes or {})
     return spec
+
+
+SKIN = "skin"
+"""Table of a hand file, with a table for each skin."""
+
+
+def read_hand(
+    hand: str | Path, *, changes: Mapping[str, object] | None = None, trust: bool = False
+) -> dict[str, SceneSpec]:
+    """Read a hand file: the keys of a scene, and a table [skin.NAME] for each skin.
+
+    The keys outside these tables are those of all skins. A skin's table has the keys of a scene,
+    too, and stands above them; with ``scene = "FILE"`` it takes that scene in place of them. A
+    skin with another driver or program takes none of the options of the common one.
+
+    Parameters
+    ----------
+    hand : str or Path
+    changes : mapping of str to object, optional
+        As of `read_scene`, for all skins; "skin.NAME.KEY" is for one.
+    trust : bool
+
+    Returns
+    -------
+    dict of str to SceneSpec
+        By the names of the skins, in the file's order.
+
+    Raises
+    ------
+    SceneError
+        As `read_scene`, or if the file has no skin.
+    """
+    table, base = _table_of(hand)
+    given = by_new_names(changes or {}, RENAMED)
+    for key, value in given.items():
+        if key.startswith(f"{SKIN}."):
+            _set(table, key, value)
+    skins = _table(str(hand), table, SKIN)
+    if not skins:
+        raise SceneError(f"'{hand}' is a scene, not a hand: a hand has a table [skin.NAME] each.")
+    common = {key: value for key, value in table.items() if key not in (SKIN, "name")}
+    result: dict[str, SceneSpec] = {}
+    for name in skins:
+        checked_name(f"a skin of '{hand}'", name, SceneError)
+        label = f"{hand}, skin {name}"
+        own, under, folder = dict(_table(str(hand), skins, name)), common, base
+        usual: list[str] = []
+        if "scene" in own:
+            scene = _text(label, own, "scene", None)
+            del own["scene"]
+            under, folder = _table_of(base / scene if (base / scene).exists() else scene)
+            usual = _parameters_of(under) if scene in scene_names() else []
+            usual = [key for key in usual if key not in _parameters_of(own)]
+        merged = _over(under, own) | {"name": name}
+        for key, value in given.items():
+            if not key.startswith(f"{SKIN}."):
+                _set(merged, key, value)
+        spec = replace(_spec(label, merged, folder), usual=tuple(usual))
+        if not trust:
+            _refuse_code(spec, label, changes or {})
+        result[name] = spec
+    return result
+
+
+def is_hand(scene: str | Path) -> bool:
+    """Return whether a scene file has several skins.
+
+    Raises
+    ------
+    SceneError
+        If it is not there, or is not TOML.
+    """
+    return SKIN in _table_of(scene)[0]
+
+
+OF_ONE = {"array": "driver", "program": "name"}
+"""Tables whose other keys are options of what this key names."""
+
+
+def _over(under: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
+    """Return tables with those of a skin over them."""
+    merged: dict[str, Any] = {}
+    for key in dict.fromkeys((*under, *own)):
+        low, high = under.get(key), own.get(key)
+        if isinstance(low, dict) and isinstance(high, dict):
+            below, above = cast("tuple[dict[str, Any], dict[str, Any]]", (low, high))
+            leaf = OF_ONE.get(key, "")
+            other = leaf in above and above[leaf] != below.get(leaf)
+            merged[key] = dict(above) if other else _over(below, above)
+        else:
+            merged[key] = deepcopy(own.get(key, low))
+    return merged
 
 
 def scene_table(scene: str | Path, changes: Mapping[str, object] | None = None) -> dict[str, Any]:

@@ -1,0 +1,499 @@
+"""A hand: several skins in one process, which share launches and one clock."""
+
+import asyncio
+import math
+import time
+from collections.abc import AsyncIterator, Callable, Generator, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack, closing
+from dataclasses import dataclass
+from pathlib import Path
+from threading import Condition, Thread, current_thread
+from typing import cast
+
+from cnnum.drivers.driver import Mailbox
+from cnnum.errors import SceneError, name_error
+from cnnum.frame import Frame
+from cnnum.safety.values import checked_name, is_real, shown
+from cnnum.scenes.abreast import PathsAbreast
+from cnnum.scenes.events import Event
+from cnnum.scenes.frame_path import FrameResult
+from cnnum.scenes.pipeline import Passage, Scene
+from cnnum.scenes.scene_file import read_hand
+from cnnum.scenes.scene_record import Histogram, Summary
+from cnnum.values import OfThisProcess
+
+DEPTH = 256
+"""Frames of a live skin that may wait for their turn: a quarter of a second at 1 kHz."""
+
+TOGETHER = 0.5
+"""Part of the shortest period within which frames of several skins are of one step."""
+
+
+@dataclass(frozen=True, slots=True)
+class HandResult:
+    """One step of a hand: at most one frame of each skin, with its results.
+
+    Attributes
+    ----------
+    number : int
+        Number of the step, from 0.
+    time : float
+        Time of its last frame on the hand's clock, s. Frames and events keep the time of their own
+        array.
+    skins : dict of str to FrameResult
+        The skins that had a frame.
+    seconds : float
+        Time from the arrival of the first of these frames at the host, or from the beginning of
+        the step where that is not known, to the last event.
+    missed : bool
+        Whether that was longer than the hand's deadline.
+    """
+
+    number: int
+    time: float
+    skins: dict[str, FrameResult]
+    seconds: float
+    missed: bool = False
+
+    def __getitem__(self, name: str) -> FrameResult:
+        return self.skins[name]
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.skins
+
+    @property
+    def events(self) -> tuple[tuple[str, Event], ...]:
+        """Names of skins with their events, in the order of the skins."""
+        return tuple((name, event) for name, of in self.skins.items() for event in of.events)
+
+
+@dataclass(frozen=True, slots=True)
+class HandSummary:
+    """What a hand has done so far.
+
+    Attributes
+    ----------
+    steps : int
+    missed : int
+        Steps that took longer than the deadline.
+    p50_us, p99_us : float
+        `HandResult.seconds` in µs, within 1 %.
+    waiting, dropped, skipped : int
+        Frames that wait for their turn; that were lost because too many waited; that were passed
+        over for newer ones.
+    skins : dict of str to Summary
+    """
+
+    steps: int
+    missed: int
+    p50_us: float
+    p99_us: float
+    waiting: int
+    dropped: int
+    skipped: int
+    skins: dict[str, Summary]
+
+
+class Hand(OfThisProcess):
+    """Several named skins, of any shapes, that are processed together.
+
+    Skins of one shape, program and engine share the launches of one plan. Each has rest, memories,
+    events and errors of its own, and its results are the same as those of its scene alone.
+
+    Parameters
+    ----------
+    skins : mapping of str to Scene
+        Scenes that are to share launches must have been loaded with the same `Engine`.
+    deadline : float, optional
+        s from the arrival of a frame to its events; later steps are counted as missed.
+
+    Raises
+    ------
+    SceneError
+        If there is no skin, a name is no plain line, one scene is given twice, or the deadline is
+        not a positive time.
+
+    Examples
+    --------
+    >>> with cnnum.load_hand("hand.toml") as hand:  # doctest: +SKIP
+    ...     for step in hand.results():
+    ...         for skin, event in step.events:
+    ...             print(skin, event)
+    """
+
+    def __init__(self, skins: Mapping[str, Scene], *, deadline: float | None = None) -> None:
+        if not skins:
+            raise SceneError("A hand must have at least one skin, got none.")
+        for name in skins:
+            checked_name("a skin", name, SceneError)
+        if len({id(scene) for scene in skins.values()}) < len(skins):
+            raise SceneError("A hand must have a scene for each skin: one is given twice.")
+        if deadline is not None and not (is_real(deadline) and 0.0 < deadline < math.inf):
+            raise SceneError(f"'deadline' must be a positive time in s, got {shown(deadline)}.")
+        self._skins, self._deadline = dict(skins), deadline
+        self._boxes: tuple[Mailbox, ...] = ()
+        self._newest = self._stopped = False
+        self._changed = Condition()
+        self._thread: Thread | None = None
+        self._failed: Exception | None = None
+        self.begin()
+
+    def begin(self) -> None:
+        """Begin anew with the next frames: memories, numbers, clocks and counts of steps."""
+        self._numbers = dict.fromkeys(self._skins, 0)
+        self._clocks: dict[str, float] = {}
+        self._began: int | None = None
+        self._steps = self._missed = 0
+        self._micros = Histogram()
+        groups: dict[str, list[str]] = {}
+        for name, scene in self._skins.items():
+            first = next((n for n in groups if _alike(self._skins[n], scene)), name)
+            groups.setdefault(first, []).append(name)
+        self._groups = [
+            (names, PathsAbreast([Passage(self._skins[name]) for name in names]))
+            for names in groups.values()
+        ]
+
+    def __getitem__(self, name: str) -> Scene:
+        if name not in self._skins:
+            raise name_error("skin", name, tuple(self._skins))
+        return self._skins[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._skins)
+
+    def __len__(self) -> int:
+        return len(self._skins)
+
+    def __repr__(self) -> str:
+        return f"Hand({', '.join(self._skins)}; {self.launches} launches a step)"
+
+    def _elsewhere(self) -> str:
+        return "load it there, by cnnum.load_hand"
+
+    @property
+    def skins(self) -> dict[str, Scene]:
+        """Scenes by the names of the skins."""
+        return dict(self._skins)
+
+    @property
+    def launches(self) -> int:
+        """Launches of a step in which every skin has a frame."""
+        return len(self._groups)
+
+    def warm_up(self) -> None:
+        """Build all kernels now, so that no step waits for them; no memory changes."""
+        for _, group in self._groups:
+            group.warm_up()
+
+    def push(self, frames: Mapping[str, Frame]) -> HandResult:
+        """Process the next frames of some skins, which the caller has read.
+
+        Parameters
+        ----------
+        frames : mapping of str to Frame
+            At most one of each skin.
+
+        Raises
+        ------
+        UnknownNameError
+            If there is no such skin.
+        ArrayError, SceneError, MethodError
+            As of a scene.
+        """
+        for name in frames:
+            self[name]
+        return self._step(frames)
+
+    def _step(self, frames: Mapping[str, Frame]) -> HandResult:
+        begun = time.monotonic_ns()
+        done: dict[str, FrameResult] = {}
+        for names, group in self._groups:
+            lanes = [lane for lane, name in enumerate(names) if name in frames]
+            if lanes:
+                own = [frames[names[lane]] for lane in lanes]
+                numbers = [self._numbers[names[lane]] for lane in lanes]
+                for lane, moment in zip(lanes, group.step(lanes, numbers, own), strict=True):
+                    self._skins[names[lane]].count(moment, group.paths[lane])
+                    done[names[lane]] = moment
+        arrived = begun
+        last = -math.inf
+        for name, frame in frames.items():
+            self._numbers[name] += 1
+            last = max(last, self._time(name, frame))
+            if frame.monotonic_ns is not None:
+                arrived = min(arrived, frame.monotonic_ns)
+        seconds = 1e-9 * (time.monotonic_ns() - arrived)
+        missed = self._deadline is not None and seconds > self._deadline
+        self._micros.add(1e6 * seconds)
+        self._missed += missed
+        self._steps += 1
+        skins = {name: done[name] for name in self._skins if name in done}
+        return HandResult(self._steps - 1, last, skins, seconds, missed)
+
+    def _time(self, name: str, frame: Frame) -> float:
+        """Return the time of a frame on the hand's clock, s since the first frame of the hand."""
+        if name not in self._clocks:
+            arrived = frame.monotonic_ns if frame.monotonic_ns is not None else frame.wall_ns
+            if arrived is None:
+                self._clocks[name] = 0.0
+            else:
+                self._began = arrived if self._began is None else self._began
+                self._clocks[name] = 1e-9 * (arrived - self._began) - frame.time
+        return frame.time + self._clocks[name]
+
+    def results(self, *, newest: bool = False) -> Iterator[HandResult]:
+        """Yield the steps of the hand until all sources end or the caller stops.
+
+        Live arrays are read in threads: while a step is processed, frames wait, and the next step
+        takes what is there. Recordings and simulations are taken in the order of their times, as
+        fast as the steps are.
+
+        Parameters
+        ----------
+        newest : bool
+            Of live arrays, take the newest frame alone and count the others as skipped, as a
+            controller may want. By default every frame is processed in order; where more than
+            `DEPTH` wait, the oldest are lost, counted, and the next one is flagged.
+
+        Raises
+        ------
+        SceneError
+            As `Scene.results`.
+        """
+        self.begin()
+        self._newest, self._stopped = newest, False
+        live = any(getattr(scene.driver, "live", False) for scene in self._skins.values())
+        with closing(self._live(newest) if live else self._merged()) as steps:
+            for frames in steps:
+                yield self._step(frames)
+                if self._stopped:
+                    return
+
+    def events(self, *, newest: bool = False) -> Iterator[tuple[str, Event]]:
+        """Yield the events of the hand as they come, with the names of their skins."""
+        for step in self.results(newest=newest):
+            yield from step.events
+
+    def _merged(self) -> Generator[dict[str, Frame], None, None]:
+        """Yield frames that come together on the hand's clock, from sources at hand."""
+        rates = [scene.driver.rate for scene in self._skins.values() if scene.driver.rate > 0.0]
+        apart = TOGETHER / max(rates, default=math.inf)
+        with ExitStack() as stack:
+            sources = {
+                name: stack.enter_context(closing(scene.source()))
+                for name, scene in self._skins.items()
+            }
+            ahead = {name: next(source, None) for name, source in sources.items()}
+            while any(frame is not None for frame in ahead.values()):
+                times = {
+                    name: self._time(name, frame)
+                    for name, frame in ahead.items()
+                    if frame is not None
+                }
+                end = min(times.values()) + apart
+                taken = [
+                    name for name, at in times.items() if at < end or at == min(times.values())
+                ]
+                yield {name: cast(Frame, ahead[name]) for name in taken}
+                for name in taken:
+                    ahead[name] = next(sources[name], None)
+
+    def _live(self, newest: bool) -> Generator[dict[str, Frame], None, None]:
+        """Yield what waits of each skin, from threads that read the arrays."""
+        boxes = {
+            name: Mailbox(1 if newest else DEPTH, lost=not newest, changed=self._changed)
+            for name in self._skins
+        }
+        self._boxes = tuple(boxes.values())
+        readers = [
+            Thread(target=_read, args=(scene, boxes[name]), name=f"cnnum-{name}", daemon=True)
+            for name, scene in self._skins.items()
+        ]
+        for reader in readers:
+            reader.start()
+
+        def ready() -> bool:
+            some = any(box.waiting for box in boxes.values())
+            return some or self._stopped or any(box.ended for box in boxes.values())
+
+        try:
+            while boxes and not self._stopped:
+                with self._changed:
+                    self._changed.wait_for(ready)
+                    given = {n: cast(Frame, box.take()) for n, box in boxes.items() if box.waiting}
+                if given:
+                    yield given
+                    continue
+                for name in [name for name, box in boxes.items() if box.ended]:
+                    boxes.pop(name).take()  # raises what ended it
+        finally:
+            self.close()
+            for reader in readers:
+                reader.join(5.0)
+
+    def run(self, callback: Callable[[HandResult], object], *, newest: bool = False) -> HandSummary:
+        """Call a function with each step, in this thread, until the sources end or `stop`."""
+        for step in self.results(newest=newest):
+            callback(step)
+        return self.summary()
+
+    def start(self, callback: Callable[[HandResult], object], *, newest: bool = False) -> None:
+        """Call a function with each step, in a thread of its own, until `stop`.
+
+        Raises
+        ------
+        SceneError
+            If such a thread runs already.
+        """
+        if self._thread is not None:
+            raise SceneError("The hand has been started: call its method stop first.")
+
+        def work() -> None:
+            try:
+                self.run(callback, newest=newest)
+            except Exception as error:  # handed on by `stop`
+                self._failed = error
+
+        self._failed = None
+        self._thread = Thread(target=work, name="cnnum-hand", daemon=True)
+        self._thread.start()
+
+    def stop(self) -> HandSummary:
+        """End the present pass, wait for its thread, and return the summary.
+
+        Raises
+        ------
+        Exception
+            What the thread that `start` began has ended with.
+        """
+        with self._changed:
+            self._stopped = True
+            self._changed.notify_all()
+        thread, self._thread = self._thread, None
+        if thread is not None and thread is not current_thread():
+            thread.join()
+        failed, self._failed = self._failed, None
+        if failed is not None:
+            raise failed
+        return self.summary()
+
+    async def stream(self, *, newest: bool = False) -> AsyncIterator[HandResult]:
+        """Yield the steps of the hand to a coroutine; they are processed in a thread.
+
+        A step begins when the one before has been taken, so that frames wait in the hand alone.
+        """
+        loop, steps = asyncio.get_running_loop(), self.results(newest=newest)
+        with ThreadPoolExecutor(1, "cnnum-hand") as pool:
+            try:
+                while (step := await loop.run_in_executor(pool, next, steps, None)) is not None:
+                    yield step
+            finally:
+                with self._changed:
+                    self._stopped = True
+                    self._changed.notify_all()
+                pool.submit(cast("Generator[HandResult, None, None]", steps).close)
+
+    def tare(self, *names: str) -> None:
+        """Learn rest and noise of some skins again, or of all, from their next frames on.
+
+        This may be called from any thread, while nothing touches them.
+
+        Raises
+        ------
+        UnknownNameError
+            If there is no such skin; then none is tared.
+        """
+        for scene in [self[name] for name in names or self._skins]:
+            scene.tare()
+
+    def summary(self) -> HandSummary:
+        """Return the summary so far."""
+        lost = sum(box.pushed_out for box in self._boxes)
+        return HandSummary(
+            steps=self._steps,
+            missed=self._missed,
+            p50_us=self._micros.quantile(0.50),
+            p99_us=self._micros.quantile(0.99),
+            waiting=sum(box.waiting for box in self._boxes),
+            dropped=0 if self._newest else lost,
+            skipped=lost if self._newest else 0,
+            skins={name: scene.summary() for name, scene in self._skins.items()},
+        )
+
+    def close(self) -> None:
+        """Close all arrays."""
+        for scene in self._skins.values():
+            scene.close()
+
+    def __enter__(self) -> "Hand":
+        """Return the hand itself."""
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        """End the pass, and close all arrays."""
+        with self._changed:
+            self._stopped = True
+            self._changed.notify_all()
+        self.close()
+
+
+def _read(scene: Scene, box: Mailbox) -> None:
+    """Bring the frames of an array into its mailbox; those of a simulation at their times."""
+    try:
+        with closing(scene.source()) as frames:
+            begun = time.monotonic()
+            for frame in frames:
+                if not getattr(scene.driver, "live", False):
+                    time.sleep(max(0.0, begun + frame.time - time.monotonic()))
+                box.put(frame)
+    except Exception as error:  # of a driver of the user's own, too: the hand raises it
+        box.end(error)
+    else:
+        box.end()
+
+
+def _alike(this: Scene, other: Scene) -> bool:
+    """Return whether frames of two scenes can share the launches of the first one's plan."""
+    return this.compiled is not None and this.compiled == other.compiled
+
+
+def load_hand(
+    hand: str | Path,
+    *,
+    deadline: float | None = None,
+    changes: Mapping[str, object] | None = None,
+    trust: bool = False,
+) -> Hand:
+    """Open a hand: several skins, from their arrays to their events.
+
+    Parameters
+    ----------
+    hand : str or Path
+        A TOML file with the keys of a scene, which are common to all skins, and a table
+        [skin.NAME] for each of them with keys of its own.
+    deadline : float, optional
+        s from the arrival of a frame to its events; later steps are counted as missed.
+    changes : mapping of str to object, optional
+        Values that override those of the file, by dotted key: "array.rate" for all skins,
+        "skin.thumb.array.rate" for one.
+    trust : bool
+        As of `load_scene`.
+
+    Raises
+    ------
+    CnnumError
+        If the file, an array, a program or the device has a fault.
+    """
+    if changes is not None and not isinstance(cast("object", changes), Mapping):
+        raise SceneError(f"'changes' must be a mapping of keys to values, got {shown(changes)}.")
+    scenes: dict[str, Scene] = {}
+    try:
+        for name, spec in read_hand(hand, changes=changes, trust=trust).items():
+            scenes[name] = Scene.of(spec, beside=tuple(scenes.values()))
+        return Hand(scenes, deadline=deadline)
+    except BaseException:
+        for scene in scenes.values():
+            scene.close()
+        raise
