@@ -38,7 +38,9 @@ def test_streams_abreast_give_what_they_give_alone(engines, label):
             try:
                 expected = alone[lane].push_read(frame, size)
             except FrameError as error:
-                assert str(result) == str(error)
+                told, expected = str(error), {}
+            if not expected:
+                assert str(result) == told
                 refused += 1
                 continue
             assert result.keys() == expected.keys()
