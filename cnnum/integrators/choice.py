@@ -322,7 +322,8 @@ class _Choice:
             (candidate for candidate in efforts if candidate.name == DORMAND_PRINCE.name), best
         )
         if known.bends and not self.settle and not surest.stable and best is not surest:
-            best, reason = surest, f"{_against(surest, efforts)}, which see bends of the rates less"
+            best, reason = surest, _against(surest, efforts)
+            reason += ", which are less sensitive to kinks in the rates"
         if best.name == CHEBYSHEV:
             stages, why, _ = self._chebyshev(spectrum)
             return stages, f"{reason}; {why}", False

@@ -27,14 +27,14 @@ MISMATCH, DRAWS = 0.05, 400
 HEAD = """# Coupled templates found by search
 
 Can a search find coupled templates that are as robust as the published ones? `cnnum templates
-design` searched by CMA-ES (`cma`, extra `search`) in the pattern of each published template: zeros
-stay zeros, and equal weights stay equal. Three restarts run side by side, from an own feedback of 2
-and zeros elsewhere, until a template flips nowhere, on 100 further draws neither, or for at most 25
-generations.
+design` searched with CMA-ES (`cma`, extra `search`) within the pattern of each published template:
+zeros stay zeros, and equal weights stay equal. Three searches run side by side. Each starts from a
+self-feedback of 2 with all other weights 0, and ends when a template has no flip, not even on 100
+further draws, or after 25 generations.
 
 * *flips*: share of {draws} draws with a wrong cell, each weight off by {mismatch:g} % (standard
-  deviation), with its 95 % interval. The draws are the same for both, and no search has seen them.
-* *check*: whether the template passes the check of the published one on all of its sizes.
+  deviation), with its 95 % interval. Both templates get the same draws, which no search has seen.
+* *check*: whether the template found passes the published template's check at all sizes.
 
 `python docs/figures/search_table.py` writes this page. On {machine}.
 
