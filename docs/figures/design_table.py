@@ -13,13 +13,13 @@ from cnnum.design.worst_case import worst_case
 
 PAGE = Path(__file__).parents[1] / "design-library.md"
 
-HEAD = """# Library templates designed again from their rules
+HEAD = """# Library templates redesigned from their rules
 
 How robust are the published weights of a template, and could they be better? `cnnum templates
 design` was given the local rules of {count} uncoupled templates, without their weights.
 
 * The *relative margin* is the smallest drive of any cell towards its colour, divided by the sum of
-  the sizes of the weights. The new one is proven to be the largest possible. It is larger than the
+  the absolute weights. The new one is proven to be the largest possible. It is larger than the
   published one for {larger} templates, equal for {equal} and smaller for {smaller}.
 * The *worst case* is the largest relative error of all weights at once at which no cell is wrong
   at the end of the run. It is larger than the published one for {safer} templates.

@@ -17,28 +17,28 @@ HEAD = """# The template library
 
 The library has {count} templates: those of the CNN Software Library, MatCNN, CNNSim and other
 sources with their published numbers (HORSKELR and VERSKELB differ in one sign), and those of this
-project. `cnnum templates show NAME` prints the definition, the source, what input and state mean,
-the check, how long the template takes to settle on the pictures of the check, and how much the
-bias may change before a cell is wrong. The other commands of `cnnum templates`:
+project. `cnnum templates show NAME` prints the definition, the source, the meaning of input and
+state, the check, the settling time on its pictures, and how much the bias may change before a cell
+is wrong. Other commands of `cnnum templates`:
 
 | command | what it does |
 |---|---|
 | `find` | searches the library by words or by an example |
-| `gallery` | writes one searchable page with pictures of every template during its run |
-| `check` | runs the checks on all engines, also those of your own files and folders |
+| `gallery` | writes a searchable page with pictures of every template during its run |
+| `check` | runs the checks of the library, or of your own files and folders, on all engines |
 | `audit` | counts the wrong cells under the boundaries 0, -1 and zero-flux |
 | `design NAME --weights` | shows how far each weight may move |
 
-A check compares the function of a template, its mean end state, its margin and settling time, and
-a digest of its numbers. The function alone would be a weak test: of 1,272 black-and-white
+A check compares the function of a template, its mean final state, margin and settling time, and a
+digest of its numbers. The function alone would be a weak test: of 1,272 variants of black-and-white
 templates with one number multiplied by 1.2, 992 still compute the same function, but only 68 also
-keep end state, margin and settling time (`python -m docs.figures.changed_weights --digital`).
+keep final state, margin and settling time (`python -m docs.figures.changed_weights --digital`).
 
 ## Experimental templates
 
 For {experimental} templates ({share:.1f} %), no check shows that they do what their name promises.
-Most are checked against a finer solution of their own equation, which only shows that they are
-integrated correctly. `cnnum templates show NAME` says what is missing.
+Most are only checked for correct integration, against a finer solution of their own equation.
+`cnnum templates show NAME` says what is missing.
 
 {doubtful}
 """
