@@ -596,9 +596,15 @@ def test_recorded_grasps_are_reported_by_their_labels():
     for trial in labelled_trials():
         scene = load_scene("uskin_grasp", changes={"array.path": str(trial)})
         moments = list(scene.results())
+        tell_the_same(moments)
         events = [event for moment in moments for event in moment.events]
         assert scene.summary().bad_frames == 0
         assert {event.kind for event in events} <= {"slip"}
+        for event in events:
+            # the level of the scene's rate, just exceeded; the pull is a unit vector
+            assert 0.4 < event.strength < 1.0
+            pull = [moments[event.frame].outputs[f"slip_{axis}"] for axis in "xy"]
+            assert np.hypot(*pull) == pytest.approx(1.0, abs=1e-5)
         slips = [m.frame.time for m in moments if m.frame.truth["slip"]]
         told.append(bool(slips))
         assert bool(events) == bool(slips)

@@ -267,6 +267,7 @@ class _Noise:
 
 FAST = 0.02  # s, time constant of the smoothing
 FEW = 4  # frames of rest at least, from which the noise of an array is known
+FAR = 4.0  # sizes of a contact, to which a place about which it turns is limited
 RECENT_ROUNDING, LEAST_LOAD = (
     1e-6,
     1e-12,
@@ -340,14 +341,17 @@ class RecentLoads:
 
         The torque is that of the shear about the middle of the load, over load and size. Let
         friction grow with the way from a place as k (row₀ − row, column − column₀) times the load.
-        Then its mean is the ratio of shear to load, and its torque k size².
+        Then its mean is the ratio of shear to load, and its torque k size². A place is told up to
+        `FAR` sizes from the middle.
         """
         row, column = self.centre(pad)
         down, right = self.frame.row - row, self.frame.column - column
         power = pad.total(self.z * (square(down) + square(right))) / pad.load + LEAST_LOAD
-        torque = pad.total(right * self.shear[1] - down * self.shear[0]) / pad.load
-        arm = pad.ratio * power / where(abs(torque) > LEAST_LOAD, torque, LEAST_LOAD)
-        return torque / sqrt(power), row + arm * pad.pull[0], column - arm * pad.pull[1]
+        size = sqrt(power)
+        torque = pad.total(right * self.shear[1] - down * self.shear[0]) / pad.load / size
+        least = maximum(pad.ratio / FAR, LEAST_LOAD)
+        arm = pad.ratio * size / maximum(abs(torque), least) * where(torque < 0.0, -1.0, 1.0)
+        return torque, row + arm * pad.pull[0], column - arm * pad.pull[1]
 
     def shown(self, **outputs: Field) -> dict[str, Field]:
         """Return outputs that are 0 during the rest."""

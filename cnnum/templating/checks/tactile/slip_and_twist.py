@@ -188,7 +188,9 @@ class MovingContact:
             size2 = (z * (down**2 + aside**2)).sum() / mass + 1e-12
             torque = (aside * y - down * x).sum() / mass
             # for friction k (row0 - row, col - col0) z: force k (row0 - row), torque k size2
-            k = torque / size2 if torque else 1e-300
+            # no place is farther away than 4 sizes
+            k = torque / size2
+            k = np.copysign(max(abs(k), force / mass / (4.0 * np.sqrt(size2)), 1e-300), k)
             along = -((share - was)[:, inner] * slope).sum() / max(moved * steep, 1e-300)
             result.append({
                 "pattern_speed": per_s * moved * mass / size,
