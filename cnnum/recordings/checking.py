@@ -392,6 +392,12 @@ def checked(recording: Recording, pads: int = 1, *, timed: bool = False) -> list
         result.append(Finding("dead", said, cure={"frames.dead": gone}))
         rest = np.where(lost[..., np.newaxis], 0.0, recording.values)
         recording = _with_values(recording, rest)
+    blank = ~np.isfinite(recording.values).any(axis=(0, 1, 2))
+    for name in np.array(recording.channels)[blank & ~blank.all()].tolist():
+        said = (
+            f"The channel '{name}' has no number at all, so that each frame is bad: leave it out."
+        )
+        result.append(Finding("dead", said))
     good &= np.isfinite(recording.values).all(axis=(1, 2, 3))
     result += [*_counted(recording, good), *_rates(recording, timed=timed)]
     values, times = recording.values[good], recording.times[good]
@@ -610,7 +616,9 @@ def _orders(
     away = values - rest
     # whatever the channels are called, a load moves one of them
     size = np.abs(away / noise).max(axis=(1, 2, 3))
-    pressed = np.flatnonzero(size > max(TOUCH, 0.3 * float(size.max())))
+    # fewer frames than show a press, such as one with a number that is cut, do not set its level
+    top = float(np.sort(size)[-LEAST])
+    pressed = np.flatnonzero(size > max(TOUCH, 0.3 * top))
     if len(pressed) < LEAST:
         said = "No press is seen, so that nothing shows the orders."
         return [_by_levels(rest, away) or Finding("order", said, wrong=False)]

@@ -412,7 +412,8 @@ def _laid_out(path: Path, layout: DataLayout, held: Arrays) -> Recording:
 
 def _same(values: Floats) -> NDArray[np.bool_]:
     """Return for each frame but the first whether it is the one before once more."""
-    return np.asarray((values[1:] == values[:-1]).all(axis=(1, 2, 3)))
+    same = (values[1:] == values[:-1]) | (np.isnan(values[1:]) & np.isnan(values[:-1]))
+    return np.asarray(same.all(axis=(1, 2, 3)))
 
 
 def _times(

@@ -238,6 +238,11 @@ def _of_messages(path: Path, topic: str, asked: str) -> Proposal:
         )
     proposal.table = {"topic": name} if name else {}
     proposal.table["values"] = part
+    if len(shape) == 4 and path.suffix.lower() in LINES:
+        raise CodecError(
+            f"'{path}' holds all frames in one message, '{part}' of the shape {shape}: make it a "
+            "message a frame, or an archive, as by numpy.savez."
+        )
     take_axes(proposal, shape)
     if not name:  # lines of JSON have no time of their own
         _line_times(path, proposal, asked)

@@ -204,6 +204,22 @@ def test_a_rate_and_a_unit_that_cannot_be(what):
     assert said in found.sentence
 
 
+def test_a_channel_without_a_number_is_named():
+    values = press(4, 4, offset=900)
+    values[..., 1] = np.nan
+    faults = [one.sentence for one in checked(cnnum.Recording(values, rate=100.0)) if one.wrong]
+    assert any("'shear_y' has no number at all" in said for said in faults), faults
+    assert not any("'normal'" in said for said in faults)
+
+
+def test_a_frame_with_a_number_that_is_cut_hides_no_press():
+    """16,002 that ends as 160 was the largest load, beside which nothing was a press."""
+    values = press(4, 4, offset=16_000)
+    values[-1, 3, 3, 2] = 160.0
+    (order,) = (one for one in checked(cnnum.Recording(values, rate=100.0)) if one.what == "order")
+    assert "orders and signs are right" in order.sentence
+
+
 def test_counts_that_run_over():
     values = np.rint(press(8, 8, offset=40, size=260, noise=1.0)) % 256
     assert "wrap" in {one.what for one in checked(cnnum.Recording(values, rate=100.0)) if one.wrong}

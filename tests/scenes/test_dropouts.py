@@ -310,17 +310,20 @@ def test_lost_taxels_of_a_grip_are_masked_at_every_rate(array, rate):
 
 
 def random_presses(array, rate, rng):
-    """One to three touches: pins, bars, plates, taps, and faces that stay or slide."""
+    """One to three touches: pins, bars, plates, taps, and faces that stay or slide.
+
+    Also the taxels under pins that lift within two frames: beside another load these read as taxels
+    that are lost.
+    """
     (rows, cols), channels, _, _, load, _ = ARRAYS[array]
     t, values = at_rest(array, rate, max(1.5, 40 / rate), rng)
     y, x = np.mgrid[:rows, :cols].astype(float)
+    lifted = np.zeros((rows, cols), bool)
     for _ in range(rng.integers(1, 4)):
         kind = rng.choice(["pin", "face", "bar", "plate", "tap", "slide"])
         begin = rng.uniform(max(0.15, 10 / rate), t[-1] - 0.1)
         rise, fall = np.exp(rng.uniform(np.log(0.005), np.log(0.5), 2))
         end = begin + rise + rng.uniform(0.02, 1.5)
-        # a pin that lifts within a frame beside another load reads as a taxel that is lost
-        fall = max(fall, 2.0 / rate) if kind == "pin" else fall
         grown = np.clip((t - begin) / rise, 0, 1) * (1 - np.clip((t - end) / fall, 0, 1))
         if kind == "tap":
             grown = np.sin(np.pi * np.clip((t - begin) / rng.uniform(0.01, 0.1), 0, 1))
@@ -333,11 +336,12 @@ def random_presses(array, rate, rng):
             at = col + speed * np.maximum(t - begin, 0)[:, None, None]
             face = np.exp(-((y - row) ** 2 + (x - at) ** 2) / (2 * rng.uniform(0.4, 2.5) ** 2))
         else:
+            lifted |= face & (kind == "pin") & (fall < 2.0 / rate)
             face = face * (1 + 0.2 * rng.normal(size=(rows, cols)))
         size = load * np.exp(rng.uniform(np.log(0.1), np.log(3.0)))
         ways = np.append(0.3 * rng.normal(size=2), 1.0)[3 - channels :] if channels > 1 else [1.0]
         values += size * (grown[:, None, None] * face)[..., np.newaxis] * ways
-    return values
+    return values, lifted
 
 
 @pytest.mark.one_in(5)
@@ -346,9 +350,11 @@ def random_presses(array, rate, rng):
 def test_no_press_is_masked_at_any_rate(array, rate):
     for seed in range(2):
         rng = np.random.default_rng([seed, int(rate), len(array)])
-        values = random_presses(array, rate, rng)
-        _, count, bad = looked_at(array, rate, values)
-        assert (count, bad) == (0, 0), seed
+        values, lifted = random_presses(array, rate, rng)
+        masks, count, bad = looked_at(array, rate, values)
+        assert bad == 0, seed
+        assert not (np.any(masks, axis=0) & ~lifted).any(), seed
+        assert count <= lifted.sum(), seed
 
 
 def test_an_array_that_zeroes_itself_comes_back():

@@ -610,6 +610,13 @@ def test_parquet_of_pandas_is_read_with_the_times_of_its_index(index, name, call
     assert recording.times == pytest.approx(np.arange(FRAMES) / RATE, abs=1e-9)
 
 
+@pytest.mark.parametrize("shape", [(1, 8), (8, 1)])
+def test_a_strip_with_an_axis_for_its_one_row_is_not_asked_about(call, tmp_path, shape):
+    np.savez(tmp_path / "a.npz", taxels=press(*shape), t=np.arange(FRAMES) / RATE)
+    assert call("layout", tmp_path / "a.npz", "--write").exit_code == 0
+    np.testing.assert_array_equal(cnnum.load_recording(tmp_path / "a.npz").values, press(*shape))
+
+
 def test_parquet_without_its_library_names_the_extra(call, tmp_path, monkeypatch):
     from cnnum.drivers.own_data import hdf5_file
 

@@ -14,6 +14,7 @@ import cnnum
 from cnnum.drivers import open_driver
 from cnnum.drivers.own_data.proposal import propose
 from cnnum.errors import CnnumError, RecordingWarning
+from cnnum.frame import Quality
 from cnnum.recordings.reader import look
 
 NS = 10_000_000
@@ -126,6 +127,33 @@ def test_lines_of_json_that_are_cut_off_or_torn_are_said(tmp_path):
     with pytest.warns(RecordingWarning, match=r"3 of 60 messages are bad.*line 21: expected JSON"):
         recording = read(path, LAYOUT.replace('topic = "/skin"\n', 'values = "data"\ntime = "t"\n'))
     np.testing.assert_array_equal(recording.values, np.delete(VALUES[:59], [20, 30], axis=0))
+
+
+def test_a_message_with_all_frames_is_one_sentence(tmp_path):
+    path = tmp_path / "a.json"
+    path.write_text(json.dumps({"time": list(range(60)), "data": VALUES.tolist()}))
+    with pytest.raises(CnnumError, match=r"all frames in one message, 'data' .*numpy\.savez"):
+        propose(path)
+
+
+def test_a_bad_message_that_is_there_twice_is_a_repeat(tmp_path):
+    """It was a frame of its own, at the time of the one before, so that the rate was 101.7 Hz."""
+
+    def fill(writer):
+        schema = writer.register_schema("Touch", "jsonschema", b"{}")
+        channel = writer.register_channel("/skin", "json", schema)
+
+        def send(n, when):
+            data = json.dumps({"data": None if n == 0 else VALUES[n].tolist()}).encode()
+            for _ in range(2):
+                writer.add_message(channel, when, data, when)
+
+        return send
+
+    with pytest.warns(RecordingWarning, match="2 of 120 messages are bad"):
+        recording = read(made(tmp_path / "a.mcap", fill), LAYOUT + 'values = "data"\n')
+    assert int((recording.quality & int(Quality.REPEATED) != 0).sum()) == 60
+    assert recording.rate == pytest.approx(100.0, rel=1e-6)
 
 
 def test_any_order_is_sorted_and_said(tmp_path):
