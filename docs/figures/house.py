@@ -22,7 +22,7 @@ FLOORS: list[dict[str, str]] = [
         "values": "equality by content, and objects that stay in their process",
     },
     {"kernels": "kernels as records, and their printers: OpenCL C and C99"},
-    {"safety": "checked names and expressions, memory at hand, files written whole"},
+    {"safety": "checked names and expressions, free memory, files written whole"},
     {"sharing": "objects as datasets, tables, HTML and plots"},
     {"frame": "one scan of a tactile array", "pictures": "pixels and picture files"},
     {"templating": "templates, couplings, boundaries, outputs, template files, the library"},
@@ -43,7 +43,7 @@ FLOORS: list[dict[str, str]] = [
     {"report": "the page of a scene, and its pictures", "live": "the live view in a browser"},
     {"cli": "the commands"},
     {"__init__": "the public names", "__main__": "`python -m cnnum`"},
-    {"lab": "what verifies: benchmarks, scores, stability, the dissertation's figures"},
+    {"lab": "what verifies the results: benchmarks, scores, stability, the dissertation's figures"},
 ]
 FLOOR = {room: floor for floor, rooms in enumerate(FLOORS) for room in rooms}
 
