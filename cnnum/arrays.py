@@ -84,7 +84,7 @@ def _real(name: str, value: ArrayLike, dtype: type[np.floating]) -> NDArray[np.f
     if type(value) is np.ndarray and value.dtype == dtype:
         return value  # frames come so: the checks below take 0.2 µs
     if cast(object, value) is None:  # NumPy would make it NaN
-        raise ArrayError(f"'{name}' must be an array of real numbers, got nothing (None).")
+        raise ArrayError(f"'{name}' must be an array of real numbers, got None.")
     try:
         is_complex = np.iscomplexobj(value)
         array = np.zeros(0, dtype) if is_complex else np.asarray(value, dtype=dtype)
@@ -175,7 +175,7 @@ def as_shape(value: object) -> Shape:
         rows = cols = 0
     if rows < 1 or cols < 1:
         raise ArrayError(
-            "The shape of a cell array must be two whole numbers from 1 up, rows and columns, "
+            "The shape of a cell array must be two positive whole numbers, rows and columns, "
             f"such as (8, 8), got {value!r:.60}."
         )
     return rows, cols

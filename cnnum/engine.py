@@ -271,8 +271,9 @@ def _say_too_slow(program: str, graph: Graph, needs: Iterable[str]) -> None:
     if quick:
         highest = max(graph.quickest[name] for name in quick)
         logging.getLogger("cnnum").warning(
-            "%g frames a second are too few for %s of '%s', which %s up to %.3g Hz: what changes "
-            "faster than %g Hz is missed or comes late; take %.0f frames a second or more.",
-            rate, " and ".join(map(repr, quick)), program, "goes" if len(quick) == 1 else "go",
+            "%g frames per second are too few for %s of '%s', which %s up to %.3g Hz: changes "
+            "faster than %g Hz are missed or reported late; use at least %.0f frames per second.",
+            rate, " and ".join(map(repr, quick)), program,
+            "follows changes" if len(quick) == 1 else "follow changes",
             highest, 0.5 * rate, ceil(2.0 * highest),
         )  # fmt: skip

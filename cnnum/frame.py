@@ -177,7 +177,7 @@ def limits_of(limits: Limits, channels: int) -> NDArray[np.float64]:
         result = np.tile(result, (channels, 1))
     if result.shape != (channels, 2) or not (result[:, 0] < result[:, 1]).all():
         raise ArrayError(
-            "'limits' must be the least and the largest raw value of a sound taxel, as in [1, "
+            "'limits' must be the smallest and largest raw values of a working taxel, as in [1, "
             f"65534], or such a pair for each of the {channels} channels, got "
             f"{np.asarray(limits).tolist()}."
         )
@@ -230,7 +230,7 @@ class Frame(ByContent):
             cast(object, self.channels), tuple
         ):
             raise ArrayError(
-                "A frame has an array of values and a tuple of channels' names, got "
+                "A frame needs an array of values and a tuple of channel names, got "
                 f"{type(self.values).__name__} and {type(self.channels).__name__}."
             )
         if self.values.ndim != 3 or self.values.shape[2] != len(self.channels):

@@ -113,7 +113,9 @@ def load_picture(path: str | Path) -> Floats:
     try:
         with open_regular(as_path(path, PictureError)) as held, image.open(held) as file:
             if file.width * file.height > MOST_PIXELS:
-                raise PictureError(f"'{path}' has more than {MOST_PIXELS} pixels: give a part.")
+                raise PictureError(
+                    f"'{path}' has more than {MOST_PIXELS} pixels: use a part of it."
+                )
             colours = file.convert("RGBA")
         ground = image.new("RGBA", colours.size, "white")
         grey = image.alpha_composite(ground, colours).convert("L")

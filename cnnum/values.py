@@ -97,6 +97,6 @@ class OfThisProcess:
 
     def __reduce_ex__(self, protocol: object) -> NoReturn:
         raise OtherProcessError(
-            f"A {type(self).__name__} belongs to the process that made it, and cannot be pickled "
-            f"or copied: {self._elsewhere()}."
+            f"A {type(self).__name__} belongs to the process that created it, and cannot be "
+            f"pickled or copied: {self._elsewhere()}."
         )

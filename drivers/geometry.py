@@ -105,7 +105,7 @@ class Grid:
         self._weights, interpolation = _weights(places, lives, cells)
         self.inside: NDArray[np.bool_] = interpolation.reshape(self.shape)
         if not interpolation.any():
-            raise SceneError("'dead' leaves too few taxels to find anything between them.")
+            raise SceneError("'dead' leaves too few taxels to interpolate between them.")
 
     def maps(self, values: Floats) -> Floats:
         """Return (rows, cols, channels) of the grid for the values of the taxels."""
@@ -138,19 +138,19 @@ def checked_positions(
     places = np.asarray(positions, dtype=np.float64).reshape(-1, 2)
     if len(places) != taxels:
         raise SceneError(
-            f"'positions' must have a place [x, y] in mm for each of the {taxels} taxels, row by "
-            f"row, got {len(places)}."
+            f"'positions' must give a position [x, y] in mm for each of the {taxels} taxels, row "
+            f"by row, got {len(places)}."
         )
     if taxels > MOST_TAXELS:
-        raise SceneError(f"'positions' must be of {MOST_TAXELS} taxels at most, got {taxels}.")
+        raise SceneError(f"'positions' must list at most {MOST_TAXELS} taxels, got {taxels}.")
     if not np.isfinite(places).all() or np.abs(places).max() > FARTHEST:
-        raise SceneError(f"'positions' must be finite, and below {FARTHEST:g} mm.")
+        raise SceneError(f"'positions' must be finite and below {FARTHEST:g} mm.")
     near, which = _nearest(places)
     same = np.flatnonzero(near < 1e-6)
     if len(same):
         first, second = sorted((int(same[0]), int(which[same[0]])))
         raise SceneError(
-            f"'positions': the taxels {first} and {second} lie at one place, "
+            f"'positions': the taxels {first} and {second} are at the same position, "
             f"{places[first].tolist()} mm: give each its own."
         )
     distance = float(np.median(near))
@@ -158,9 +158,9 @@ def checked_positions(
     # by the whole array, as two taxels may lie close
     if float(np.ptp(places, axis=0).max()) < NEAREST * taxels**0.5 and not known and taxels > 1:
         raise SceneError(
-            f"'positions' are in mm, and these lie {distance:.3g} mm apart, closer than taxels "
-            f"are: if they are in metres, multiply them by 1000; if not, say so by 'pitch', as in "
-            f"pitch = {1e-3 * distance:.3g} (m)."
+            f"'positions' are in mm, and these are {distance:.3g} mm apart, closer than taxels "
+            "can be: if they are in metres, multiply them by 1000; if not, confirm the distance "
+            f"with 'pitch', as in pitch = {1e-3 * distance:.3g} (m)."
         )
     return places
 
@@ -190,8 +190,8 @@ def _counts(places: Floats, extent: Floats, pitch: float | None) -> NDArray[np.i
     if counts.prod() > MOST * len(places) + MOST:
         raise SceneError(
             f"The positions of {len(places)} taxels, {distance:.3g} mm apart, need a grid of "
-            f"{counts[1]}×{counts[0]} cells, expected {MOST} cells a taxel at most: give a larger "
-            "'pitch', m."
+            f"{counts[1]}×{counts[0]} cells, expected at most {MOST} cells per taxel: give a "
+            "larger 'pitch' (m)."
         )
     return counts
 
@@ -217,8 +217,8 @@ def _weights(
             weights = LinearNDInterpolator(some, np.eye(len(some)))(within)
         except QhullError:
             raise SceneError(
-                "'positions' lie on one slanted line, where no map can be made of them: turn them, "
-                "so that they follow each other in x or in y."
+                "'positions' lie on one slanted line, which gives no map: rotate them, so that "
+                "the line runs along x or y."
             ) from None
     inside: NDArray[np.bool_] = np.asarray(np.isfinite(weights).all(axis=1))
     near = np.where(inside[:, np.newaxis], np.round(weights, 7), 0.0)
@@ -353,8 +353,8 @@ class Reordered(Closing):
     def __init__(self, driver: Driver, reading: Reading) -> None:
         if reading.scale != 1.0 and getattr(driver, "live", False):
             raise SceneError(
-                f"'time_unit' is the unit of a recording's times, got '{reading.time_unit}' for a "
-                "live array: its descriptor gives the unit of its clock."
+                f"'time_unit' is for the times of a recording, got '{reading.time_unit}' for a "
+                "live array, whose descriptor gives the unit of its clock."
             )
         self._driver, self._reading = driver, reading
         self.channels = reading.names(driver.channels)

@@ -165,7 +165,7 @@ def _members(
         if name not in wanted:
             continue
         if name in result:
-            raise CodecError(f"'{path}' holds the array '{name}' twice.")
+            raise CodecError(f"'{path}' contains the array '{name}' twice.")
         if info.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
             raise _damaged(path, name, "it is neither stored as it is nor deflated")
         result[name] = info
@@ -217,19 +217,20 @@ def _check(shape: tuple[int, ...], dtype: np.dtype[Any]) -> None:
     if dtype.kind == "U":
         if math.prod(shape) > MOST_NAMES or dtype.itemsize > 4 * LONGEST_NAME:
             raise ValueError(
-                f"expected at most {MOST_NAMES} texts of {LONGEST_NAME} signs, got "
+                f"expected at most {MOST_NAMES} strings of {LONGEST_NAME} characters, got "
                 f"{shown(shape)} of type {shown(dtype.str)}"
             )
     elif dtype.kind not in PLAIN or dtype.itemsize > 8 or dtype.names or dtype.subdtype:
-        raise ValueError(f"expected plain numbers or texts, got the type {shown(dtype.str)}")
+        raise ValueError(f"expected plain numbers or strings, got the type {shown(dtype.str)}")
 
 
 def _refuse_beyond(path: Path, size: int, needed: int) -> None:
     """Raise if the arrays are more than their file can honestly hold."""
     if needed > max(SPARED, MOST_FOLD * size):
         raise CodecError(
-            f"'{path}' promises {needed / 1e9:.3g} GB in a file of {size / 1e9:.3g} GB, more than "
-            f"{MOST_FOLD} times its size: where that is true, write it without compression."
+            f"'{path}' claims to contain {needed / 1e9:.3g} GB in a file of {size / 1e9:.3g} GB, "
+            f"more than {MOST_FOLD} times its size: if that is right, write it without "
+            "compression."
         )
 
 
@@ -263,7 +264,7 @@ def _fill(content: bytearray, member: IO[bytes]) -> None:
     at = 0
     while part := member.read(min(LONGEST_READ, len(content) - at) or 1):  # its end has the check
         if at + len(part) > len(content):
-            raise ValueError("more values follow than its header says")
+            raise ValueError("it contains more values than its header states")
         content[at : at + len(part)] = part
         at += len(part)
     if at < len(content):
@@ -333,7 +334,7 @@ class Archive:
         frames = len(self.values)
         if self.values.ndim != 4 or self.values.shape[3] != len(self.channels):
             raise CodecError(
-                f"'values' must be (frames, rows, cols, {len(self.channels)}), got "
+                f"'values' must have the shape (frames, rows, cols, {len(self.channels)}), got "
                 f"{self.values.shape}."
             )
         expected = dict.fromkeys(("sequence", "time", "quality"), (frames,))
@@ -428,13 +429,13 @@ def _recording(held: Mapping[str, NDArray[Any]]) -> Archive:
 def _checked(recording: Archive) -> Archive:
     """Return a recording unless it holds values that no array sends."""
     if not recording.values.size:
-        raise CodecError(f"'values' must have a cell at least, got {recording.values.shape}.")
+        raise CodecError(f"'values' must contain at least one cell, got {recording.values.shape}.")
     if not 0 <= recording.rate < math.inf:
         raise CodecError(f"'rate' must be 0 Hz or more, and finite, got {recording.rate}.")
     if not np.isfinite(recording.time).all():
         raise CodecError("'time' must be finite; it holds NaN or infinity.")
     if (recording.quality & ~_FLAGS).any():
-        raise CodecError(f"'quality' must hold flags of 0 to {_FLAGS}.")
+        raise CodecError(f"'quality' must contain flags from 0 to {_FLAGS}.")
     return recording
 
 
@@ -500,7 +501,9 @@ def rate_that_counts(rate: float, times: Floats) -> float:
     if seen is None:
         return rate
     logging.getLogger("cnnum").warning(
-        "The recording says %g frames a second, and its times have %.4g: those count.", rate, seen
+        "The recording states %g frames per second, but its times give %.4g, which is used.",
+        rate,
+        seen,
     )
     return seen
 

@@ -269,7 +269,8 @@ class Head:
             held = ", ".join(shown(name) for name in names)
             raise CodecError(
                 f"'{self.path}', line {self.line}: expected a column {shown(column)}, found none "
-                f"of that name; {'near is' if near else 'the first are'} {held}{self.hint()}."
+                f"of that name; {'a similar one is' if near else 'the first ones are'} "
+                f"{held}{self.hint()}."
             )
         return self.names.index(column)
 
@@ -528,8 +529,9 @@ class _Growing:
             if value is None and not self._lines and text.strip().lower() not in MISSING:
                 raise CodecError(
                     f"'{self.head.path}', line {line}: expected a time in the column "
-                    f"'{self.wanted.clock}', got {shown(text)}: a number, or a time as {FORMS} "
-                    "are; a layout can set 'time_format' for others, as in \"%d.%m.%Y %H:%M:%S\"."
+                    f"'{self.wanted.clock}', got {shown(text)}: a number, or a time such as "
+                    f"{FORMS}; a layout can set 'time_format' for others, as in \"%d.%m.%Y "
+                    '%H:%M:%S".'
                 )
             self._times.append(self.head.number(text, line, self.wanted.clock, finite=True))
             return
@@ -614,7 +616,7 @@ def open_text(raw: IO[bytes]) -> TextIOWrapper:
         getincrementaldecoder(encoding)().decode(begin)
     except UnicodeError:
         if b"\0" in begin:
-            raise UnicodeError("it holds bytes of zero, as no text does") from None
+            raise UnicodeError("it contains null bytes, which text files do not have") from None
         encoding = "cp1252"
     return TextIOWrapper(raw, encoding, newline="")
 
@@ -646,8 +648,8 @@ def _rows(path: Path, form: TextForm, text: TextIOWrapper) -> Iterator[tuple[int
             row.pop()
         if [text.strip() for text in row] == names:
             warnings.warn(
-                f"'{path}', line {number}: the header is there again, as where a second recording "
-                "follows: it is left out.",
+                f"'{path}', line {number}: the header occurs again, as where a second recording "
+                "begins, and is skipped.",
                 RecordingWarning,
                 stacklevel=2,
             )
@@ -747,6 +749,6 @@ class _Lines:
         if len(line) >= LONGEST_LINE:
             raise CodecError(
                 f"'{self._path}', line {self.number}: expected a row of numbers, got a line of "
-                f"more than {LONGEST_LINE // MEGABYTE} million letters."
+                f"more than {LONGEST_LINE // MEGABYTE} million characters."
             )
         return line

@@ -194,7 +194,7 @@ def _common_rows(tables: list[TextTable]) -> int:
         if abs(len(table.rows) - rows) > most:
             raise CodecError(
                 f"'{table.path}', line {table.lines[-1]}: expected {rows} rows as in "
-                f"'{tables[0].path.name}', at most {most} more or fewer, got {len(table.rows)}."
+                f"'{tables[0].path.name}', give or take {most}, got {len(table.rows)}."
             )
     common = min(len(table.rows) for table in tables)
     out = {table.path.name: len(table.rows) - common for table in tables}
@@ -227,7 +227,9 @@ def _clock(options: UskinCsvOptions, states: TextTable | None, rows: int) -> tup
         times = states.first(rows).numbers(["time"])[:, 0]
         if (np.diff(times) < 0).any():
             line = states.lines[int(np.argmax(np.diff(times) < 0)) + 1]
-            raise CodecError(f"'{states.path}', line {line}: expected a time after the one before.")
+            raise CodecError(
+                f"'{states.path}', line {line}: expected a time later than the previous one."
+            )
         return times - times[0], _rate(options, meta, times)
     rate = _rate(options, meta, np.zeros(1))
     if rate == 0.0:

@@ -169,8 +169,8 @@ class VirtualLine:
             self._link.symlink_to(name)
         except OSError as error:
             raise PortError(
-                f"The link '{self._link}' cannot be made: {error.strerror}; choose a folder that "
-                "exists and may be written to."
+                f"The link '{self._link}' cannot be made: {error.strerror}; choose an existing "
+                "folder in which you may write."
             ) from None
 
     def unplug(self) -> None:

@@ -180,7 +180,7 @@ def test_engine_run_needs_what_the_template_needs():
     decay = cnnum.Template("decay", [[0]], duration=1.0)
     with pytest.raises(ArrayError, match="no control template"):
         engine.run(decay, input=np.zeros((3, 3)))
-    with pytest.raises(ArrayError, match="at least a state"):
+    with pytest.raises(ArrayError, match="at least an initial state"):
         engine.run(decay)
 
 

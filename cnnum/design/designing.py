@@ -106,13 +106,13 @@ class Spec:
             return
         if bool(self.rule) == bool(self.examples):
             raise TemplateError(
-                f"The design '{self.name}' needs a rule or examples, one of them: write "
-                '[design] rule = "…", or tables [[example]].'
+                f"The design '{self.name}' needs either a rule or examples: write [design] rule = "
+                '"…", or tables [[example]].'
             )
         if not self.margin > 0.0 or self.draws < 1 or any(m < 0.0 for m in self.mismatch):
             raise TemplateError(
-                f"The design '{self.name}' needs a margin above 0, mismatches from 0 up and at "
-                f"least one draw, got {self.margin:g}, {list(self.mismatch)} and {self.draws}."
+                f"The design '{self.name}' needs a positive margin, non-negative mismatches and "
+                f"at least one draw, got {self.margin:g}, {list(self.mismatch)} and {self.draws}."
             )
 
     def table(self) -> Table:
@@ -364,7 +364,8 @@ def lesson_of(form: Template, examples: Sequence[Example]) -> Lesson:
         or len({start is None for start in states}) > 1
     ):
         raise TemplateError(
-            f"The lesson of '{form.name}' needs examples of one size, all with a state or none."
+            f"The examples for '{form.name}' must have one size, and either all or none must have "
+            "a state."
         )
     state = None if states[0] is None else np.stack(states)
     return Lesson(form, np.stack(outputs), np.stack(inputs) if form.inputs else None, state)
@@ -376,8 +377,8 @@ def _of_check(form: Template) -> Lesson:
     others = (case.previous, case.bias, case.mask)
     if rule.compares != "output" or any(other is not None for other in others):
         raise TemplateError(
-            f"The check of '{form.name}' has more than inputs, states and outputs: give the lesson "
-            "as tables [[example]]."
+            f"The check of '{form.name}' involves more than inputs, states and outputs: give "
+            "training pictures as tables [[example]]."
         )
     return Lesson(form, rule.expected(form, case), case.input, case.state)
 
@@ -450,8 +451,8 @@ def _learned(spec: Spec, engine: Engine, watch: Watch) -> Designed:
     result = learn(lesson, **options, watch=watch)
     if result.loss > NEAR and not result.stopped:
         raise TemplateError(
-            f"'{spec.name}' is not learned: the mean squared error ends at {result.loss:.3g}, "
-            f"expected {NEAR:g} at most; take more restarts, or another form."
+            f"'{spec.name}' was not learned: the mean squared error ends at {result.loss:.3g}, "
+            f"expected at most {NEAR:g}; use more restarts, or another form."
         )
     cells = int(np.asarray(lesson.target).size)
     return _counted(spec, engine, result.template, LEARNED, "gradients", cells)
@@ -488,9 +489,11 @@ def _parts(spec: Spec, watch: Watch) -> Iterator[tuple[Template, Weights, Table]
         )
         return
     if not spec.split:
-        cure = "set split = true in [design] for a sequence of templates, or let it see more"
+        cure = (
+            "set split = true in [design] for a sequence of templates, or enlarge the neighbourhood"
+        )
         raise TemplateError(
-            f"No single template does '{spec.name}': {separation.why} ({_shown(separation)}); "
+            f"No single template computes '{spec.name}': {separation.why} ({_shown(separation)}); "
             f"{'write a sequence of rules that are linear sums' if wide else cure}."
         )
     steps = sequence(table)

@@ -363,7 +363,9 @@ def _example(given: ArrayLike, wanted: ArrayLike) -> tuple[Floats, Floats, NDArr
         )
     matter = np.isfinite(signs) & (signs != 0.0)
     if not matter.any():
-        raise ArrayError("The desired output has no cell above or below 0, so it asks for nothing.")
+        raise ArrayError(
+            "The desired output has no cell above or below 0, so it specifies nothing."
+        )
     return inputs, signs, matter
 
 

@@ -362,7 +362,7 @@ class Pictures:
         kept = 2 * self.steps * stages * self.start.size
         if kept > MOST:
             raise SizeError(
-                f"A gradient keeps {8 * kept / 2**30:.1f} GiB of states, expected at most "
+                f"A gradient would store {8 * kept / 2**30:.1f} GiB of states, expected at most "
                 f"{8 * MOST / 2**30:.0f}: take fewer pictures, or longer steps."
             )
         self.input: Floats | None = None
@@ -427,7 +427,7 @@ class Adjoint:
         if not np.isfinite(self._end).all():
             raise TemplateError(
                 f"'{form.name}' diverges within {pictures.steps} steps of {pictures.h:g} time "
-                "constants, so that it has no gradient: take shorter steps, or smaller weights."
+                "constants, so it has no gradient: use shorter steps, or smaller weights."
             )
 
     @property
@@ -511,9 +511,9 @@ def _rim(boundary: Boundary, shape: Shape, radius: int) -> NDArray[np.int64]:
 def _refused(form: Template, duration: object, step: float, method: str) -> float:
     if not form.plain or form.output.name not in KINDS:
         raise TemplateError(
-            f"'{form.name}' has no gradient here: expected linear couplings, at once and "
-            f"constant in time, and an output of {', '.join(KINDS)}; look for its weights by "
-            "[search]."
+            f"'{form.name}' has no gradient: expected linear couplings without delay that are "
+            f"constant in time, and an output function out of {', '.join(KINDS)}; use [search] to "
+            "find its weights."
         )
     if method not in METHODS:
         raise TemplateError(

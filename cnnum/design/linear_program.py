@@ -310,8 +310,8 @@ def design(table: Table, shape: Shape) -> tuple[Template, Weights]:
     result = separate(table)
     if isinstance(result, Conflict):
         raise TemplateError(
-            f"No single template does '{shape.name}': {result.why}. Split it into a sequence with "
-            "split = true, or look at more of the array."
+            f"No single template computes '{shape.name}': {result.why}. Split it into a sequence "
+            "with split = true, or enlarge the neighbourhood."
         )
     return as_template(result, shape), result
 

@@ -280,8 +280,8 @@ def table_of(template: Template, *, whole: bool = False) -> Table:
         return rule_table(str(words["rule"]), still=still, avoid=avoid, name=name, whole=whole)
     if form.name not in LOCAL:
         raise TemplateError(
-            f"Template '{template.name}': the check '{form.name}' is no local rule of 3×3 cells; "
-            f"expected one of {', '.join(LOCAL)}."
+            f"Template '{template.name}': the check '{form.name}' is not a local rule on 3×3 "
+            f"cells; expected one of {', '.join(LOCAL)}."
         )
     signs = np.array(list(itertools.product((-1.0, 1.0), repeat=10)))
     pictures = signs[:, :9].reshape(-1, 3, 3)

@@ -215,9 +215,9 @@ def _in_processes(
             deaths += 1
             if deaths >= MOST_DEATHS:
                 raise RecordingError(
-                    f"A process died {deaths} times in a row before it had come to the end of a "
-                    "task; what is done is kept: look at the memory of this machine, and run the "
-                    "same command again."
+                    f"A worker process died {deaths} times in a row before it finished a task. "
+                    "Finished tasks are kept: check the memory of this machine, and run the same "
+                    "command again."
                 ) from None
             waiting.extendleft(reversed(running.values()))
         finally:

@@ -234,7 +234,7 @@ def call(primitive: str, *arguments: ir.Expression) -> ir.Expression:
         bounds = bounds if bounds[0] == bounds[1] else (0, bounds[1])
     if any(max(-low, high) > WIDEST for low, high in (bounds, within or bounds)):
         raise NotSupportedError(
-            f"An intermediate value of '{primitive}' would need more than 64 bits: take a "
+            f"An intermediate value of '{primitive}' would need more than 64 bits: use a "
             "precision with fewer bits, or narrower ranges."
         )
     if bounds[0] == bounds[1]:  # expressions do nothing else than have a value
@@ -484,8 +484,8 @@ class Fixed:
                 quantity = self.multiply(quantity, positive, finest)
             return quantity
         raise NotSupportedError(
-            f"A power in whole numbers has the exponent 1/2, 1/3, 1, 2, 3 or 4, got {exponent!s}: "
-            "use precision='float32'."
+            "A power in whole numbers must have the exponent 1/2, 1/3, 1, 2, 3 or 4, got "
+            f"{exponent!s}: use precision='float32'."
         )
 
     def exponential(self, a: Quantity, finest: int) -> Quantity:
@@ -497,8 +497,8 @@ class Fixed:
             Always.
         """
         raise NotSupportedError(
-            "An exponential has no form in whole numbers: use precision='float32', or leave out "
-            "the outputs that need it."
+            "An exponential is not available in whole numbers: use precision='float32', or leave "
+            "out the outputs that need it."
         )
 
     def logarithm(self, a: Quantity, finest: int) -> Quantity:
@@ -510,8 +510,8 @@ class Fixed:
             Always.
         """
         raise NotSupportedError(
-            "A logarithm has no form in whole numbers: use precision='float32', or leave out the "
-            "outputs that need it."
+            "A logarithm is not available in whole numbers: use precision='float32', or leave "
+            "out the outputs that need it."
         )
 
     def _root(self, which: str, order: int, a: Quantity, finest: int) -> Quantity:

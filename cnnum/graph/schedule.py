@@ -248,7 +248,9 @@ def schedule(graph: Graph, channels: Sequence[str], needs: Sequence[str] | None)
         If it is one text in place of a list.
     """
     if isinstance(needs, str):  # its letters would be taken for names
-        raise ProgramError(f"'needs' is a list of outputs, as in [{needs!r:.60}], got one text.")
+        raise ProgramError(
+            f"'needs' must be a list of outputs, as in [{needs!r:.60}], got a single string."
+        )
     try:
         wanted = tuple(dict.fromkeys(graph.outputs if needs is None else needs))
     except TypeError:  # no sequence, or one of lists

@@ -159,8 +159,8 @@ def choose(transient: Transient, shape: tuple[int, int]) -> Solver:
             raise MethodError(f"Template '{transient.template.name}' has no propagator: {reason}.")
     if spec.method in (WAVEFRONT, DECISION):
         raise MethodError(
-            f"The method '{spec.method}' finds the end of a single run, without times on its way: "
-            "leave the method out."
+            f"The method '{spec.method}' gives only the end of a single run, without times in "
+            "between: leave out the method."
         )
     if spec.method == "propagator":
         raise MethodError("A propagator takes no steps: leave dt out.")
@@ -276,8 +276,8 @@ class _Choice:
     def _refuse_many(self, count: int) -> None:
         if count > MAX_STEPS and not self.settle:
             raise MethodError(
-                f"The error of at most {MAX_STEPS} steps is followed, and these are {count}: take "
-                "longer steps, or leave estimate=True out."
+                f"The error of at most {MAX_STEPS} steps can be estimated, got {count}: use "
+                "longer steps, or leave out estimate=True."
             )
 
     def _bounded(
@@ -350,7 +350,7 @@ class _Choice:
         if not self._has_stages(spectrum):
             raise MethodError(
                 f"'{CHEBYSHEV}' needs rates that are known to be real ({spectrum.reason}) and "
-                f"linear couplings: template '{self.template.name}' runs with method='auto'."
+                f"linear couplings: run template '{self.template.name}' with method='auto'."
             )
         if self.spec.dt is not None:
             raise MethodError(f"'{CHEBYSHEV}' chooses its own steps: leave dt out.")
@@ -364,8 +364,8 @@ class _Choice:
     def _by_layer(self, method: LayerMethod) -> tuple[Stepping, str, bool]:
         if not self.template.plain:
             raise MethodError(
-                f"'{method.name}' runs linear couplings only: template '{self.template.name}' runs "
-                "with method='auto'."
+                f"'{method.name}' supports only linear couplings: run template "
+                f"'{self.template.name}' with method='auto'."
             )
         bound = stability_bound(self.template, self.shape, method.name)
         step, forced = self._bounded(method.name, bound.step, bound.reason, self.spec.dt)
@@ -435,8 +435,8 @@ def _fixed(
     if template.delayed is not None:
         if not keeps_delays(method):
             raise MethodError(
-                f"'{method.name}' needs outputs between the steps, which a delay does not keep: "
-                "use 'euler' or 'heun'."
+                f"'{method.name}' needs outputs between the steps, which are not kept for a "
+                "delay: use 'euler' or 'heun'."
             )
         # a delay is a whole number of steps, which cannot end at the points of a gain, too: in a
         # step with such a point gains count by their means

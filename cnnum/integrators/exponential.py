@@ -55,10 +55,10 @@ class ExponentialMethod:
         # x' = −x + c has the solution e^{−h} x + (1 − e^{−h}) c, which the first stage must give
         kept, first, second = self.weights(0.7, np.array([1.0]))
         if abs(kept[0] + first[0] - 1.0) > 1e-14 or self.order not in (1, 2):
-            raise ValueError(f"'{self.name}' does not follow a constant exactly.")
+            raise ValueError(f"'{self.name}' does not integrate a constant exactly.")
         # and N = t, from 0: x(h) = h − 1 + e^{−h}, which the second must give
         if self.order == 2 and abs(second[0] * 0.7 - (0.7 - 1.0 + np.exp(-0.7))) > 1e-14:
-            raise ValueError(f"'{self.name}' does not follow a slope exactly.")
+            raise ValueError(f"'{self.name}' does not integrate a linear function exactly.")
 
     @property
     def stages(self) -> int:

@@ -63,13 +63,13 @@ class RosenbrockMethod:
     def __post_init__(self) -> None:
         stages = range(self.stages)
         if any(len(rows[i]) != i for rows in (self.a, self.c) for i in stages):
-            raise ValueError(f"Stages of '{self.name}' see later ones.")
+            raise ValueError(f"Stages of '{self.name}' depend on later stages.")
         embedded = tuple(m - e for m, e in zip(self.m, self.error, strict=True))
         wrong = [*self._missed(self.m, self.order), *self._missed(embedded, self.order - 1)]
         if wrong:
-            raise ValueError(f"'{self.name}' misses the conditions of order {wrong}.")
+            raise ValueError(f"'{self.name}' does not satisfy the conditions of order {wrong}.")
         if abs(self.growth(np.array([-1e12 + 0j]))[0]) > 1e-9:
-            raise ValueError(f"'{self.name}' does not damp fast decays.")
+            raise ValueError(f"'{self.name}' does not damp fast decaying modes.")
 
     @property
     def stages(self) -> int:
@@ -186,12 +186,12 @@ def implicit_steps(
     network = Network(template, shape)
     if not may_be_implicit(template):
         raise MethodError(
-            f"'{spec.method}' runs plain couplings whose state is not limited: template "
-            f"'{template.name}' runs with method='auto'."
+            f"'{spec.method}' supports only plain couplings without a limited state: run template "
+            f"'{template.name}' with method='auto'."
         )
     if network.states > MOST_STATES:
         raise MethodError(
-            f"'{spec.method}' factorises the array at each step, which may have up to "
+            f"'{spec.method}' factorises the array at each step and supports up to "
             f"{MOST_STATES:,} states, got {network.states:,}: use method='auto'."
         )
     if spec.dt is not None:

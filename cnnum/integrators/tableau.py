@@ -178,10 +178,13 @@ class ButcherTableau:
         ]
         wrong = [at for at, got, wanted in conditions if at <= self.order and got != wanted]
         if wrong or (self.error and sum(self.error) != 0):
-            raise ValueError(f"'{self.name}' misses the conditions of order {wrong or 'error'}.")
+            raise ValueError(
+                f"'{self.name}' does not satisfy the conditions of order {wrong or 'error'}."
+            )
         if self.error and (a[-1] != b[:-1] or b[-1] != 0):
             raise ValueError(
-                f"The last stage of '{self.name}', whose error is estimated, is not its end."
+                f"The last stage of '{self.name}', which has an error estimate, is not at the end "
+                "of the step."
             )
 
     @property
@@ -426,7 +429,7 @@ class Chebyshev:
 
     def __post_init__(self) -> None:
         if self.stages < 2 or len(self.rows) != self.stages - 1:
-            raise ValueError(f"A Chebyshev method has at least 2 stages, got {self.stages}.")
+            raise ValueError(f"A Chebyshev method needs at least 2 stages, got {self.stages}.")
         z = np.linspace(-self.real_stability, 0.0, 40 * self.stages)
         if np.abs(self.growth(z)).max() > 1.0 + 1e-9:
             raise ValueError(f"The Chebyshev method of {self.stages} stages is not stable.")

@@ -339,7 +339,9 @@ def _reader(node: ast.expr, literals: dict[str, str]) -> Reader:
         for sign, right in zip(node.ops, node.comparators, strict=True):
             reader = _both(_SIGNS[type(sign)], reader, _reader(right, literals))
         return reader
-    raise SyntaxError(f"An expression has a part that kernels do not have: {ast.unparse(node)!r}.")
+    raise SyntaxError(
+        f"An expression contains something that kernels do not support: {ast.unparse(node)!r}."
+    )
 
 
 def _both(sign: str, left: Reader, right: Reader) -> Reader:

@@ -241,7 +241,7 @@ class _Split:
         meanings = self._found(used.names)
         registers = {n: meant for n, meant in meanings.items() if isinstance(meant, Register)}
         if changed := registers.keys() & used.changed:
-            raise ValueError(f"A sweep changes {sorted(changed)} in a way that has no pieces.")
+            raise ValueError(f"A sweep changes {sorted(changed)} in a way that cannot be split.")
         sums = [(r, used.taken_in[name]) for name, r in registers.items() if name in used.taken_in]
         body: list[ir.Statement] = []
         if self.guard is not None:

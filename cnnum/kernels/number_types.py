@@ -66,8 +66,8 @@ def _digits(numbers: NumberType, value: float, sign: float) -> str:
         rounded = numbers.dtype.type(value)
     if not np.isfinite(rounded):
         raise ArrayError(
-            f"A kernel holds finite numbers of {numbers.dtype.name}, got {value:g}: scale the "
-            "quantity behind it, or use precision='float64'."
+            f"A kernel needs finite numbers in {numbers.dtype.name}, got {value:g}: rescale the "
+            "quantity, or use precision='float64'."
         )
     digits = repr(value) if numbers.dtype == np.float64 else repr(float(str(rounded)))
     if "." not in digits and "e" not in digits:

@@ -112,8 +112,8 @@ def page_of(template: Template) -> dict[str, Any]:
     alike = template.plain and template.output.name == "standard" and not template.needs_state
     if not (fits and alike):
         raise TemplateError(
-            f"'{template.name}' cannot be shown: the studio has templates of one layer and one "
-            "picture, with linear couplings of 3×3 cells and the standard output."
+            f"'{template.name}' cannot be shown: the studio supports templates of one layer and "
+            "one picture, with linear couplings of 3×3 cells and the standard output."
         )
     check = template.check
     rule = dict(check.parameters).get("rule", "") if check and check.name == "rule" else ""
@@ -152,7 +152,7 @@ def picture_of(given: Mapping[str, Any]) -> Floats:
     except (KeyError, TypeError, ValueError, OverflowError):
         fits, rows, cols, cells = False, 1, 1, np.zeros(1, np.int8)
     if not fits:
-        raise TemplateError(f"A picture has up to {SIDE}×{SIDE} cells, a byte each.")
+        raise TemplateError(f"A picture may have up to {SIDE}×{SIDE} cells, with one byte each.")
     return np.clip(cells.reshape(rows, cols) / 100.0, -1.0, 1.0)
 
 

@@ -114,7 +114,7 @@ class Program:
             resolved = None
         if not (isinstance(resolved, Program) and resolved.function is self.function):
             raise OtherProcessError(
-                f"Program '{self.name}' cannot be pickled, for '{place[1]}' of the module "
+                f"Program '{self.name}' cannot be pickled, because '{place[1]}' of the module "
                 f"'{place[0]}' is another object: define it at the top of a module."
             )
         return _again, (*place, self.name, self.parameters)
@@ -136,8 +136,8 @@ class Program:
             returned = self(frame)
         except MemoryError as error:  # of a map of constants
             raise SizeError(
-                f"Program '{self.name}' needs more memory than there is for {graph.shape} cells "
-                f"({error}): take fewer."
+                f"Program '{self.name}' needs more memory than is available for {graph.shape} "
+                f"cells ({error}): use fewer cells."
             ) from None
         items = returned.items() if hasattr(returned, "items") else ()
         if not items:
@@ -183,6 +183,6 @@ def program(function: Traced) -> Program:
     name = getattr(function, "__name__", "program")
     if name == "<lambda>":
         raise ProgramError(
-            "A lambda has no name for a program: use 'def' with @cnnum.program above it."
+            "A lambda has no name, which a program needs: use 'def' with @cnnum.program above it."
         )
     return Program(function, name)

@@ -304,7 +304,7 @@ def as_field(graph: Graph, operand: object) -> Field:
     if outer is None:
         raise ProgramError(
             "A field cannot be used here: it belongs to another program, or to the inside of a "
-            "loop whose values come out through cnnum.loop's result."
+            "loop, whose values are available only as the result of cnnum.loop."
         )
     return Field(graph, graph.capture(operand.node, outer))
 

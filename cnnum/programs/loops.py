@@ -167,7 +167,7 @@ def _again(inner: Graph, until: Until | None, results: list[Field]) -> Node | No
         return None
     ends = as_field(inner, until(*results))
     if not ends.scalar:
-        raise ProgramError("The end of a loop needs a flag, one logic value per frame.")
+        raise ProgramError("'until' of a loop must return a flag, one logic value per frame.")
     return (~ends).node if ends.logic else inner.constant(0.0)
 
 

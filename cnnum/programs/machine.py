@@ -65,12 +65,12 @@ class LocalMemory:
         if held != given:
             raise ProgramError(
                 f"Memory {self._number} holds {held}, got {given}; give scalar= or maps= where it "
-                "is made."
+                "is created."
             )
         if memory.read.logic and not value.logic:
             raise ProgramError(
                 f"Memory {self._number} holds logic values, got numbers: compare them first, or "
-                "leave out logic=True where it is made."
+                "leave out logic=True where it is created."
             )
         self._graph.memories[self._number] = Memory(memory.read, value.node)
 

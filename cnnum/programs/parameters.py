@@ -167,8 +167,9 @@ def _number(program: str, name: str, value: object, pitch: object = None) -> obj
         return number
     if not isinstance(pitch, int | float):
         raise ProgramError(
-            f"The parameter '{name}' of program '{program}' counts pitches of the array: give "
-            f"'pitch', the distance of the taxels, with {shown(text)}, as in pitch = '1.5 mm'."
+            f"The parameter '{name}' of program '{program}' is measured in pitches of the array: "
+            f"with {shown(text)}, also give 'pitch', the distance between taxels, as in pitch = "
+            "'1.5 mm'."
         )
     return number / pitch
 

@@ -138,7 +138,7 @@ class ChunkMaker:
         layout = self.layout
         if frame.values.shape != layout.whole:
             raise RecordingError(
-                f"A recording holds frames of one shape: expected {layout.whole}, got "
+                f"A recording can contain frames of only one shape: expected {layout.whole}, got "
                 f"{frame.values.shape}; record them to another file."
             )
         try:
@@ -425,7 +425,7 @@ class Decoder:
             raise CodecError(f"its messages must be 'cdr', got {encoding!r:.60}.")
         met = Topic(number, Layout.from_metadata(metadata))
         if self._topic not in (None, met):
-            raise CodecError("it holds the frames of two arrays.")
+            raise CodecError("it contains frames of two arrays.")
         self._topic = met
 
     def _is_ours(self, message: bytes) -> bool:

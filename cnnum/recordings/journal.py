@@ -256,4 +256,4 @@ class Journal:
 
 
 def _full(path: Path, failure: OSError) -> RecordingError:
-    return RecordingError(f"'{path}' takes no more frames: {failure.strerror or failure}.")
+    return RecordingError(f"'{path}' cannot take more frames: {failure.strerror or failure}.")

@@ -154,9 +154,9 @@ class Layout:
         if min(*self.shape, len(self.channels)) < 1:
             raise CodecError(f"a frame needs rows, columns and channels, got {self.whole}.")
         if self.values > MOST_VALUES or len(self.truths) > MOST_VALUES:
-            raise CodecError(f"a frame has at most {MOST_VALUES} numbers, got {self.whole}.")
+            raise CodecError(f"a frame may have at most {MOST_VALUES} numbers, got {self.whole}.")
         if self.pads is not None and (self.pads < 1 or self.shape[1] % self.pads):
-            raise CodecError(f"{self.pads} pads do not share {self.shape[1]} columns equally.")
+            raise CodecError(f"{self.shape[1]} columns do not divide into {self.pads} equal pads.")
 
     @classmethod
     def of(

@@ -209,7 +209,7 @@ def _of_mcap(path: Path, topic: str) -> Generator[Message, None, None]:
                     elif opcode == Opcode.MESSAGE:
                         record = McapMessage.read(ReadDataStream(BytesIO(data)), len(data))
                         if record.channel_id not in channels:
-                            raise CodecError(f"'{path}' has a message of no channel.")
+                            raise CodecError(f"'{path}' has a message without a channel.")
                         of, decoding = channels[record.channel_id]
                         budget.take(1)
                         if topic in ("", of.topic):
@@ -269,7 +269,7 @@ class _Decoding:
             return self._decode(data)
         except Exception as error:  # whatever a decoder finds in bytes of others
             raise CodecError(
-                f"'{self._path}': a message of '{self._channel.topic}' is no "
+                f"'{self._path}': a message of '{self._channel.topic}' is not a valid "
                 f"'{self.kind}': {_said(error)}."
             ) from None
 
@@ -297,7 +297,7 @@ class _Decoding:
                 f"'{self._path}': the schema '{self.kind}' cannot be read: {_said(error)}."
             ) from None
         if result is None:
-            raise CodecError(f"'{self._path}': there is no schema of '{self._channel.topic}'.")
+            raise CodecError(f"'{self._path}': there is no schema for '{self._channel.topic}'.")
         return cast("Callable[[bytes], Any]", result)
 
 
@@ -307,7 +307,9 @@ def _of_bag(path: Path, topic: str) -> Generator[Message, None, None]:
     bags = bags_in(path)
     if len({bag.suffix.lower() == ".bag" for bag in bags}) > 1:
         some = ", ".join(f"'{bag.name}'" for bag in bags[:FEW])
-        raise CodecError(f"'{path}' holds bags of ROS 1 and of ROS 2 ({some}): name one of them.")
+        raise CodecError(
+            f"'{path}' contains bags of ROS 1 and of ROS 2 ({some}): name one of them."
+        )
     for bag in bags:
         for file in [bag] if bag.is_file() else sorted(bag.glob("*")):
             if file.is_file():
@@ -327,7 +329,7 @@ def _of_bag(path: Path, topic: str) -> Generator[Message, None, None]:
                         return reader.deserialize(raw, kind)
                     except Exception as error:
                         raise CodecError(
-                            f"'{path}': a message is not a '{kind}': {_said(error)}."
+                            f"'{path}': a message is not a valid '{kind}': {_said(error)}."
                         ) from None
 
                 content = _Later(connection.msgtype, decode, data)
@@ -428,7 +430,7 @@ def field_arrays(path: Path, topic: str, names: Sequence[str]) -> dict[str, NDAr
             kinds.add(message.topic)
             if len(kinds) > 1:
                 raise CodecError(
-                    f"'{path}' has several topics: name one by 'topic', as in {_few(kinds)}."
+                    f"'{path}' has several topics: name one with 'topic', as in {_few(kinds)}."
                 )
             count += 1
             row: list[Any] = []
@@ -446,7 +448,9 @@ def field_arrays(path: Path, topic: str, names: Sequence[str]) -> dict[str, NDAr
             rows.append((message.log_time, row))
             held += sum(getattr(part, "nbytes", 8) for part in row)
             if room is not None and 2 * held > room:
-                raise RecordingError(f"'{path}' holds more numbers than this machine has memory.")
+                raise RecordingError(
+                    f"'{path}' contains more numbers than fit into the memory of this machine."
+                )
     if faults and len(faults) >= SPOILT * count:
         raise faults[0]
     if not rows:
@@ -469,8 +473,8 @@ def field_arrays(path: Path, topic: str, names: Sequence[str]) -> dict[str, NDAr
         (usual, often), *others = shapes.most_common()
         if others and len(column) - often >= SPOILT * len(column):
             raise CodecError(
-                f"'{path}': the field '{name}' has {len(shapes)} shapes, as {_few(set(shapes))}; "
-                "expected one."
+                f"'{path}': the field '{name}' has {len(shapes)} shapes, such as "
+                f"{_few(set(shapes))}; expected one."
             )
         faults += [
             CodecError(
@@ -486,7 +490,7 @@ def field_arrays(path: Path, topic: str, names: Sequence[str]) -> dict[str, NDAr
         )
     if faults:
         warnings.warn(
-            f"{len(faults)} of {count} messages are bad, and their frames are missing or hold "
+            f"{len(faults)} of {count} messages are bad, and their frames are missing or contain "
             f"no numbers; the first: {faults[0]}",
             RecordingWarning,
             stacklevel=2,
@@ -519,7 +523,7 @@ def _value(path: Path, message: Message, content: Any, name: str) -> Any:
         return numbers_of(value)
     except (TypeError, ValueError, OverflowError):
         raise CodecError(
-            f"'{path}': the field {shown(name)} of a message holds no numbers of one shape."
+            f"'{path}': the field {shown(name)} of a message does not contain numbers of one shape."
         ) from None
 
 

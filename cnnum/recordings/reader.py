@@ -282,14 +282,16 @@ class Contents:
         """Name in one sentence each the part that cannot be read, and another order, if any."""
         if not self.ordered:
             warnings.warn(
-                f"The frames of '{self.path}' do not stand in the order in which they came: they "
-                "are sorted by their log times.",
+                f"The frames of '{self.path}' are not in the order of their arrival: they are "
+                "sorted by their log times.",
                 RecordingWarning,
                 stacklevel=2,
             )
         if self.whole:
             return
-        first = f"'{self.path}' has no whole index: {self.tail} bytes at its end are not readable"
+        first = (
+            f"'{self.path}' has no complete index: {self.tail} bytes at its end are not readable"
+        )
         if self.unreadable > self.tail:
             inside = self.unreadable - self.tail
             places = self.holes - bool(self.tail)
@@ -297,7 +299,8 @@ class Contents:
         if self.indexed:
             first = f"'{self.path}' is damaged: {self.unreadable} bytes in it are not readable"
         warnings.warn(
-            f"{first}; {self.frames} frames are, and 'cnnum recover' makes a whole file of them.",
+            f"{first}; {self.frames} frames are readable, and 'cnnum recover' writes them to a "
+            "complete file.",
             RecordingWarning,
             stacklevel=2,
         )
@@ -351,7 +354,7 @@ def look(path: Path, budget: float = 1.0) -> Contents:
             held = tuple(item for _, _, item in attached(file, len(MAGIC), size, spent))
     if decoder.layout is None or not tally.frames:
         raise CodecError(
-            f"'{path}' is not a recording of cnnum: there is no whole chunk of frames in its "
+            f"'{path}' is not a recording of cnnum: there is no complete chunk of frames in its "
             f"{size} bytes."
         )
     return Contents(

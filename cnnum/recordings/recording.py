@@ -115,8 +115,9 @@ class Recording(ByContent):
         array = array[..., np.newaxis] if array.ndim == 3 else array
         if array.ndim not in (4, 5) or 0 in array.shape:
             raise ArrayError(
-                "The values of a recording must be (frames, rows, cols, channels), or with pads "
-                f"(frames, pads, rows, cols, channels), at least one of each, got {array.shape}."
+                "The values of a recording must have the shape (frames, rows, cols, channels), "
+                "or (frames, pads, rows, cols, channels) with pads, and at least one of each, "
+                f"got {array.shape}."
             )
         if array.ndim == 5:
             pads = array.shape[1] if pads is None else pads
@@ -127,7 +128,7 @@ class Recording(ByContent):
                 saturated = side_by_side(np.asarray(saturated))
         if pads is not None and (type(pads) is not int or pads < 1 or array.shape[2] % pads):
             raise ArrayError(
-                f"'pads' must share the {array.shape[2]} columns equally, got {shown(pads)}."
+                f"'pads' must divide the {array.shape[2]} columns equally, got {shown(pads)}."
             )
         stated = rate is not None
         if rate is None:
@@ -145,16 +146,16 @@ class Recording(ByContent):
         at = _times(times, frames, rate)
         if not stated and (seems := time_unit_of(at)):
             warnings.warn(
-                f"The frames of a recording are {1.0 / rate:.4g} s apart by their times: if these "
-                f"are in {seems}, give them in s, and if not, give rate={rate:.4g}, too.",
+                f"The frames of a recording are {1.0 / rate:.4g} s apart by their times: if the "
+                f"times are in {seems}, convert them to s; if not, also give rate={rate:.4g}.",
                 RecordingWarning,
                 stacklevel=3,
             )
         seen = None if times is None else contradicted(float(rate), at)
         if seen is not None:
             raise ArrayError(
-                f"The rate of a recording is {rate:g} Hz, but its times have {seen:.4g} "
-                "frames per second: give that rate, or other times."
+                f"The rate of a recording is {rate:g} Hz, but its times give {seen:.4g} frames "
+                "per second: correct the rate or the times."
             )
         if sequence is not None:
             scans = _whole("sequence", sequence, frames)
@@ -274,8 +275,8 @@ class Recording(ByContent):
             sizes = ("time", "pad", *sizes[1:])
         if "values" not in dataset or set(dataset["values"].dims) != set(sizes):
             raise ArrayError(
-                "A dataset of a recording has 'values' on the axes time, row, col and axis, got "
-                f"{shown(', '.join(map(str, dataset)) or 'nothing')}."
+                "A dataset of a recording must have 'values' on the axes time, row, col and "
+                f"axis, got {shown(', '.join(map(str, dataset)) or 'nothing')}."
             )
         values = dataset["values"].transpose(*sizes)
         own = ("values", "quality", "saturated")
@@ -585,7 +586,7 @@ def _rate(times: ArrayLike | None, frames: int) -> float:
     if result > 0.0:
         return result
     given = "no times" if times is None else "times that give none"
-    raise ArrayError(f"A recording needs its rate, and there are {given}: set 'rate' in Hz.")
+    raise ArrayError(f"A recording needs its rate, and there are {given}: give 'rate' in Hz.")
 
 
 def _times(times: ArrayLike | None, frames: int, rate: float) -> Floats:

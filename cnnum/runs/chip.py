@@ -184,7 +184,7 @@ def on_chip(ask: Ask, down: Callable[[Ask], Result]) -> Result:
     template = ask.template
     if isinstance(template, TemplateBatch):
         raise NotSupportedError(
-            "A chip holds one template at a time: run those of a batch one by one."
+            "A chip stores one template at a time: run those of a batch one by one."
         )
     own = chip.programmed(template)
     names = ("input", "previous", "state", "bias", "mask")

@@ -130,9 +130,9 @@ def refuse_signed_mask(array: NDArray[np.floating]) -> None:
     """
     if array.size and float(array.min()) < 0.0:
         raise ArrayError(
-            "'mask' holds the state of cells where it is not 0, got numbers down to "
-            f"{array.min():g}: pass a bool array; for a mask of MatCNN, in which −1 marks the "
-            "held cells, pass mask < 0."
+            "'mask' fixes the state of the cells where it is not 0, got numbers down to "
+            f"{array.min():g}: pass a bool array; for a MatCNN mask, in which −1 marks the fixed "
+            "cells, pass mask < 0."
         )
 
 
@@ -201,7 +201,9 @@ def maps_by_role(
 
 def _common_shape(values: Sequence[NDArray[np.floating]]) -> Shape:
     if not values:
-        raise ArrayError("A run needs at least a state: its shape is the array's.")
+        raise ArrayError(
+            "A run needs at least an initial state, which gives the shape of the array."
+        )
     shapes = {value.shape[-2:] for value in values}
     if len(shapes) != 1 or len(next(iter(shapes))) != 2:
         raise ArrayError(
@@ -260,8 +262,8 @@ def _put(role: str, array: NDArray[np.floating], planes: NDArray[np.floating]) -
             planes[...] = array
     except FloatingPointError:
         raise ArrayError(
-            f"'{role}' reaches {np.abs(array).max():.3g}, more than {planes.dtype} holds: scale it "
-            "down, or use precision='float64'."
+            f"'{role}' reaches {np.abs(array).max():.3g}, more than {planes.dtype} can represent: "
+            "scale it down, or use precision='float64'."
         ) from None
 
 

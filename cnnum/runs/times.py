@@ -173,8 +173,8 @@ def looked_at(
     marks, shape = findings["marks"], (len(times), *lead)
     if not np.isfinite(state).all():
         raise ArrayError(
-            f"The state of template '{template.name}' is not finite at one of the times: it grows "
-            "beyond the numbers of the precision."
+            f"The state of template '{template.name}' is not finite at one of the times: it "
+            "exceeds the range of the precision."
         )
     if template.layers == 1:
         state = state[:, :, 0]

@@ -130,7 +130,7 @@ def read_text(path: Path, *, most: int) -> str:
 def _refuse_pointer(content: bytes) -> None:
     for begin, what, how in POINTERS:
         if content.startswith(begin):
-            raise OSError(errno.EINVAL, f"it is a pointer of {what} in place of the data: {how}")
+            raise OSError(errno.EINVAL, f"it is a {what} pointer instead of the data: {how}")
 
 
 def _refuse_other(status: os.stat_result, most: int | None) -> None:

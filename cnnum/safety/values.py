@@ -194,7 +194,7 @@ def refuse_beyond(what: str, needed: int, room: int, owner: str) -> None:
     if needed > room:
         raise SizeError(
             f"{what} needs at least {_gigabytes(needed)} of memory, more than the "
-            f"{_gigabytes(room)} of {owner}: take fewer cells, or fewer frames at a time."
+            f"{_gigabytes(room)} of {owner}: use fewer cells, or fewer frames at a time."
         )
 
 

@@ -64,7 +64,7 @@ class ArrayCalibration:
             raise CalibrationError(f"A calibration: {error}") from None
         if not parts["gain"].any():
             raise CalibrationError(
-                "'gain' must be different from 0, got 0 only, which would remove every load."
+                "'gain' must not be 0 everywhere, which would remove every load."
             )
         if unit:
             checked_name("a unit", unit, CalibrationError)
@@ -102,14 +102,14 @@ class ArrayCalibration:
         }
         if self.offset.shape not in ((), (channels,), whole):
             raise CalibrationError(
-                f"'offset' must be one number, ({channels},) or {whole} of them for this "
-                f"array, got {self.offset.shape}."
+                f"'offset' must be one number, or have the shape ({channels},) or {whole} for "
+                f"this array, got {self.offset.shape}."
             )
         if self.gain.shape not in forms:
             choices = ", ".join(str(known) for known in forms if known)
             raise CalibrationError(
-                f"'gain' must be one number, or {choices} of them for this array, got "
-                f"{self.gain.shape}."
+                f"'gain' must be one number, or have one of the shapes {choices} for this array, "
+                f"got {self.gain.shape}."
             )
         return forms[self.gain.shape]
 
@@ -132,8 +132,8 @@ class ArrayCalibration:
         array = np.asarray(raw, dtype=np.float64)
         if array.ndim != 4 or len(array) < self.tare:
             raise CalibrationError(
-                "A calibration needs (frames, rows, cols, channels) with at least "
-                f"{max(1, self.tare)} frames, got {array.shape}."
+                "A calibration needs values of shape (frames, rows, cols, channels) with at "
+                f"least {max(1, self.tare)} frames, got {array.shape}."
             )
         shape, channels = (array.shape[1], array.shape[2]), array.shape[3]
         form = self.form(shape, channels)

@@ -185,7 +185,7 @@ def bump_inverse(
     if np.abs(left).max() > LEFT:
         raise PhysicsError(
             f"Bumps {pitch:g} radii apart over taxels {depth:g} radii deep cannot be separated: "
-            f"{np.abs(left).max():.0%} of a load would be left, expected up to {LEFT:.0%}."
+            f"{np.abs(left).max():.0%} of a load would remain, expected at most {LEFT:.0%}."
         )
     # templates correlate, and a filter's weights are met from the other side
     kernel = np.ascontiguousarray(whole[..., middle, middle][..., ::-1, ::-1])

@@ -27,7 +27,7 @@ def finite(name: str, value: ArrayLike) -> Array:
     array = _numbers(name, value)
     if not np.isfinite(array).all():
         raise PhysicsError(
-            f"'{name}' holds NaN or infinity: expected finite numbers, remove the bad ones first."
+            f"'{name}' holds NaN or infinity: expected finite numbers; remove the others first."
         )
     return array
 
@@ -44,7 +44,7 @@ def not_negative(name: str, value: ArrayLike) -> Array:
     """Return `value` as finite float64 of zero or more, or raise `PhysicsError`."""
     array = finite(name, value)
     if not (array >= 0).all():
-        raise PhysicsError(f"'{name}': expected numbers of 0 or more, got {array.min():g}.")
+        raise PhysicsError(f"'{name}': expected numbers of at least 0, got {array.min():g}.")
     return array
 
 

@@ -56,8 +56,8 @@ class Pad:
         whole = corners.dtype.kind in "iu" and corners.ndim == 4 and corners.shape[2:] == (4, 2)
         if not whole or corners.size == 0:
             raise ArrayError(
-                "'corners' must be whole numbers of the shape (bump_rows, bump_cols, 4, 2), got "
-                f"{corners.dtype} {corners.shape}."
+                "'corners' must be whole numbers with the shape (bump_rows, bump_cols, 4, 2), "
+                f"got {corners.dtype} {corners.shape}."
             )
         rows, cols = corners[..., 0], corners[..., 1]
         if (
@@ -146,7 +146,8 @@ class Pad:
         grid = place[np.newaxis] if place.ndim == 2 else place
         if grid.ndim != 3:
             raise ArrayError(
-                f"'centres' must be (bumps, 2) or (bump_rows, bump_cols, 2), got {place.shape}."
+                "'centres' must have the shape (bumps, 2) or (bump_rows, bump_cols, 2), got "
+                f"{place.shape}."
             )
         size = checks.scalar("spacing", checks.positive("spacing", spacing))
         cell = np.floor(grid / size).astype(np.intp)

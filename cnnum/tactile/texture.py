@@ -91,8 +91,8 @@ def texture(signals: ArrayLike, *, window: int = WINDOW, threshold: float = 0.0)
     rows = checks.vector("signals", signals)
     if rows.ndim < 2:
         raise ArrayError(
-            f"'signals' must have the shape (frames, ..., 3), got {rows.shape}; one frame after "
-            "the other is for `stream`."
+            f"'signals' must have the shape (frames, ..., 3), got {rows.shape}; use `stream` for "
+            "one frame at a time."
         )
     ratios, touching = _friction(rows, state.threshold)
     lead = np.zeros((window, *ratios.shape[1:]))
@@ -154,8 +154,8 @@ def stream(state: TextureState, signals: ArrayLike) -> tuple[TextureState, Textu
         known = np.zeros(past.shape, dtype=np.bool_)
     if past.shape[1:] != ratio.shape:
         raise ArrayError(
-            f"'signals' must keep the shape {(*past.shape[1:], 3)} of the frames before, got "
-            f"{(*ratio.shape, 3)}; start anew for another array."
+            f"'signals' must keep the shape {(*past.shape[1:], 3)} of the previous frames, got "
+            f"{(*ratio.shape, 3)}; use a new stream for another array."
         )
     ratios = np.concatenate([past[1:], ratio[np.newaxis]])
     mask = np.concatenate([known[1:], touching[np.newaxis]])

@@ -391,11 +391,11 @@ def classify(
     parts = np.asarray(groups, dtype=np.intp)
     if values.ndim != 2 or not len(values) == len(truth) == len(parts):
         raise ArrayError(
-            "'samples' (n, features), 'labels' (n,) and 'groups' (n,) must be of the same "
+            "'samples' (n, features), 'labels' (n,) and 'groups' (n,) must belong to the same "
             f"samples, got {values.shape}, {truth.shape} and {parts.shape}."
         )
     if not (values > 0.0).all():
-        raise ArrayError("'samples' must be positive: leave windows without contact out.")
+        raise ArrayError("'samples' must be positive: leave out windows without contact.")
     predicted = _left_out(np.log(values), truth, parts, folds)
     confusion = np.zeros((len(names), len(names)))
     np.add.at(confusion, (truth, predicted), 1.0)

@@ -111,8 +111,8 @@ def _by_name(template: Template, given: Given) -> dict[str, ArrayLike]:
         count = len(getattr(template, part))
         if not isinstance(value, Sequence) or len(value) > count:
             raise TemplateError(
-                f"'{part}' of a batch of '{template.name}' is a sequence of arrays, one for each "
-                f"of its {count}."
+                f"'{part}' of a batch of '{template.name}' must be a sequence of arrays, at most "
+                f"one for each of its {count}."
             )
         numbered = enumerate(cast("Sequence[ArrayLike | None]", value), 1)
         result |= {f"{SEQUENCES[part]} {n}": item for n, item in numbered if item is not None}
@@ -129,8 +129,8 @@ def _checked(template: Template, part: str, own: Floats, value: ArrayLike | None
         return values[..., np.newaxis]
     if values.shape[values.ndim - own.ndim :] != own.shape:
         raise TemplateError(
-            f"{part} of a batch of '{template.name}' must have the last axes {own.shape}, got the "
-            f"shape {values.shape}."
+            f"{part} of a batch of '{template.name}' must have the trailing axes {own.shape}, got "
+            f"the shape {values.shape}."
         )
     return values
 
@@ -144,8 +144,8 @@ def _kernels(template: Template, part: str, own: Floats, values: Floats) -> Floa
     sizes = values.shape[-4:]
     if len(sizes) < 4 or sizes[:2] != couples or sizes[-1] != sizes[-2] or sizes[-1] % 2 == 0:
         raise TemplateError(
-            f"{part} of a batch of '{template.name}' must be (..., k, k) with k odd, for {couples} "
-            f"couplings, got the shape {shape}."
+            f"{part} of a batch of '{template.name}' must have the shape (..., k, k) with k odd, "
+            f"for {couples} couplings, got the shape {shape}."
         )
     return values
 
@@ -244,7 +244,8 @@ class TemplateBatch(ByContent):
             if _form(other) != _form(first):
                 raise TemplateError(
                     f"A batch needs templates of one form, got '{first.name}' and '{other.name}': "
-                    "boundary, start, duration, output, tables and sizes must be the same."
+                    "boundary, initial state, duration, output, tables and sizes must be the "
+                    "same."
                 )
         all_parts = [parts_of(template) for template in templates]
         stacked = {key: np.stack([parts[key] for parts in all_parts]) for key in all_parts[0]}

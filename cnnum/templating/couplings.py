@@ -26,7 +26,7 @@ def kernel(name: str, value: ArrayLike) -> Floats:
     """
     array = finite(name, value)
     if array.ndim != 2 or array.shape[0] != array.shape[1] or array.shape[0] % 2 == 0:
-        raise TemplateError(f"{name} must be (k, k) with k odd, got the shape {np.shape(value)}.")
+        raise TemplateError(f"{name} must have the shape (k, k) with k odd, got {np.shape(value)}.")
     return frozen(array)
 
 
@@ -42,8 +42,7 @@ def place(part: str, value: SupportsIndex) -> int:
         return int(operator.index(value))
     except TypeError:
         raise TemplateError(
-            f"'{part}' of a coupling must be the whole number of a layer or input, got "
-            f"{value!r:.60}."
+            f"'{part}' of a coupling must be the index of a layer or input, got {value!r:.60}."
         ) from None
 
 
@@ -100,8 +99,9 @@ class NonlinearCoupling:
         flags = self.times_argument or self.reversed_sign
         if isinstance(self.function, PairFunction) and (self.centre is None or flags):
             raise TemplateError(
-                f"The function '{self.function.name}' reads a centre and a neighbour as they are: "
-                "give the coupling a centre, and neither times_argument nor reversed_sign."
+                f"The function '{self.function.name}' takes the centre and the neighbour "
+                "themselves: give the coupling a centre, and neither times_argument nor "
+                "reversed_sign."
             )
 
     @property
@@ -217,7 +217,7 @@ def _delayed(part: str, value: ArrayLike) -> Floats:
     shape = weights.shape
     if len(shape) != 4 or shape[2] != shape[3] or shape[3] % 2 == 0:
         raise TemplateError(
-            f"Delayed {part} must be (k, k) or (to, from, k, k) with k odd, got the shape "
+            f"Delayed {part} must have the shape (k, k) or (to, from, k, k) with k odd, got "
             f"{np.shape(value)}."
         )
     return frozen(weights)

@@ -357,8 +357,8 @@ def _couplings(template: str, part: str, value: ArrayLike) -> Floats:
         kernel = kernel[np.newaxis, np.newaxis]
     if kernel.ndim != 4 or kernel.shape[-1] != kernel.shape[-2] or kernel.shape[-1] % 2 == 0:
         raise TemplateError(
-            f"Template '{template}': {part} must be (k, k) or (layers, from, k, k) with k odd, "
-            f"got the shape {np.shape(value)}."
+            f"Template '{template}': {part} must have the shape (k, k) or (layers, from, k, k) "
+            f"with k odd, got {np.shape(value)}."
         )
     return frozen(kernel)
 
@@ -391,7 +391,8 @@ def _control(template: str, value: ArrayLike | None, layers: int) -> Floats:
     control = _couplings(template, "B", value)
     if control.shape[0] != layers:
         raise TemplateError(
-            f"Template '{template}': B must serve the {layers} layers of A, got {control.shape[0]}."
+            f"Template '{template}': B must have as many layers as A, {layers}, got "
+            f"{control.shape[0]}."
         )
     return control
 

@@ -141,7 +141,7 @@ class Block(NamedTuple):
 def _blocks(body: bytes) -> dict[int, Block]:
     """Return the blocks by their type; the table of them ends where the first begins."""
     if not body or body[0] not in OFFSETS:
-        raise CodecError("A PTS frame begins with the size of its offsets: 1, 2 or 4.")
+        raise CodecError("A PTS frame must begin with the size of its offsets: 1, 2 or 4.")
     kind_of_offset = OFFSETS[body[0]]
     entry = struct.Struct(f"<H{kind_of_offset}")
     at, first = 1, len(body)
@@ -168,10 +168,10 @@ def _items(block: "Block") -> list["Block"]:
 def _pillars(sensor: Block) -> Floats:
     rows = [struct.unpack_from("<H6f", pillar.data) for pillar in _items(sensor)]
     if any(row[0] != 2 for row in rows):
-        raise CodecError("A pillar of a PTS frame has two vectors: force and displacement.")
+        raise CodecError("A pillar of a PTS frame must have two vectors: force and displacement.")
     values = np.array([row[1:] for row in rows], dtype=np.float64)
     if not np.isfinite(values).all():
-        raise CodecError("A pillar of a PTS frame holds a number that is not finite.")
+        raise CodecError("A pillar of a PTS frame contains a number that is not finite.")
     return values
 
 

@@ -85,7 +85,7 @@ def read_out_times(depth: float, shape: tuple[int, int], tolerance: float) -> Ti
     """
     if not (0 < depth < math.inf and 1e-9 < tolerance < 0.1):
         raise ProgramError(
-            "A cover has a thickness above 0 cells and a tolerance between 1e-9 and 0.1, got "
+            "A cover needs a thickness above 0 cells and a tolerance between 1e-9 and 0.1, got "
             f"{depth} and {tolerance}."
         )
     slowest = 2 - 2 * math.cos(math.pi / max(2, *shape))

@@ -263,12 +263,15 @@ def test_rules_of_5_by_5_cells_have_the_margin_of_a_sum_by_hand(rule: str, size:
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ('name = "A"\n[design]\n', "needs a rule or examples"),
+        ('name = "A"\n[design]\n', "needs either a rule or examples"),
         ('name = "A"\n[design]\nrule = "c or not c"\n', "one colour for all"),
         ('name = "A"\n[design]\nuntil = "still"\nrule = "ring24 > 3"\n', "5×5"),
         ('name = "A"\n[design]\nrule = "ring24 * ring > 3"\n', "a few comparisons of sums"),
         ('name = "A"\n[design]\nrule = "ring24 == 3"\n', "a sequence of rules that are"),
-        ('name = "A"\n[design]\nrule = "w != e"\n', "No single template does 'A': 2 black and 2"),
+        (
+            'name = "A"\n[design]\nrule = "w != e"\n',
+            "No single template computes 'A': 2 black and 2",
+        ),
         ('name = "A"\n[design]\nrule = "c"\nuntil = "now"\n', "'once' or 'still'"),
         ('name = "A"\n[design]\nrul = "c"\n', "unknown key 'rul'"),
         (

@@ -106,7 +106,7 @@ def test_the_second_of_a_program_may_read_the_given_picture_too():
 def test_examples_that_are_none():
     with pytest.raises(ArrayError, match="same shape"):
         find_by_example(np.zeros((3, 3)), np.zeros((3, 4)))
-    with pytest.raises(ArrayError, match="so it asks for nothing"):
+    with pytest.raises(ArrayError, match="so it specifies nothing"):
         find_by_example(np.zeros((3, 3)), np.full((3, 3), np.nan))
 
 

@@ -60,11 +60,11 @@ def test_examples_are_the_lesson_where_there_are_some(tmp_path):
         (LEARN.replace('like = "EDGE"\n', ""), "'learn.like' is missing"),
         (LEARN + "margin = 1\n", "unknown key 'margin'"),
         (LEARN + '[search]\nlike = "EDGE"\n', "keep one of them"),
-        (LEARN + "restarts = 1\niterations = 1\n", "is not learned: the mean squared error"),
+        (LEARN + "restarts = 1\niterations = 1\n", "was not learned: the mean squared error"),
         (
             LEARN + '[[example]]\ninput = ["#o"]\noutput = ["#o"]\n'
             '[[example]]\ninput = ["#"]\noutput = ["#"]\n',
-            "examples of one size",
+            "must have one size",
         ),
         (LEARN.replace("EDGE", "HOLE"), "duration"),
     ],

@@ -128,7 +128,7 @@ def test_thousands_that_may_be_decimals_are_said(tmp_path):
 
 def test_a_header_that_comes_again_is_left_out_and_said(tmp_path):
     text = "t,a,b\n0,1,2\n0.1,3,4\nt,a,b\n0.2,5,6\n"
-    with pytest.warns(RecordingWarning, match="line 4: the header is there again"):
+    with pytest.warns(RecordingWarning, match="line 4: the header occurs again"):
         assert load(tmp_path, text, TIMED).values.ravel().tolist() == [1, 2, 3, 4, 5, 6]
 
 
@@ -251,7 +251,7 @@ def test_a_pointer_in_place_of_the_data_is_called_one(of, suffix, tmp_path):
     (tmp_path / f"p.{suffix}").write_bytes(POINTERS[of])
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        with pytest.raises(CnnumError, match=f"it is a pointer of {of} in place of the data"):
+        with pytest.raises(CnnumError, match=f"it is a {of} pointer instead of the data"):
             cnnum.load_recording(tmp_path / f"p.{suffix}")
 
 

@@ -169,7 +169,7 @@ def test_files_differ_by_a_few_rows_at_the_most(tmp_path: Path, rows: int, most:
     assert len(list(driver.frames())) == rows - most
     assert driver.counters.dropped == most
     write(tmp_path / "xela_sensor2.csv", HEADER, two[: -most - 1])
-    with pytest.raises(CodecError, match=f"at most {most} more or fewer, got {rows - most - 1}"):
+    with pytest.raises(CodecError, match=f"give or take {most}, got {rows - most - 1}"):
         replay(tmp_path, rate=60)
 
 

@@ -253,7 +253,7 @@ def test_followed_steps_are_the_methods_own(name):
 
 def test_an_error_of_another_state_than_the_last_stage_is_refused():
     half, one = Fraction(1, 2), Fraction(1)
-    with pytest.raises(ValueError, match="is not its end"):
+    with pytest.raises(ValueError, match="is not at the end"):
         ButcherTableau("heun", ((), (one,)), (half, half), 2, error=(half, -half))
 
 

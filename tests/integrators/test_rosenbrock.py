@@ -133,7 +133,7 @@ def test_its_bound_and_its_refusals():
         Template("late", [[0.5]], [[1.0]], delayed=late, duration=1.0),
     ):
         assert stability_bound(other, SHAPE, "rodas3").step == 0.0
-        with pytest.raises(MethodError, match=r"'rodas3' runs plain couplings"):
+        with pytest.raises(MethodError, match=r"'rodas3' supports only plain couplings"):
             REFERENCE.run(other, **(seen if other.inputs else given))
     with pytest.raises(MethodError, match=r"'rodas3' chooses its own steps: leave dt out"):
         REFERENCE.run(plain, **given, dt=0.1)

@@ -68,7 +68,7 @@ def test_times_give_the_rate():
 def test_an_honest_slow_recording_is_not_questioned_in_any_own_file(kind, tmp_path):
     """0.1 Hz; times without their rate are, when they are given."""
     values = np.random.default_rng(0).normal(100.0, 1.0, (30, 2, 2, 3))
-    with pytest.warns(RecordingWarning, match=r"10 s apart by their times: if these are in ms"):
+    with pytest.warns(RecordingWarning, match=r"10 s apart by their times: if the times are in ms"):
         assert cnnum.Recording(values, times=10.0 * np.arange(30), unit="V").unit == "V"
     recording = cnnum.Recording(values, rate=0.1)
     if kind == "a data frame":
@@ -141,7 +141,7 @@ def test_a_dataset_may_have_an_axis_of_pads():
 
 
 def test_pads_that_do_not_fit_are_refused():
-    with pytest.raises(ArrayError, match="'pads' must share the 4 columns equally, got 3"):
+    with pytest.raises(ArrayError, match="'pads' must divide the 4 columns equally, got 3"):
         cnnum.Recording(np.zeros((3, 2, 4, 3)), rate=1.0, pads=3)
     with pytest.raises(ArrayError, match="'pads' is 3, but the values have 2 pads"):
         cnnum.Recording(np.zeros((3, 2, 4, 4, 3)), rate=1.0, pads=3)

@@ -72,7 +72,7 @@ def test_a_disk_that_refuses_ends_it_with_what_was_stored(scans, tmp_path, monke
         raise OSError(errno.EIO, "Input/output error")
 
     monkeypatch.setattr(recorder._journal._file, "append", refuse)
-    with pytest.raises(RecordingError, match="takes no more"):  # noqa: PT012
+    with pytest.raises(RecordingError, match="cannot take more"):  # noqa: PT012
         for frame in scans(100, first=10):
             recorder.add(frame)
             time.sleep(0.02)

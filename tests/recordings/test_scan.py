@@ -89,7 +89,7 @@ def test_what_is_no_recording_is_refused(tmp_path, scans):
     path = tmp_path / "none.mcap"
     for data in (b"", b"hello", beginning(), beginning()[:11], bytes(5000)):
         path.write_bytes(data)
-        with pytest.raises(CodecError, match="no whole chunk of frames"):
+        with pytest.raises(CodecError, match="no complete chunk of frames"):
             look(path)
     with path.open("wb") as file:
         writer = Writer(file)

@@ -297,7 +297,7 @@ def test_what_is_not_proven_takes_its_way(template, how):
         ({"input": BLOBS, "template": "HOLE"}, "see no other cell"),
         ({"input": GRAY, "template": "MAX", "duration": 1.0}, "may change until 2"),
         ({"input": BLOBS.tolist()}, "float32 or float64"),
-        ({"input": BLOBS, "at": [1.0, 2.0]}, "without times on its way"),
+        ({"input": BLOBS, "at": [1.0, 2.0]}, "without times in between"),
     ],
 )
 def test_what_was_asked_for_and_cannot_be_says_so(how, said):

@@ -205,7 +205,7 @@ def test_the_same_run_gives_the_same_whatever_was_run_before():
         ({"dt": 0.1}, "it takes no steps"),
         ({"duration": 1.0}, "its outputs may change until"),
         ({"state": np.zeros((8, 8))}, "a cell begins between −1 and 1"),
-        ({"at": [1.0, 2.0]}, "without times on its way"),
+        ({"at": [1.0, 2.0]}, "without times in between"),
     ],
 )
 def test_what_was_asked_for_and_cannot_be_says_so(options, said):

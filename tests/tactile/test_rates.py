@@ -398,7 +398,7 @@ def test_a_rest_that_moves_is_said(tmp_path, caplog):
 
 def test_a_rate_that_contradicts_the_times_is_refused(tmp_path):
     values, t = counts(60.0, 3.0)
-    with pytest.raises(ArrayError, match=r"is 600 Hz, but its times have 60 frames per second"):
+    with pytest.raises(ArrayError, match=r"is 600 Hz, but its times give 60 frames per second"):
         cnnum.Recording(values, rate=600.0, times=t)
     with pytest.raises(SceneError, match=r"'program.parameters.rate' is 600 Hz, .* has 60"):
         played(tmp_path, values, 60.0, needs="slip", rate=600.0)

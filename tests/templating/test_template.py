@@ -102,10 +102,10 @@ def test_digest_depends_on_all_that_changes_a_run_and_on_nothing_else() -> None:
 @pytest.mark.parametrize(
     ("parts", "message"),
     [
-        ({"A": [[1.0, 0.0], [0.0, 1.0]]}, r"A must be .* with k odd, got the shape \(2, 2\)"),
-        ({"A": [[1.0, 0.0, 1.0]]}, r"A must be .* got the shape \(1, 3\)"),
+        ({"A": [[1.0, 0.0], [0.0, 1.0]]}, r"A must have .* with k odd, got \(2, 2\)"),
+        ({"A": [[1.0, 0.0, 1.0]]}, r"A must have .* got \(1, 3\)"),
         ({"A": np.zeros((1, 2, 3, 3))}, "A couples layers to layers, got 2 columns for 1 layers"),
-        ({"A": CENTRE, "B": np.zeros((2, 1, 3, 3))}, "B must serve the 1 layers of A, got 2"),
+        ({"A": CENTRE, "B": np.zeros((2, 1, 3, 3))}, "B must have as many layers as A, 1, got 2"),
         ({"A": CENTRE, "z": [1.0, 2.0]}, "z must be one number or one per layer"),
         ({"A": CENTRE, "tau": 0.0}, "tau must be positive"),
         ({"A": CENTRE, "initial": "output"}, "initial must be a finite number or 'input'"),

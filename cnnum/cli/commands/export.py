@@ -186,8 +186,8 @@ def require_room(out: Path, program: str, package: str | None = None, *, force: 
     ours = is_export(out, program)
     if not force and (other := in_the_way(out, program, package)):
         raise click.UsageError(
-            f"'{out}' contains a file '{other}' that no export of '{program}' wrote: choose "
-            "another folder, or use --force."
+            f"'{out}' contains the file '{other}', which is not from an export of '{program}': "
+            "choose another folder, or use --force."
         )
     return ours
 
@@ -202,5 +202,5 @@ def shape_of(text: str) -> tuple[int, int]:
     """
     match = re.fullmatch(r"(\d{1,3})x(\d{1,3})(x3)?", text)
     if match is None or int(match[1]) < 2 or int(match[2]) < 2:
-        raise click.UsageError(f"A shape is ROWSxCOLSx3, as in 8x8x3, got '{text:.60}'.")
+        raise click.UsageError(f"A shape must be ROWSxCOLSx3, such as 8x8x3, got '{text:.60}'.")
     return int(match[1]), int(match[2])

@@ -105,8 +105,8 @@ class Recorder:
             raise taken(path, RecordingError) if direct else _unfinished(path, target) from None
         except OSError as error:
             raise RecordingError(
-                f"'{target}' cannot be written: {error.strerror}; choose a folder that exists "
-                "and may be written to."
+                f"'{target}' cannot be written: {error.strerror}; choose an existing folder in "
+                "which you may write."
             ) from None
         tap = getattr(driver, "tap", None)
         if tap is not None:
@@ -239,7 +239,7 @@ def command(
             if outcome.problem:
                 raise RecordingError(outcome.problem)
         if not outcome.frames:
-            raise RecordingError(f"Nothing was recorded to '{file}': no frame came.")
+            raise RecordingError(f"Nothing was recorded to '{file}': no frame arrived.")
     return 130 if stopped else 0
 
 

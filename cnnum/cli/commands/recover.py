@@ -69,7 +69,7 @@ def _refuse_whole(file: Path) -> None:
         return  # the remains of a recording under another name
     raise RecordingError(
         f"'{file}' needs no recovery: its {len(held)} frames can be read as they are by every "
-        "command and by cnnum.load_recording, whose 'save' writes them in another format."
+        "command and by cnnum.load_recording; Recording.save converts them to another format."
     )
 
 

@@ -241,8 +241,8 @@ def _nothing(engine: str, left_out: "Sequence[_LeftOut]") -> CnnumError:
     slow = {name for form in forms for name in form.too_slow}
     able = ", ".join(name for name in backend_names() if name not in slow)
     return NotSupportedError(
-        f"'{engine}' checks nothing of {programs} ({forms[0].left_out}): expected one of {able}, "
-        "or other names."
+        f"'{engine}' cannot check {programs} ({forms[0].left_out}): use one of {able}, or give "
+        "other names."
     )
 
 

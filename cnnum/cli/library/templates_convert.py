@@ -74,11 +74,12 @@ def import_files(
             if path in sources:
                 other, first = sources[path]
                 raise TemplateFileError(
-                    f"'{file}' and '{other}' both hold a template '{name}': expected names that "
-                    f"differ, as each is a file of its own; import them to two folders."
+                    f"'{file}' and '{other}' both contain a template '{name}', and each template "
+                    "becomes a file of its name: import them into two folders."
                     if first.template.name == name
                     else f"The templates '{first.template.name}' of '{other}' and '{name}' of "
-                    f"'{file}' would both be the file '{path.name}': import them to two folders."
+                    f"'{file}' would both become the file '{path.name}': import them into two "
+                    "folders."
                 )
             sources[path] = file, entry
     said, never = dict[str, None](), dict[str, None]()

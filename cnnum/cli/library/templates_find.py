@@ -99,7 +99,7 @@ def find(
     if given is None or wanted is None:
         raise click.UsageError("An example needs both --input and --wanted.")
     if programs and state is not None:
-        raise click.UsageError("Programs of two begin from the input: leave out --state.")
+        raise click.UsageError("Programs of two templates start from the input: leave out --state.")
     _by_example(given, wanted, state, programs, most, output)
 
 

@@ -149,8 +149,8 @@ def _finite(
             result &= np.isfinite(answer[array]).all(axis=-1)
         if not result.any():
             raise ArrayError(
-                f"Output '{name}' is not finite in float32 in any stream of the test vector: scale "
-                "the quantity behind it, or leave it out of the outputs that are needed."
+                f"Output '{name}' is not finite in float32 in any stream of the test vector: "
+                "rescale the quantity, or leave it out of the requested outputs."
             )
     return result
 

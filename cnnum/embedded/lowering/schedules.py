@@ -405,8 +405,8 @@ class Lowering:
             operation = node.operation
             if node.maps > 1:
                 raise NotSupportedError(
-                    f"{operation} is a stack of {node.maps} maps, which is not exported: leave out "
-                    "the outputs that need it."
+                    f"{operation} is a stack of {node.maps} maps, which cannot be exported: leave "
+                    "out the outputs that need it."
                 )
             if isinstance(operation, Input):
                 channel, name = operation.channel, names[operation.channel]

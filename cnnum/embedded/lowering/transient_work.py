@@ -61,24 +61,24 @@ class TransientWork:
         for pick in self.picks.values():
             if pick.what not in ("output", "state"):
                 raise NotSupportedError(
-                    f"The figure '{pick.what}' of a run is not exported: leave out the outputs "
+                    f"The figure '{pick.what}' of a run cannot be exported: leave out the outputs "
                     "that need it."
                 )
         if template.delayed is not None or template.gains:
             raise NotSupportedError(
-                f"Template '{template.name}' has delayed or timed couplings, which are not "
+                f"Template '{template.name}' has delayed or timed couplings, which cannot be "
                 "exported: leave out the outputs that need it."
             )
         for coupling in template.nonlinear:
             if not isinstance(coupling.function, Table):
                 raise NotSupportedError(
                     f"The function '{coupling.function.name}' of two cells of template "
-                    f"'{template.name}' is not exported: take a table of points."
+                    f"'{template.name}' cannot be exported: use a table of points."
                 )
         if template.output.name not in ("standard", "linear", "full-range", "sign"):
             raise NotSupportedError(
-                f"The output function '{template.output.name}' of template '{template.name}' is "
-                "not exported: take a piecewise linear one."
+                f"The output function '{template.output.name}' of template '{template.name}' "
+                "cannot be exported: use a piecewise linear one."
             )
 
     @property

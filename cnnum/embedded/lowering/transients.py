@@ -422,7 +422,7 @@ def stepped(work: TransientWork, scheme: FixedSteps) -> dict[int, Array]:
     """
     if scheme.tableau != EULER:
         raise NotSupportedError(
-            f"Steps of '{scheme.tableau.name}' are not exported: use method='euler'."
+            f"Steps of '{scheme.tableau.name}' cannot be exported: use method='euler'."
         )
     to, template = work.to, work.template
     work.prepare()
@@ -608,12 +608,13 @@ def _lowered(work: TransientWork, solver: Solver) -> dict[int, Array]:
         return through_modes(work, scheme)
     if isinstance(scheme, FixedSteps) and scheme.count > MAX_STEPS:
         raise NotSupportedError(
-            f"Template '{work.template.name}' may take {scheme.count:,} steps, and at most "
-            f"{MAX_STEPS:,} are written: give it a duration, or leave out the outputs that need it."
+            f"Template '{work.template.name}' may take {scheme.count:,} steps, but an export can "
+            f"contain at most {MAX_STEPS:,}: give it a duration, or leave out the outputs that "
+            "need it."
         )
     if isinstance(scheme, FixedSteps):
         return stepped(work, scheme)
     raise NotSupportedError(
-        f"Template '{work.template.name}' by {solver.method} is not exported: take "
-        "method='euler', or leave out the outputs that need it."
+        f"Template '{work.template.name}' cannot be exported with the method '{solver.method}': "
+        "use method='euler', or leave out the outputs that need it."
     )

@@ -37,7 +37,7 @@ def build_failure(source: str, error: cl.Error, device: cl.Device) -> NotSupport
             file.write(text)
         where = f"the kernel's text and the compiler's log are in '{file.name}'"
     return NotSupportedError(
-        f"The OpenCL compiler of '{device.name}' refuses the kernel of a plan; {where}: report "
+        f"The OpenCL compiler of '{device.name}' rejects the kernel of a plan; {where}: report "
         f"it, {OTHERWISE}."
     )
 
@@ -56,8 +56,8 @@ def run_failure(error: cl.Error, queue: cl.CommandQueue) -> CnnumError:
     name = queue.device.name
     if isinstance(error, cl.MemoryError):
         return SizeError(
-            f"Device '{name}' has no memory left for this run ({_first_line(error)}): "
-            f"give fewer frames at a time, {OTHERWISE}."
+            f"Device '{name}' ran out of memory in this run ({_first_line(error)}): give fewer "
+            f"frames at a time, {OTHERWISE}."
         )
     return DeviceError(
         f"Device '{name}' did not finish a run ({_first_line(error)}): it may be lost; make a "

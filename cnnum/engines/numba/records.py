@@ -131,7 +131,9 @@ def _steps(node: ast.AST, words: dict[str, float], variables: Mapping[str, int])
     elif isinstance(node, ast.Compare) and len(node.ops) == 1:
         what, operands = SIGNS[type(node.ops[0])], [node.left, *node.comparators]
     else:
-        raise SyntaxError(f"An expression has a part that no engine has: {ast.unparse(node)!r}.")
+        raise SyntaxError(
+            f"An expression contains something that no engine supports: {ast.unparse(node)!r}."
+        )
     parts = (step for operand in operands for step in _steps(operand, words, variables))
     return [*parts, (what, 0.0)]
 

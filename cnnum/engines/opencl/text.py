@@ -38,7 +38,7 @@ def filled(name: str, **values: Value) -> ir.Verbatim:
     text, at = _kernel_text(name), 0
     unused = set(values) - names_of(name)
     if unused:
-        raise ValueError(f"Kernel text '{name}.cl' has no place for {sorted(unused)}.")
+        raise ValueError(f"Kernel text '{name}.cl' has no placeholder for {sorted(unused)}.")
     pieces: list[str | ir.Expression | tuple[ir.Statement, ...]] = []
     for place in text.pattern.finditer(text.template):
         value = values[place["named"] or place["braced"]]

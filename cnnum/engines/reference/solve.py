@@ -129,9 +129,9 @@ class Budgeted(StateEquation):
         self.spent[0] += work
         if self.spent[0] > MOST_WORK:
             raise MethodError(
-                f"The reference solver gives up after the work of {MOST_WORK:.0e} rates of a cell: "
-                "the fastest rate is too large for so long a run; scale the weights, or take "
-                "another engine."
+                f"The reference solver gives up after {MOST_WORK:.0e} evaluations of the rate of "
+                "a cell: the fastest rate is too large for such a long run; scale the weights, "
+                "or use another engine."
             )
 
 

@@ -94,7 +94,7 @@ def whole_backend(
     kind = precision_named(precision)
     if record.whole is None:
         raise UnknownNameError(
-            f"The engine '{record.name}' has no precision {precision!r:.60}: take the engine "
+            f"The engine '{record.name}' has no precision {precision!r:.60}: use the engine "
             f"{' or '.join(map(repr, able))}, or precision "
             f"{' or '.join(map(repr, record.precisions))}."
         )

@@ -108,8 +108,8 @@ class WholeExecutable(OnHost):
         if made is None:
             if self.schedule.memories and not first:
                 raise ProgramError(
-                    "A stream in whole numbers needs the ranges of its values: give "
-                    "engine.compile(..., like=frames) frames like those to come."
+                    "A stream in whole numbers needs the ranges of its values: pass typical "
+                    "frames to engine.compile(..., like=frames)."
                 )
             made = self._measured(np.asarray(frames, dtype=np.float64)[np.newaxis])
         if memory.state is None or self._made is None:

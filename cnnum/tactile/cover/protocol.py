@@ -76,7 +76,7 @@ def arguments(
     except ValueError:
         raise ArrayError(
             f"'load_at', 'taxel_at' and 'force' do not broadcast: got {load.shape}, {taxel.shape} "
-            f"and {push.shape}; expected shapes that fit but for the last axis."
+            f"and {push.shape}; expected shapes that broadcast except in the last axis."
         ) from None
     return (
         np.broadcast_to(load, (*shape, 2)),

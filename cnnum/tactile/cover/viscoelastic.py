@@ -50,7 +50,7 @@ class StandardLinearSolid:
             checks.scalar(name, checks.positive(name, getattr(self, name)))
         if self.relaxed_modulus > self.instant_modulus:
             raise PhysicsError(
-                "'relaxed_modulus': expected at most the instant one, "
+                "'relaxed_modulus': expected at most the instantaneous modulus, "
                 f"{self.instant_modulus:g} Pa, got {self.relaxed_modulus:g}."
             )
 

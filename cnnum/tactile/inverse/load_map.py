@@ -124,12 +124,12 @@ class LoadMap:
     def __post_init__(self) -> None:
         place = checks.vector("taxels", self.taxels, 2).reshape(-1, 2)
         if not len(place):
-            raise ArrayError("'taxels': expected the places of one taxel or more, got none.")
+            raise ArrayError("'taxels': expected the positions of at least one taxel, got none.")
         object.__setattr__(self, "taxels", place)
         if min(shear_and_normal(self.noise)) <= 0.0:
             raise PhysicsError(
-                f"A load map needs a 'noise' above 0, got {self.noise}; it decides how fine the "
-                "map may be."
+                f"A load map needs a 'noise' above 0, got {self.noise}; it determines the "
+                "resolution of the map."
             )
         matrix = self._influence() / self._spread()[:, np.newaxis]
         left, sizes, right = np.linalg.svd(matrix, full_matrices=False)
@@ -326,5 +326,7 @@ def _indices(names: Sequence[str]) -> list[int]:
         if name not in FORCE_AXES:
             raise name_error("channel", name, FORCE_AXES)
     if not names:
-        raise ArrayError(f"Expected one or more channels of {', '.join(FORCE_AXES)}, got none.")
+        raise ArrayError(
+            f"Expected at least one of the channels {', '.join(FORCE_AXES)}, got none."
+        )
     return [FORCE_AXES.index(name) for name in names]

@@ -89,7 +89,7 @@ def force_from_moments(offsets: ArrayLike, moments: ArrayLike, *, depth: float) 
     z = checks.scalar("depth", checks.positive("depth", depth))
     if place.ndim < 2 or seen.ndim < 1 or place.shape[-2] != seen.shape[-1] or seen.shape[-1] < 1:
         raise ArrayError(
-            "'offsets' (..., n, 2) and 'moments' (..., n) must be of the same taxels, got "
+            "'offsets' (..., n, 2) and 'moments' (..., n) must belong to the same taxels, got "
             f"{place.shape} and {seen.shape}."
         )
     rows = np.concatenate([place, np.full((*place.shape[:-1], 1), z)], axis=-1)

@@ -250,8 +250,8 @@ def _checked(strain: ArrayLike, taxels: ArrayLike) -> tuple[Array, Array]:
     rows, place = checks.vector("strain", strain), checks.vector("taxels", taxels, 2)
     if place.ndim != 2 or len(place) < 2 or rows.ndim < 2 or rows.shape[-2] != len(place):
         raise ArrayError(
-            "'strain' (..., n, 3) and 'taxels' (n, 2) must be of the same two or more taxels, got "
-            f"{rows.shape} and {place.shape}; for one taxel use `locate`."
+            "'strain' (..., n, 3) and 'taxels' (n, 2) must belong to the same taxels, at least "
+            f"two of them, got {rows.shape} and {place.shape}; for one taxel use `locate`."
         )
     return rows, place
 

@@ -33,7 +33,7 @@ def identity_of(text: str) -> str:
     try:
         return hashlib.sha256(text.encode()).hexdigest()[:12]
     except UnicodeEncodeError:
-        raise CalibrationError("A calibration must be UTF-8 text, got half a character.") from None
+        raise CalibrationError("A calibration must be UTF-8 text, got a lone surrogate.") from None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -313,8 +313,8 @@ def _inverse(cross: Floats) -> Floats:
     worst = float(np.max(np.linalg.cond(cross)))
     if not worst < 1e6:  # volts carry 12 bits; beyond this nothing of the signals is left
         raise CalibrationError(
-            f"'cross' cannot be undone: its condition is {worst:.3g}, expected below 1e6; "
-            "leave out the taxel, or fit it again."
+            f"'cross' cannot be inverted: its condition number is {worst:.3g}, expected below "
+            "1e6; leave out the taxel, or fit it again."
         )
     return np.asarray(np.linalg.inv(cross), dtype=np.float64)
 

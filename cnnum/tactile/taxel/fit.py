@@ -126,7 +126,7 @@ def make_scan(
     if len(flat) != count or usable.sum(axis=0).min(initial=count) < needed:
         raise CalibrationError(
             f"A scan needs one row of 'volts' for each of the {count} positions and at least "
-            f"{needed} unsaturated frames a taxel, got {len(flat)} rows; check both, or press "
+            f"{needed} unsaturated frames per taxel, got {len(flat)} rows; check both, or press "
             "less hard."
         )
     return Scan(
@@ -164,7 +164,7 @@ def _taxels(taxels: ArrayLike | None, shape: tuple[int, int]) -> Floats:
     place = finite("taxels", () if taxels is None else taxels)
     if place.shape not in {(*shape, 2), (2,) if shape == (1, 1) else (*shape, 2)}:
         raise CalibrationError(
-            f"'taxels' must give the place of each taxel, ({shape[0]}, {shape[1]}, 2), got "
+            f"'taxels' must give the position of each taxel, ({shape[0]}, {shape[1]}, 2), got "
             f"{place.shape}."
         )
     return place.reshape(-1, 2)

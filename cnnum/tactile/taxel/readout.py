@@ -125,15 +125,15 @@ class Readout:
         object.__setattr__(self, "offsets", offsets)
         if not (np.isfinite(self.gain) and self.gain != 0.0 and self.noise >= 0.0):
             raise PhysicsError(
-                "A readout needs a finite gain that is not zero and a noise that is not "
-                f"negative, got {self.gain} and {self.noise} V."
+                "A readout needs a finite, non-zero gain and a non-negative noise, got "
+                f"{self.gain} and {self.noise} V."
             )
         if not self.limit > 0.0:
             raise PhysicsError(f"'limit' must be positive volts, got {self.limit}.")
         if self.bits is not None and not (1 <= self.bits <= 32 and np.isfinite(self.limit)):
             raise PhysicsError(
-                "A converter has 1 to 32 'bits' and a finite 'limit', got "
-                f"{self.bits} bits and {self.limit} V; bits=None for no quantisation."
+                f"A converter needs 1 to 32 'bits' and a finite 'limit', got {self.bits} bits and "
+                f"{self.limit} V; use bits=None for no quantisation."
             )
 
     @property

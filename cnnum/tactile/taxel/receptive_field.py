@@ -226,8 +226,8 @@ def _zeros(x: Floats, y: Floats) -> tuple[float, float]:
     after = np.flatnonzero(y[peak:] <= 0.0)
     if not (before.size and after.size):
         raise CalibrationError(
-            "The normal signal has no zero on both sides of its peak: expected a scan past "
-            "√2 times the cover's thickness on either side; scan farther, or take the offset off."
+            "The normal signal has no zero on both sides of its peak: expected a scan past √2 "
+            "times the cover's thickness on both sides; scan farther, or remove the offset."
         )
     return _crossing(x, y, int(before[-1])), _crossing(x, y, peak + int(after[0]) - 1)
 

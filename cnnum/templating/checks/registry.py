@@ -84,8 +84,8 @@ def posed(template: Template, seed: int, shape: Shape) -> tuple[Case, Floats]:
         colour = "black" if (expected > 0.0).all() else "white"
         raise OneColourError(
             f"The check '{form.name}' of '{template.name}' shows nothing on {shape[0]}×{shape[1]} "
-            f"cells with seed {seed}: every right answer is {colour}, expected both colours; take "
-            "a larger array or another seed, or mend the parameters of the check."
+            f"cells with seed {seed}: every correct output is {colour}, expected both colours; "
+            "use a larger array or another seed, or correct the parameters of the check."
         )
     return case, expected
 

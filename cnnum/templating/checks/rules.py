@@ -101,12 +101,16 @@ class Neighbourhood:
         rows = pattern.split("/")
         radius = len(rows) // 2
         if {len(row) for row in rows} != {len(rows)} or len(rows) not in (3, 5):
-            raise ValueError(f"a pattern is 3×3 or 5×5, rows parted by '/', got '{pattern}'")
+            raise ValueError(
+                f"a pattern is 3×3 or 5×5, with rows separated by '/', got '{pattern}'"
+            )
         total = np.zeros(self.at(0, 0).shape)
         for down, row in enumerate(rows):
             for east, sign in enumerate(row):
                 if sign not in WEIGHTS:
-                    raise ValueError(f"a pattern is of '#', 'o', '.', '+' and '-', got '{sign}'")
+                    raise ValueError(
+                        f"a pattern consists of '#', 'o', '.', '+' and '-', got '{sign}'"
+                    )
                 seen = self.at(down - radius, east - radius)
                 total += WEIGHTS[sign] * (seen != (sign in "#+"))
         return total
@@ -170,7 +174,7 @@ class Rule:
                     differs = cells.mismatch(text)
                     return {"match": differs == 0.0, "mismatch": differs}[name]
                 case _:
-                    raise ValueError(f"'{ast.unparse(node)}' is not in the language of rules")
+                    raise ValueError(f"'{ast.unparse(node)}' is not part of the language of rules")
 
         try:
             holds = value(self.tree)

@@ -61,7 +61,7 @@ def read_measured(file: str, key: str, value: object) -> Measured:
     missing = [name for name in MEASURED_KEYS[:3] if name not in result]
     if unknown or missing:
         raise TemplateError(
-            f"'{file}': the table '{key}' has the keys {', '.join(MEASURED_KEYS)}, got "
+            f"'{file}': the table '{key}' must have the keys {', '.join(MEASURED_KEYS)}, got "
             f"{', '.join(result) or 'none'}; measure the template again."
         )
     margin = result.get("margin")
@@ -173,7 +173,7 @@ def read_proof(file: str, key: str, value: object) -> Proof:
     result = table(file, key, value)
     if set(result) - set(PROOF_KEYS) or set(REQUIRED) - set(result):
         raise TemplateError(
-            f"'{file}': the table '{key}' has the keys {', '.join(PROOF_KEYS)}, got "
+            f"'{file}': the table '{key}' must have the keys {', '.join(PROOF_KEYS)}, got "
             f"{', '.join(result) or 'none'}; design the template again."
         )
 

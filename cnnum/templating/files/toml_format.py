@@ -296,7 +296,7 @@ def _read(content: str, file: str) -> Entry:
     try:
         table: dict[str, object] = parse_toml(content)
     except ValueError as error:
-        raise TemplateError(f"'{file}' must be TOML, got an error: {error}.") from None
+        raise TemplateError(f"'{file}' is not valid TOML: {error}.") from None
     aliases = names(file, "aliases", table.pop("aliases", []))
     figures, proved = table.pop("measured", None), table.pop("proof", None)
     words = {key: read(file, key, table.pop(key)) for key, read in _ABOUT.items() if key in table}

@@ -29,7 +29,7 @@ def read_table(kind: str, path: Path) -> dict[str, object]:
         what = f"The {kind} '{path}'"
         raise unreadable(TemplateFileError, what, error, "; check the path") from None
     except ValueError as error:
-        raise TemplateError(f"'{path}' must be TOML, got an error: {error}.") from None
+        raise TemplateError(f"'{path}' is not valid TOML: {error}.") from None
 
 
 def refuse_unknown(file: str, keys: Iterable[str], known: Iterable[str], place: str = "") -> None:

@@ -142,8 +142,8 @@ class ElasticLattice:
     def __post_init__(self) -> None:
         if not (self.slabs >= 2 and self.slab > 0 and 0.0 <= self.poisson < 0.5):
             raise ProgramError(
-                "A block has 2 slabs or more, of a thickness above 0, and a Poisson ratio from 0 "
-                f"to below 0.5, got {self.slabs}, {self.slab} and {self.poisson}."
+                "A block needs at least 2 slabs of positive thickness, and a Poisson ratio from "
+                f"0 to below 0.5, got {self.slabs}, {self.slab} and {self.poisson}."
             )
 
     def displacement(self, axis: str, place: int) -> Form:

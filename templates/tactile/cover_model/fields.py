@@ -183,7 +183,7 @@ def depth_in_cells(thickness: float, pitch: float, cells: int) -> float:
     """
     if not (thickness > 0 and pitch > 0 and cells >= 1 and int(cells) == cells):
         raise ProgramError(
-            "Expected a thickness and a pitch above 0 and a whole number of cells a taxel; got "
+            "Expected a thickness and a pitch above 0 and a whole number of cells per taxel; got "
             f"thickness={thickness}, pitch={pitch} and cells={cells}."
         )
     depth = thickness * cells / pitch

@@ -58,7 +58,7 @@ def test_positions_in_metres_are_asked_about_and_small_ones_can_be_said(pitch, t
     """In layouts, scenes and descriptors they are mm; of an array of 0.05 mm its pitch says so."""
     places = pitch * np.array([(c, r) for r in range(3) for c in range(4)], float)
     Grid(places, (3, 4))
-    with pytest.raises(SceneError, match=r"closer than taxels are: if they are in metres"):
+    with pytest.raises(SceneError, match=r"closer than taxels can be: if they are in metres"):
         Grid(1e-3 * places, (3, 4))
     with pytest.raises(SceneError, match="if they are in metres"):
         Grid(1e-3 * places, (3, 4), pitch=1e-3 * pitch)
@@ -235,7 +235,10 @@ def test_positions_of_a_recording_stand_in_the_scene(tmp_path):
 
 BAD = {
     "as many as taxels": ([[0, 0], [1, 0]], "each of the 5 taxels, row by row, got 2"),
-    "two at one place": ([[0, 0], [1, 0], [0, 1], [1, 0], [5, 5]], "taxels 1 and 3 lie at one"),
+    "two at one place": (
+        [[0, 0], [1, 0], [0, 1], [1, 0], [5, 5]],
+        "taxels 1 and 3 are at the same",
+    ),
     "on a slanted line": ([[n, n] for n in range(5)], "one slanted line"),
     "three axes": ([[0, 0, 0]] * 5, "must be a list of 2 items"),
     "uneven": ([[0, 0], [0.01, 0], [0, 0.01], [50, 50], [50.01, 50]], "larger 'pitch'"),

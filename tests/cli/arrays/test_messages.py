@@ -72,7 +72,7 @@ def test_json_in_every_form_of_mcap(form, tmp_path):
 SPOILT = {
     "a field that is missing": (lambda one: {"header": one["header"]}, "has no field 'data'"),
     "a list that is cut off": (lambda one: one | {"data": [1.0]}, "has the shape (1,)"),
-    "a word": (lambda one: one | {"data": "none"}, "holds no numbers of one shape"),
+    "a word": (lambda one: one | {"data": "none"}, "does not contain numbers of one shape"),
     "null": (lambda one: one | {"data": None}, "has the shape ()"),
     "a time that is missing": (lambda one: {"data": one["data"]}, "no 'header'"),
 }
@@ -312,7 +312,7 @@ def test_a_folder_that_cannot_be_one_recording_is_one_sentence(call, tmp_path):
     assert "name 'x.mcap' in it" in call("check", folder).stderr
     bag(folder / "a.bag", range(5), 1)
     bag(folder / "b", range(5), 2)
-    said = "holds bags of ROS 1 and of ROS 2 ('a.bag', 'b'): name one of them"
+    said = "contains bags of ROS 1 and of ROS 2 ('a.bag', 'b'): name one of them"
     for command in ("layout", "check"):
         done = call(command, folder)
         assert (done.exit_code, done.stderr.count("\n")) == (2, 1)

@@ -75,7 +75,7 @@ def test_nothing_is_replaced(call, torn, tmp_path):
 
 @pytest.mark.parametrize(
     ("name", "said"),
-    [("missing.mcap", "cannot be read"), ("text.mcap", "no whole chunk"), ("torn.mcap", "kind")],
+    [("missing.mcap", "cannot be read"), ("text.mcap", "no complete chunk"), ("torn.mcap", "kind")],
 )
 def test_what_cannot_be_recovered_is_one_sentence(call, torn, tmp_path, name, said):
     (tmp_path / "text.mcap").write_text("hello")

@@ -107,7 +107,7 @@ def test_import_and_export(call, tmp_path):
     assert load_template(target / "hole.toml").A.tolist() == load_template(out).A.tolist()
     result = call("templates", "import", out, out, "--to", target)
     assert result.exit_code == 2
-    assert "both hold a template 'HOLE'" in result.stderr
+    assert "both contain a template 'HOLE'" in result.stderr
     broken = tmp_path / "broken.tem"
     broken.write_text("FEEDBACK\n1 2\n")
     result = call("templates", "import", broken)
@@ -161,4 +161,4 @@ def test_a_check_that_shows_nothing_is_refused_and_the_others_run(call, records)
     assert "'MATCH' shows nothing on 1×7 cells" in both.stderr
     alone = call("templates", "check", "MATCH", *options)
     assert alone.exit_code == 2
-    assert "every right answer is white" in alone.stderr
+    assert "every correct output is white" in alone.stderr

@@ -47,7 +47,7 @@ IN_PYTHON = {
     ),
     "ragged A": (template(A=[[0, 1], [1]]), "A of template 'mine'.* rows of different lengths"),
     "ragged input": (run(input=[[0, 1], [1]]), "'input' .* rows of different lengths .1 to 2."),
-    "A=None": (template(A=None), "A of template 'mine'.* got nothing .None."),
+    "A=None": (template(A=None), "A of template 'mine'.* got None"),
     "boundary=None": (template(boundary=None), "'zero-flux' or 'periodic', got None"),
     "boundary a list": (template(boundary=[1, 2]), "'zero-flux' or 'periodic', got"),
     "unknown template": (
@@ -97,7 +97,7 @@ IN_PYTHON = {
     ),
     "needs a text": (
         compiled(cnnum.program(touched), needs="contact"),
-        r"as in \['contact'\], got one text",
+        r"as in \['contact'\], got a single string",
     ),
     "minus one frame": (
         lambda: cnnum.load_scene("contact", engine=cnnum.Engine("numba")).collect(frames=-1),
@@ -106,7 +106,7 @@ IN_PYTHON = {
     "one time": (run(input=RING, at=1.0), "'at' must be 1 to .* got 1[.]$"),
     "shape=8": (compiled(cnnum.program(touched), 8), r"rows and columns, as in \(8, 8\), got 8"),
     "shape='8x8'": (compiled(cnnum.program(touched), "8x8"), "got '8x8'"),
-    "shape of halves": (compiled(cnnum.program(touched), (8.5, 8)), "two whole numbers"),
+    "shape of halves": (compiled(cnnum.program(touched), (8.5, 8)), "two positive whole numbers"),
     "unknown output": (
         compiled(cnnum.program(touched), needs=["contct"]),
         "Unknown output 'contct' .did you mean 'contact'",
@@ -169,7 +169,7 @@ def test_units_are_those_of_the_numbers():
 
 ON_THE_COMMAND_LINE = {
     "depth as a length": ("program.parameters.depth=1 stone", "'m', 'cm', 'mm', 'um'"),
-    "depth in metres": ("program.parameters.depth=1e-3", "counts pitches of the array"),
+    "depth in metres": ("program.parameters.depth=1e-3", "in pitches of the array"),
     "push=0": ("program.parameters.push=0", "−1 where a push lowers the values"),
     "push=100": ("program.parameters.push=100", "−1 where a push lowers the values"),
     "rate=-1": ("program.parameters.rate=-1", "frames a second"),

@@ -35,7 +35,7 @@ def sentence(result) -> str:
         (["probe", "serial"], "The option 'port' is missing".lower()),
         (["probe", "serial", "--set", "port=/dev/ttyNONE9"], "There is no port '/dev/ttyNONE9'"),
         (["record", "simulated", "taps.wav"], "Unknown kind of recording '.wav'"),
-        (["record", "simulated", "no/such/folder/taps.npz"], "choose a folder that exists"),
+        (["record", "simulated", "no/such/folder/taps.npz"], "choose an existing folder"),
         (["replay", "missing.npz"], "There is no recording 'missing.npz'"),
         (["demo", "--out", "no/such/folder/report.html"], "no/such/folder"),
     ],
@@ -85,7 +85,9 @@ def test_a_folder_that_cannot_be_made_is_refused_before_the_export(call, tmp_pat
 def test_an_export_replaces_no_file_of_other_work(name, call, tmp_path):
     (tmp_path / name).write_bytes(b"all:\n\techo \xff\n")
     said = sentence(call("export", "twist", "--out", tmp_path))
-    assert f"'{tmp_path}' contains a file '{name}' that no export of 'twist' wrote" in said
+    assert (
+        f"'{tmp_path}' contains the file '{name}', which is not from an export of 'twist'" in said
+    )
     assert [one.name for one in tmp_path.iterdir()] == [name]
 
 

@@ -185,7 +185,7 @@ def test_what_is_not_followed_is_refused_in_a_sentence(engines):
             {"method": "etd-rk2", "dt": 0.1},
             "'etd-rk2' with a limited state cannot be estimated",
         ),
-        (limited, {"dt": 1e-5}, "at most 100000 steps is followed, and these are 200000"),
+        (limited, {"dt": 1e-5}, "at most 100000 steps can be estimated, got 200000"),
     ):
         with pytest.raises(MethodError, match=why):
             engine.run(template, input=u, estimate=True, **how)

@@ -96,5 +96,5 @@ def test_wrong_arguments_are_refused() -> None:
     with pytest.raises(PhysicsError):
         start(window=0)
     state, _ = stream(start(), np.zeros((2, 3)))
-    with pytest.raises(ArrayError, match="start anew"):
+    with pytest.raises(ArrayError, match="use a new stream"):
         stream(state, np.zeros((3, 3)))

@@ -101,7 +101,7 @@ def test_a_check_whose_answers_have_one_colour_is_refused():
         "never", [[1.0]], [[1.0]], -9.0, boundary=-1.0,
         check=Check("rule", (("rule", "ring > 8"),)),
     )  # fmt: skip
-    with pytest.raises(TemplateError, match="every right answer is white, expected both colours"):
+    with pytest.raises(TemplateError, match="every correct output is white, expected both colours"):
         run_check(template, Engine("numba"), repeats=0)
     with pytest.raises(TemplateError, match="on 1×3 cells"):
         run_check(get_template("MATCH"), Engine("numba"), shape=(1, 3), repeats=0)

@@ -49,7 +49,7 @@ def test_the_input_may_be_another_picture():
         ("__import__('os')", "cannot be read"),
         ("match('##/##')", "3×3 or 5×5"),
         ("match('abc/abc/abc')", "got 'a'"),
-        ("c.real", "not in the language of rules"),
+        ("c.real", "not part of the language of rules"),
         ("c / 2", "cannot be read"),
     ],
 )

@@ -264,7 +264,7 @@ def symbol(template: Template, name: str, modes: Modes) -> Floats:
     except ValueError:
         raise TemplateError(
             f"Template '{template.name}': the parameter '{name}' of its check must be rows of "
-            f"numbers parted by '/', got '{text(template, name)}'."
+            f"numbers separated by '/', got '{text(template, name)}'."
         ) from None
     total = np.zeros((modes.cos_rows.size, modes.cos_cols.size))
     for down, row in enumerate(rows):

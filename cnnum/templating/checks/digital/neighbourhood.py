@@ -78,7 +78,7 @@ def pattern(template: Template, name: str) -> NDArray[np.str_]:
     if [len(row) for row in cells] != [3, 3, 3] or {*"".join(rows)} - _SYMBOLS.keys():
         raise TemplateError(
             f"Template '{template.name}': the parameter '{name}' of its check must be three rows "
-            f"of '#', 'o' and '.', parted by '/', got '{text(template, name)}'."
+            f"of '#', 'o' and '.', separated by '/', got '{text(template, name)}'."
         )
     return np.array(cells)
 
