@@ -10,11 +10,11 @@ from cnnum.templates.pictures.peeling import eight, peeled
 
 @program
 def center(frame: FrameFields) -> Mapping[str, Field]:
-    """Shrink the black objects of a picture to points: one an object without holes.
+    """Shrink the black objects of a picture to points, one for each object without holes.
 
     Returns
     -------
     picture : logic map of the points.
-    rounds : how often all eight sides were peeled, from the west on, clockwise.
+    rounds : number of iterations, each of which peels all eight sides clockwise from the west.
     """
     return peeled(frame, eight("CENTER"))

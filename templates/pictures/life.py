@@ -12,12 +12,12 @@ from cnnum.templating.library import get_template
 
 @program
 def life(frame: FrameFields, *, generations: int = 1) -> Mapping[str, Field]:
-    """Play the game of life from a picture on, dead beyond the frame.
+    """Play the game of life from a picture, with dead cells beyond its rim.
 
     Returns
     -------
-    picture : logic map of who lives at the end.
-    still : flag; the game came to rest before its last generation.
+    picture : logic map of the cells that are alive at the end.
+    still : flag; the game became stationary before the last generation.
     """
     counts = get_template("LIFE_1")
 

@@ -1,4 +1,4 @@
-"""Peeling: templates that take cells off objects, in turn until nothing changes."""
+"""Peeling: templates that remove cells from objects, in turn until nothing changes."""
 
 from collections.abc import Mapping, Sequence
 
@@ -10,17 +10,17 @@ from cnnum.templating.library import get_template
 
 
 def eight(prefix: str) -> tuple[str, ...]:
-    """Return the names of a family of eight templates, in their turn."""
+    """Return the names of a family of eight templates, in order of application."""
     return tuple(f"{prefix}{number}" for number in range(1, 9))
 
 
 def peeled(frame: FrameFields, names: Sequence[str]) -> Mapping[str, Field]:
-    """Apply templates to the black objects of a picture in turn, until a round changes nothing.
+    """Apply templates to the black objects of a picture in turn, until nothing changes.
 
     Returns
     -------
-    picture : logic map of the cells left.
-    rounds : how often all templates were applied.
+    picture : logic map of the remaining cells.
+    rounds : number of iterations, each of which applies all templates.
     """
     templates = [get_template(name) for name in names]
 

@@ -15,6 +15,7 @@ def skeleton(frame: FrameFields) -> Mapping[str, Field]:
     Returns
     -------
     picture : logic map of the skeleton.
-    rounds : how often all corners and sides were peeled, from the north-west on, clockwise.
+    rounds : number of iterations, each of which peels all corners and sides clockwise from the
+        north-west.
     """
     return peeled(frame, eight("SKELBW"))

@@ -15,7 +15,7 @@ FAMILIES = {
     "HORSKEL": ("HORSKELL", "HORSKELR"),
     "VERSKEL": ("VERSKELT", "VERSKELB"),
 }
-"""Templates of a family in their turn: MatCNN's eights, and pairs of the CNN Software Library."""
+"""Templates of each family in order: MatCNN's sets of eight, and pairs of the CNN library."""
 
 
 @program
@@ -28,7 +28,7 @@ def thinning(frame: FrameFields, *, family: str = "SKELE") -> Mapping[str, Field
     Returns
     -------
     picture : logic map of the skeleton.
-    rounds : how often all templates of the family were tried.
+    rounds : number of iterations, each of which applies all templates of the family.
     """
     if family not in FAMILIES:
         raise name_error("family of templates", family, FAMILIES)

@@ -1,1 +1,1 @@
-"""Tactile templates, and the analogic programs that are made of them: one module a program."""
+"""Tactile templates, and the analogic programs built from them, one module per program."""

@@ -1,13 +1,13 @@
-"""An active contour that keeps to the outline of the body that it was set on.
+"""An active contour that follows the outline of the body on which it started.
 
     seed             where a contact begins: the taxel with the largest pressure
     force            the contact's taxels draw black over them, the others white
     front            contour_wave, for the time of a frame: it goes on from the frame before
     contour          the cells of the region at its rim
 
-The region can only grow and shrink at its front, a cell in `CELL_TIME`. So it stays with its body
-where another one touches elsewhere, follows it as far as that moves no faster than the front, and a
-faulty frame moves it by no more than a front moves in that time.
+The region can grow and shrink only at its front, by one cell per `CELL_TIME`. It therefore stays
+with its body when another one touches elsewhere, and follows it as long as the body is no faster
+than the front. A faulty frame moves it by no more than a front moves in that time.
 
 References
 ----------
@@ -33,11 +33,11 @@ from cnnum.templating.library import get_template
 
 
 def front_time(centre: float, ring: float, bias: float) -> float:
-    """Return the time constants in which a plane front moves by a cell, along a row or column.
+    """Return the time in which a plane front moves by one cell along a row or column.
 
-    Of x' = −x + centre f(x) + ring (eight neighbours' f) + bias, which is linear by pieces. Let
-    p be centre + 2 ring (the cell and those beside it) and q 3 ring. A cell on its way from −1 to
-    1, between a black cell and a white one, takes ln((bias + p − 1) / (bias − p + 1)) / (p − 1).
+    The array is x' = −x + centre f(x) + ring (f of the eight neighbours) + bias, which is piecewise
+    linear. Let p = centre + 2 ring (the cell and the two beside it) and q = 3 ring. A cell between
+    a black and a white one takes ln((bias + p − 1) / (bias − p + 1)) / (p − 1) to go from −1 to 1.
     Meanwhile the next one rises from its rest at bias − p − 2q, and then goes on to −1.
 
     Parameters
@@ -47,8 +47,8 @@ def front_time(centre: float, ring: float, bias: float) -> float:
     Raises
     ------
     PhysicsError
-        If the front stands, or the next cell starts before the one behind it is through: then
-        there is no such formula.
+        If the front does not move, or the next cell starts before the previous one has finished,
+        so that the formula does not hold.
     """
     p, q = centre + 2.0 * ring, 3.0 * ring
     grow, start, goal = p - 1.0, bias - p - 2.0 * q, bias - p
@@ -79,11 +79,11 @@ CENTRE, RING, BIAS = 4.0, 0.25, 4.75
 """Weights of `contour_wave`."""
 
 CELL_TIME = front_time(CENTRE, RING, BIAS)
-"""Time constants in which a front moves by a cell."""
+"""Time in which a front moves by one cell, in time constants."""
 
 AT_REST = CENTRE + 8.0 * RING - BIAS
-"""Size of the state of a cell that a front is on its way to. States of cells that no front is near
-are larger, and would be late."""
+"""Magnitude of the state of a cell that a front is approaching. Cells far from any front have
+larger states, and would react late."""
 
 
 @program
@@ -101,22 +101,22 @@ def active_contour(
     Parameters
     ----------
     frame : FrameFields
-        Strain, stress or calibrated signals, in any unit, as of `contact`.
+        Strain, stress or calibrated signals, in any unit, as for `contact`.
     push : float
         −1 for strain and stress, which count tension as positive; +1 for signals and counts that
         rise under a push.
     speed : float, cells/s
         Speed of the front, along rows and columns.
     share, depth, reads : float, float, "strain", "stress" or "force"
-        As of `contact`.
+        As for `contact`.
 
     Returns
     -------
     mapping
         `contour` (logic map: the region's cells at its rim), `contour_inside` (logic map),
-        `contour_area` (cells), `contour_row`, `contour_column` (centroid, cells; afterwards, where
-        it was last), `contour_holds` (flag: there is a region), `contour_rests` (flag: its front
-        has nowhere to go).
+        `contour_area` (cells), `contour_row`, `contour_column` (centroid, cells; after
+        the contact, its last value), `contour_holds` (flag: there is a region), `contour_rests`
+        (flag: its front has stopped).
 
     Raises
     ------

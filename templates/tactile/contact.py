@@ -1,4 +1,4 @@
-"""Contact: whether, where, how much, and how near to slip its friction is."""
+"""Contact: whether and where something touches, its load, and how much of its friction is used."""
 
 from collections.abc import Mapping
 
@@ -10,8 +10,8 @@ from cnnum.templates.tactile.shared.loads import PUSH, loads_of
 from cnnum.templates.tactile.shared.pressure import pressed_of
 
 SHARE = 0.1
-"""Share of the peak pressure from which a taxel counts as touched: the rest of the cover's blur
-stays below it."""
+"""Share of the peak pressure above which a taxel counts as touched. What remains of the blur of the
+cover lies below it."""
 
 
 @program
@@ -26,16 +26,18 @@ def contact(
     unit: float = 1.0,
     pads: int = 1,
 ) -> Mapping[str, Field]:
-    """Contact and its loads.
+    """Detect contact and measure its loads.
 
-    The stream must begin without contact: its first frames define rest. The cover's blur is
-    taken off as in `edges`; the contact's own shape gives the part that strain cannot pass.
+    The stream must begin without contact: its first frames define rest. The blur of the cover is
+    removed as in `edges`; the part of the load that strain does not show is inferred from the shape
+    of the contact.
 
     Parameters
     ----------
     frame : FrameFields
-        Strain, stress or calibrated signals, in any unit. Where only `normal` is read, the pull's
-        part of it cannot be taken off, and the last four outputs but `load_normal` are missing.
+        Strain, stress or calibrated signals, in any unit. If only `normal` is read, the effect of
+        a pull on it cannot be removed, and `load_x`, `load_y`, `friction_used` and `shear_known`
+        are missing.
     push : float
         −1 for strain and stress, which count tension as positive; +1 for signals and counts that
         rise under a push.
@@ -50,17 +52,17 @@ def contact(
     unit : float
         Unit of the loads: 2/3 E pitch² for strain, pitch² for stress gives newtons.
     pads : int
-        Pads that lie next to one another in the columns; the place is on the one with most load.
+        Number of pads side by side in the columns. The position is on the pad with the most load.
 
     Returns
     -------
     mapping
         `contact` (flag), `contact_map` (logic), `contact_area` (cells), `contact_row`,
-        `contact_column` (centroid of the load, cells; once it no longer stands clear of the noise,
-        where it was last), `load_x`, `load_y`, `load_normal` (of all that touches), `friction_used`
-        (tangential over normal load), `shear_known` (flag: something touches, and no taxel is at an
-        end of its range, where `load_normal` is a lower bound and the shear and its ratio may be
-        off either way).
+        `contact_column` (centroid of the load, cells; its last value once the load no longer
+        exceeds the noise), `load_x`, `load_y`, `load_normal` (totals over all contacts),
+        `friction_used` (ratio of tangential to normal load), `shear_known` (flag: something
+        touches, and no taxel is at an end of its range; otherwise `load_normal` is a lower bound,
+        and the shear and the ratio may be wrong in either direction).
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Edge enhancement: a frame whose outlines stand out, and where they pass between the taxels.
+"""Edge enhancement: emphasise the outlines in a frame, and locate them between the taxels.
 
     lateral inhibition   tactile_edge, 5×5 feedback, to rest     the enhanced frame
     edge templates       edge_step and its turn                  the fall to the right, and below
@@ -7,9 +7,10 @@
 
 The wave of `tactile_edge` inhibits every taxel by its surround, as a retina does, and an elastic
 cover to strain: an even pressure fades, and an outline becomes a steep passage from above 0 to
-below. No model of the cover and no depth is asked for, so that an outline lies where the frame has
-it; under a thick cover that is further out than on the skin (docs/programs/edge-enhancement.md).
-Smooth contacts have a steepest place, too: which ones have a sharp edge is decided by `edges`.
+below. The program needs neither a model of the cover nor a depth. It reports an outline where the
+frame shows it, which under a thick cover is farther out than on the skin
+(docs/programs/edge-enhancement.md). Smooth contacts have a steepest place as well; `edges` decides
+which ones have a sharp edge.
 """
 
 from collections.abc import Mapping
@@ -26,17 +27,17 @@ from cnnum.templates.tactile.shared.loads import LIFT, PUSH, TINY, loads_of, who
 from cnnum.templating.library import get_template
 
 WAYS = ((0, 1), (1, 0))
-"""Steps to the right and below, rows and columns."""
+"""Steps to the right and downwards, as (rows, columns)."""
 
 STEEP = 0.4
-"""Share of the steepest fall from which a passage is an outline. The rim of a wide rigid punch
-bears more than its middle, and is enhanced on its inner side, too, to a third of that."""
+"""Share of the steepest fall above which a zero crossing is an outline. The rim of a wide rigid
+punch bears more than its middle and is also enhanced on its inner side, to a third of that."""
 
 ALONG = 0.6
-"""Least fall along a link, in slopes across it: steeper outlines are met by the other links."""
+"""Smallest fall along a link, relative to the slope across it; other links cross the rest."""
 
 SEEN = (-1, 1, 2)
-"""Taxels along a link, in steps from its own, which the enhanced frame passes 0 next to."""
+"""Offsets of taxels along a link that are searched for a zero crossing."""
 
 NOISE_GAIN = 1.162
 """Standard deviation of a fall of the enhanced frame over that of a reading: the root of the mean
@@ -52,12 +53,12 @@ class _Links(NamedTuple):
 
 @program
 def edge_enhancement(frame: FrameFields, *, push: float = PUSH) -> Mapping[str, Field]:
-    """Enhance the outlines of what presses on the skin, and find their places.
+    """Enhance the outlines of objects that press on the skin, and locate them.
 
     Parameters
     ----------
     frame : FrameFields
-        Only `normal` is read, of an array without or with a cover, in any unit.
+        Only `normal` is read, in any unit, from an array with or without a cover.
     push : float
         −1 for strain and stress, which count tension as positive; +1 for signals and counts that
         rise under a push.

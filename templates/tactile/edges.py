@@ -1,4 +1,4 @@
-"""Edges of the object on the skin: where its outline passes, between the taxels.
+"""Edges of the object on the skin: where its outline passes between the taxels.
 
     deconvolution      unblur (7×7, made for the cover)          the load on the surface
     surround           tactile_diffusion of that load            the load around a taxel
@@ -44,17 +44,17 @@ FAINT, LEAST, FALLS = 0.04, 0.15, 0.3
 falls where it ends. Strain passes no mean, so that loads sink within a wide contact, too."""
 
 SLANT = 0.6
-"""Least slope along a link, in slopes across it: steeper outlines are met by the other links."""
+"""Smallest slope along a link, relative to that across it; other links cross the rest."""
 
 SHARP = 0.75
-"""Share of its fall that the load of an edge takes within a cell: that of a uniform load."""
+"""Share of its fall that the load at an edge takes within one cell, as for a uniform load."""
 
 VOTE, FIRM = 8.0, 0.006
 """Diffusion time of the votes, cells², and their excess that turns a cell, in peak loads."""
 
 WIDE = 7.0
-"""Least number of cells inside. A contact narrower than three looks the same with and without an
-edge."""
+"""Smallest number of cells inside. A contact narrower than three cells looks the same with and
+without an edge."""
 
 PLACE = (-0.87, 0.14, 1.07, -0.44)
 """Cells from the taxel outwards to the outline: a constant, and three weights of loads: next to it
@@ -70,13 +70,13 @@ def edges(
     reads: Carries = READS,
     sharp: float = SHARP,
 ) -> Mapping[str, Field]:
-    """Edges, from the surface load that the cover has blurred.
+    """Find the edges of objects, from the surface load that the cover has blurred.
 
     Parameters
     ----------
     frame : FrameFields
-        Only `normal` is read. At the rim of the array nothing shows the cells beyond, so that
-        arrays of one or two rows or columns have no edges.
+        Only `normal` is read. Nothing is known about the cells beyond the rim of the array, so
+        arrays with only one or two rows or columns have no edges.
     push : float
         −1 for strain and stress, which count tension as positive; +1 for signals and counts that
         rise under a push.
@@ -85,8 +85,8 @@ def edges(
     reads : "strain", "stress" or "force"
         The measured quantity; "force" for taxels that each carry their own share of the load.
     sharp : float
-        Share of its fall that a load takes within a cell, from which its end is an edge: more
-        finds fewer edges, and takes fewer smooth contacts for them.
+        Smallest share of the fall of a load that must occur within one cell for an edge. A larger
+        value finds fewer edges, but also mistakes fewer smooth contacts for edges.
 
     Returns
     -------

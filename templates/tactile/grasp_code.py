@@ -1,4 +1,4 @@
-"""The grasp code of Kis, Kovács and Szolgay (2006): one bit a shear component, and its meaning.
+"""The grasp code of Kis, Kovács and Szolgay (2006): one bit per shear component, interpreted.
 
 Two fingers hold an object, each with 2×2 three-axial taxels. The sign of both shear components of
 every taxel makes 2 · 4 · 2 = 16 bits, 65,536 codes. The fingers lie side by side on the frame, each
@@ -28,35 +28,39 @@ MOTIONS = ("slip", "twist", "tilt", "squeeze")
 def grasp_code(
     frame: FrameFields, *, push: float = PUSH, agree: float = AGREE
 ) -> Mapping[str, Field]:
-    """The state of a grasp by the signs of the shear under two fingers.
+    """Classify the state of a grasp by the signs of the shear under two fingers.
 
-    The grasp's axes are the first finger's. Shear has a part that both fingers share there (the
-    object moves). It has an opposite part, too (the fingers are pressed against each other).
+    The axes of the grasp are those of the first finger. Along them, the shear has a part that both
+    fingers share (the object moves), and a part that is opposite on the two (the fingers are
+    pressed against each other).
 
-    * slip: both fingers are pulled the same way, all taxels of a finger alike;
-    * tilt: pulled opposite ways: the object turns about an axis across the fingers;
-    * twist: shear turns about each pad's middle, the same way in space: it turns about the normal;
-    * squeeze: shear points away from each pad's middle, or to it: rubber is pressed out.
+    * slip: both fingers are pulled the same way, and all taxels of a finger agree;
+    * tilt: the fingers are pulled in opposite directions, so the object turns about an axis
+      across the fingers;
+    * twist: the shear circles the centre of each pad in the same sense, so the object turns about
+      the normal;
+    * squeeze: the shear points away from the centre of each pad, or towards it, because the rubber
+      bulges.
 
     Parameters
     ----------
     frame : FrameFields
-        Rows × 2·columns: the second finger in the right half; even rows and columns a finger.
-        More than 2×2 taxels a finger are summed by quarters.
+        An array of rows × 2·columns with the second finger in the right half; each finger has an
+        even number of rows and columns. More than 2×2 taxels per finger are summed by quarters.
     push : float
         −1 for strain and stress, +1 for signals that rise under a push.
     agree : float
-        Least agreement of the signs with a motion's pattern, −1 to 1.
+        Smallest agreement of the signs with the pattern of a motion, −1 to 1.
 
     Returns
     -------
     mapping
         `grasp_code` (0 to 65535: bit 8·finger + 2·taxel + axis, taxels row by row, set for a
-        positive component), `code_known` (flag: contact on both fingers, and every bit clear of the
+        positive component), `code_known` (flag: contact on both fingers, and every bit exceeds the
         noise), `grasp_slip`, `grasp_twist`, `grasp_tilt`, `grasp_squeeze` (flags, at most one),
         `grasp_x`, `grasp_y` (unit vector of a slip, or of the pull on the first finger in
-        a tilt; 0 otherwise), `grasp_sense` (of a twist +1 from x to y; of a squeeze +1 outwards,
-        which is growing; 0 otherwise).
+        a tilt; 0 otherwise), `grasp_sense` (for a twist, +1 from x to y; for a squeeze, +1 if
+        it grows outwards; 0 otherwise).
 
     Raises
     ------

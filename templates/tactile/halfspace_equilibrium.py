@@ -32,11 +32,11 @@ def halfspace_equilibrium(
     method: str = "auto",
     match: bool = True,
 ) -> Mapping[str, Field]:
-    """Displacement, stress and strain at the taxels of a compressible cover.
+    """Compute displacement, stress and strain at the taxels of a compressible cover.
 
-    (4.8) of Vásárhelyi's dissertation (2007), which its author wished to solve on a CNN: three
-    layers of displacement a slab, coupled as Hooke's law says, that move until no force is left.
-    Displacements are against the base.
+    This solves equation (4.8) of Vásárhelyi's dissertation (2007), as its author proposed, on a
+    CNN: each slab has three layers of displacement, coupled by Hooke's law, which move until all
+    forces vanish. Displacements are relative to the base.
 
     Parameters
     ----------
@@ -49,17 +49,18 @@ def halfspace_equilibrium(
     layers : int
         Slabs between surface and taxels.
     slabs : int
-        All of them: the base lies at thickness · slabs / layers and does not move.
+        Total number of slabs: the base lies at thickness · slabs / layers and does not move.
     tolerance : float
-        Share of the displacements that may be left to come where steps lead to the rest. Of a
-        nearly incompressible cover single precision cannot separate rates from roundings then, and
-        refuses: ask for float64.
+        Relative error of the displacements that is allowed if the equilibrium is reached in steps.
+        For a nearly incompressible cover, single precision cannot distinguish rates from rounding
+        errors in this case, and raises an error: use float64.
     method : str
-        Integration method. "auto" has the rest of up to 1024 cells as one exact product, unless
-        slabs are many. Larger arrays take Runge–Kutta–Chebyshev steps.
+        Integration method. "auto" computes the equilibrium of up to 1024 cells as one exact
+        product, unless there are many slabs, and takes Runge–Kutta–Chebyshev steps on larger
+        arrays.
     match : bool
-        Lower short waves of the loads, which the lattice fades too little on the way to the taxels.
-        Without, the answer is the lattice's own.
+        Whether to attenuate short waves of the loads, which the lattice damps too little on the way
+        to the taxels. If false, the result is that of the lattice itself.
 
     Returns
     -------

@@ -1,10 +1,9 @@
 """Stress and strain under an elastic cover by relaxing a stack of depth layers.
 
-The elastic half-space as a stack of cellular layers, one a depth, that relaxes to harmonic.
-
-Layer j stands for the plane at depth z_j. It holds F = exp(−kz)/k u, the harmonic function of slope
-−u on the surface. Between two planes a wave follows cosh and sinh. So the planes of equal slabs d
-obey, without any error of depth,
+The elastic half-space is a stack of cellular layers, one per depth, that relaxes to a harmonic
+function. Layer j represents the plane at depth z_j. Its equilibrium is F = exp(−kz)/k u, the
+harmonic function of slope −u on the surface. Between two planes, a wave is a sum of cosh and sinh.
+The planes of equal slabs of thickness d therefore obey, without any discretisation error in depth,
 
     2 cosh(kd) F_j = F_{j−1} + F_{j+1},       cosh(kd) F_0 − F_1 = (sinh(kd)/k) u,
 
@@ -37,8 +36,8 @@ from cnnum.templating.library import get_template
 from cnnum.templating.template import Template
 
 COARSER = 4
-"""Slabs of one thickness below the taxels; then slabs are twice as thick. With three of them the
-error of doubling shows before 1e-5, with five there are layers that nothing is gained by."""
+"""Slabs of equal thickness below the taxels, after which the thickness doubles. With three of
+them, the error of doubling exceeds 1e-5; five add layers without any gain."""
 
 ORDERS = (2, 4)
 
@@ -58,8 +57,8 @@ class Stack:
     slabs : tuple of float
         Thicknesses from the surface down, cells; below the last one nothing moves.
     taxels : int
-        The number of slabs above the plane of the taxels, all of one thickness, as is
-        the one below.
+        Number of slabs above the plane of the taxels. These and the one below have the same
+        thickness.
     order : 2 or 4
         Order of the error in the slabs' thickness.
     """
@@ -74,7 +73,7 @@ class Stack:
         return self.slabs[0] * self.taxels
 
     def template(self) -> Template:
-        """Return the CNN of one layer a plane whose input is u."""
+        """Return the CNN with one layer per plane, whose input is u."""
         layers, size = len(self.slabs), self.order + 1
         A, B = np.zeros((layers, layers, size, size)), np.zeros((layers, 1, size, size))
         for row, (own, above, below) in enumerate(self._rows()):
@@ -179,7 +178,7 @@ class LayerExtension:
 
 
 def relaxed(value: Field, stack: Stack, method: str, rtol: float) -> LayerExtension:
-    """Let the stack come to rest under a map; its mean, which does not fade, is kept apart."""
+    """Relax the stack under a map; the mean, which does not decay, is kept separately."""
     mean = value.mean()
     spec = RunSpec(method=method, rtol=rtol, atol=rtol, settle_limit=PATIENCE)
     states = transient(stack.template(), input=value - mean, spec=spec).states
@@ -221,10 +220,10 @@ def halfspace_layers(
     tolerance: float = 1e-6,
     method: str = "auto",
 ) -> Mapping[str, Field]:
-    """Stress and strain under a load on an incompressible cover, by layers of depth at rest.
+    """Compute stress and strain under a load on an incompressible cover, from a stack of layers.
 
-    The same lattice as `halfspace_stress`, rim and all, reached the other way: the depth is cut
-    into slabs, and the error falls as their thickness squared, or to the fourth.
+    The lattice and its boundary are those of `halfspace_stress`, but the depth is divided into
+    slabs, and the error falls with the second or fourth power of their thickness.
 
     Parameters
     ----------
@@ -233,14 +232,14 @@ def halfspace_layers(
     youngs_modulus : float, Pa
         Young's modulus of the cover.
     layers : int
-        Slabs between surface and taxels; below them they get thicker.
+        Number of slabs between surface and taxels; below the taxels, slabs become thicker.
     order : 2 or 4
-        Order of the error in the slabs: templates of 3×3 or of 5×5.
+        Order of the error in the slab thickness: 2 with 3×3 templates, 4 with 5×5 templates.
     tolerance : float
         Tolerance of the reflection at the end of the stack, as a share of the load.
     method : str
-        How the layers come to rest: "auto" goes there without time steps where the engine can,
-        "runge-kutta-chebyshev" relaxes.
+        How the layers reach equilibrium: "auto" needs no time steps if the engine supports that,
+        and "runge-kutta-chebyshev" relaxes in steps.
 
     Returns
     -------

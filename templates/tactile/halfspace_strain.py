@@ -20,10 +20,10 @@ def halfspace_strain(
     youngs_modulus: float = 0.87e6,
     tolerance: float = 1e-6,
 ) -> Mapping[str, Field]:
-    """Strain that taxels see under a load on an incompressible cover.
+    """Compute the strain at the taxels under a load on an incompressible cover.
 
-    Normal strain under a pressure is a band-pass, kz exp(−kz): it has no mean. Boundaries, errors
-    and the frame are those of `halfspace_stress`.
+    The normal strain under a pressure is a band-pass, kz exp(−kz), and has no mean. Boundaries,
+    errors and the frame are those of `halfspace_stress`.
 
     Parameters
     ----------

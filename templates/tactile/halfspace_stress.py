@@ -46,13 +46,13 @@ def band_pass_weight(t: Floats, z: float) -> Floats:
 
 
 def potential_weight(t: Floats, z: float) -> Floats:
-    """Return the weight in time of z exp(−kz)/(kz), of use where the mean does not matter."""
+    """Return the weight in time of z exp(−kz)/(kz), for maps whose mean does not matter."""
     return np.exp(-z * z / (4 * t)) / np.sqrt(math.pi * t)
 
 
 @dataclass(frozen=True, slots=True)
 class Times:
-    """When the waves are read out.
+    """Times at which the waves are read out.
 
     Attributes
     ----------
@@ -196,24 +196,24 @@ def halfspace_stress(
     cells: int = 1,
     tolerance: float = 1e-6,
 ) -> Mapping[str, Field]:
-    """Stress that taxels see under a load on an incompressible cover.
+    """Compute the stress at the taxels under a load on an incompressible cover.
 
-    On the lattice k is the root of the five-point Laplacian's eigenvalue. No flux crosses the rim
-    of the array, as if the load went on mirrored. The error against the half-space falls as the
-    square of the cell over the thickness.
+    On the lattice, k² is the eigenvalue of the negative five-point Laplacian. No flux crosses the
+    rim of the array, as if the load continued mirrored beyond it. The error against the half-space
+    falls with the square of the ratio of cell size to thickness.
 
     Parameters
     ----------
     frame : FrameFields
-        Surface tractions, Pa: `shear_x`, `shear_y`, and the pressure `normal`, a value a cell.
+        Surface tractions in each cell, Pa: `shear_x`, `shear_y`, and the pressure `normal`.
     thickness : float, m
         Thickness of the cover.
     pitch : float, m
         Pitch of the taxels.
     cells : int
-        Cells a taxel along each axis: 8×8 taxels at 4 cells each are an array of 32×32.
+        Cells per taxel along each axis: 8×8 taxels with 4 cells each are an array of 32×32.
     tolerance : float
-        Tolerance of every wave's fading, as a share of the load.
+        Tolerance of the attenuation of every wave, as a share of the load.
 
     Returns
     -------

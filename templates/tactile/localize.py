@@ -28,11 +28,12 @@ class Patches:
     Attributes
     ----------
     count : Field
-        How many.
+        Number of patches.
     label : Field
-        Map: 0 outside, else the number of the patch, one more than its last cell in reading order.
+        Map: the number of the patch, which is one more than the index of its last cell in reading
+        order; 0 outside.
     row, column : Field
-        Maps: in each cell of a patch its weighted centroid, cells; 0 outside.
+        Maps: in each cell, the weighted centroid of its patch, cells; 0 outside.
     """
 
     count: Field
@@ -42,7 +43,7 @@ class Patches:
 
 
 def patches_of(frame: FrameFields, inside: Field, weight: Field) -> Patches:
-    """Return the patches of a logic map, and their centroids by a weight above 0 inside."""
+    """Return the patches of a logic map, with centroids by a weight that is positive inside."""
     rows, cols = frame.shape
     number = frame.row * cols + frame.column + 1.0
     label = _labels(inside, number, rows * cols)
@@ -95,7 +96,7 @@ PITCH, DEPTH, SPACING = 7.5, 1.0, 1.5
 pad has Ø 2 mm bumps 3 mm apart on 0.5 mm, and taxels 1.5 mm apart: 3, 0.5 and 1.5."""
 
 SHARE = 0.1
-"""Least load of a touched bump, as a share of the largest."""
+"""Smallest load of a touched bump, as a share of the largest."""
 
 
 @program
@@ -110,24 +111,24 @@ def localize(
     share: float = SHARE,
     unit: float = 1.0,
 ) -> Mapping[str, Field]:
-    """Loads of single bumps, and the contacts that touched bumps make together.
+    """Measure the loads of single bumps, and group touched bumps into contacts.
 
     Parameters
     ----------
     frame : FrameFields
-        One cell a bump: strain or stress of the taxel under it. For a pad of pressure taxels (with
-        push = 1) it is the output of `Pad`. Where only `normal` is read, loads are taken to be
-        pushes, and the outputs of shear are missing.
+        One cell per bump: strain or stress of the taxel under it. For a pad of pressure taxels
+        (with push = 1), this is the output of `Pad`. If only `normal` is read, all loads are
+        assumed to be pushes, and the outputs of shear are missing.
     push : float
         −1 for strain and stress, which count tension as positive; +1 for signals and counts that
         rise under a push.
     taxels : "strain", "stress" or "pad"
         The measured quantity.
     bump_pitch, bump_depth, bump_spacing : float
-        From bump to bump, of the taxels below the bumps' feet, and between a pad's taxels, in
-        bump radii.
+        Distance between bumps, depth of the taxels below the base of the bumps, and distance
+        between the taxels of a pad, all in bump radii.
     share : float
-        Least load of a touched bump, as a share of the largest.
+        Smallest load of a touched bump, as a share of the largest.
     unit : float
         Unit of the loads: E r² for strain, r² for stress and pads gives newtons.
 
@@ -136,19 +137,19 @@ def localize(
     mapping
         `bump_contact` (logic map), `bump_count`, `bump_load_x`, `bump_load_y`, `bump_load_normal`
         (maps of each bump's own load, 0 where it is not touched), `bump_shear_known` (logic map:
-        touched, and neither its taxel nor one at its sides is at an end of its range; elsewhere
-        the shear, whose sign could be wrong, is 0), `bump_x`, `bump_y`, `bump_normal` (sums over
-        all bumps whose load is clear of the noise; of shear 0 unless it is known under all of
-        these), `bump_row`, `bump_column` (centroid of the normal load of these, cells; afterwards,
-        where it was last), `bump_patches` (number of contacts: touched bumps that are neighbours,
-        diagonal ones too, make one), `bump_patch` (map: which contact, 0 for none),
-        `bump_patch_row`, `bump_patch_column` (maps: in each bump of a contact the centroid of its
-        normal load, cells).
+        touched, and neither its taxel nor one beside it is at an end of its range; elsewhere the
+        shear, whose sign could be wrong, is 0), `bump_x`, `bump_y`, `bump_normal` (sums over all
+        bumps whose load exceeds the noise; the shear is 0 unless it is known under all of them),
+        `bump_row`, `bump_column` (centroid of their normal load, cells; its last value after the
+        contact), `bump_patches` (number of contacts, where neighbouring touched bumps, including
+        diagonal ones, form one contact), `bump_patch` (map: number of the contact, 0 for none),
+        `bump_patch_row`, `bump_patch_column` (maps: for each bump, the centroid of the normal load
+        of its contact, cells).
 
     Raises
     ------
     PhysicsError
-        If the bumps stand too close to be separated.
+        If the bumps are too close to be separated.
     ProgramError
         If the unit is not positive.
     """
@@ -195,10 +196,10 @@ def localize(
 
 
 def near_the_end(at_end: Field) -> Field:
-    """Return the bumps whose own taxel, or one at its sides, is at an end of its range.
+    """Return the bumps whose own taxel, or one beside it, is at an end of its range.
 
-    What such a taxel cannot show of its load is missing where its neighbours' loads are taken off:
-    of a shear 4 % at its sides, below 1 % farther away.
+    The part of a load that such a taxel cannot show is also missing when the loads of neighbours
+    are subtracted: 4 % of a shear beside it, below 1 % farther away.
     """
     return apply(get_template("contact_dilation"), input=at_end.picture()).black()
 
@@ -211,14 +212,16 @@ def unmix(
     *,
     shear: bool = True,
 ) -> Template:
-    """Return the template that takes neighbours' loads off, one layer an axis: see `bump_inverse`.
+    """Return the template that subtracts neighbouring loads, one layer per axis.
+
+    See `bump_inverse`.
 
     Raises
     ------
     UnknownNameError
         If `taxels` is unknown.
     PhysicsError
-        If the bumps stand too close.
+        If the bumps are too close.
     """
     if taxels not in get_args(Taxels):
         raise name_error("kind of taxels", taxels, get_args(Taxels))

@@ -26,7 +26,7 @@ from cnnum.templates.tactile.shared.rest import TINY, Clock, with_corners
 from cnnum.templating.library import get_template
 
 NEAR = 4.0
-"""Diffusion time (cells²) of the mean that is taken off: what is left is a pattern."""
+"""Diffusion time (cells²) of the mean that is subtracted to obtain the pattern."""
 
 
 @program
@@ -42,7 +42,7 @@ def motion_direction(
     hold_time: float = 0.1,
     contrast: bool = True,
 ) -> Mapping[str, Field]:
-    """Direction in which the pattern of a load moves.
+    """Determine the direction in which the pattern of a load moves.
 
     Parameters
     ----------
@@ -51,27 +51,27 @@ def motion_direction(
     push : float
         −1 for strain and stress, which count tension as positive; +1 if readings rise under a push.
     rest : float, s
-        Time at the start without contact, which gives rest and noise.
+        Time without contact at the start, from which rest and noise are learned.
     delay, look : float, s
-        Time constants of the low-pass, and of the means behind the direction. A detector answers
-        most to a pattern that changes once in 2π delays.
+        Time constants of the low-pass, and of the means from which the direction is computed. A
+        detector responds most to a pattern with a period of 2π delays.
     level : float
-        Power of the pattern, over that of noise at rest, from which there is one.
+        Smallest power of a pattern, relative to that of the noise at rest.
     sure : float
-        Least correlation, as a share of the pattern's power, that is reported as motion.
+        Smallest correlation, as a share of the pattern's power, that is reported as motion.
     hold_time : float, s
-        It ends after a time below half of that.
+        A motion ends once the correlation has been below half of `sure` for this time.
     contrast : bool
-        Whether the mean of the surroundings is taken off before: a load that only grows is no
-        pattern then.
+        Whether to subtract the mean of the surroundings first, so that a load that only grows is
+        not a pattern.
 
     Returns
     -------
     mapping
         `motion_map_x`, `motion_map_y` (R of each taxel and the one to its right or below, in the
         square of the unit of `normal`; 0 in the last column or row), `motion_x`,
-        `motion_y` (their sums over the power of the pattern, in means over `look`: −1 to 1),
-        `motion_strength` (the size of both), `drifts` (flag).
+        `motion_y` (their sums divided by the power of the pattern, averaged over `look`: −1 to 1),
+        `motion_strength` (magnitude of the two), `drifts` (flag).
 
     Raises
     ------

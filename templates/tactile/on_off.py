@@ -1,4 +1,4 @@
-"""ON and OFF, sustained and transient: what a retina makes of a picture, of a load on the skin.
+"""ON and OFF responses, sustained and transient, of a retina model to a load on the skin.
 
     receptors            follow the signal, coupled to their neighbours     on_off_layers, layer 2
     surround             follows the receptors, slower and wider            layer 3
@@ -7,7 +7,8 @@
     transient            sustained − adaptation
     ON, OFF              what is above 0 of each, and below
 
-An even load has no sustained answer. Under a body there is ON within its edge, OFF around it.
+A uniform load has no sustained response. A body gives an ON response inside its edge and an OFF
+response around it.
 
 References
 ----------
@@ -31,8 +32,8 @@ from cnnum.templates.tactile.shared.rest import Clock
 from cnnum.templating.library import get_template
 
 WINS = 1.2
-"""Least ratio of the answer that is reported to that of the other sign. A press has 1.3 or more; a
-load that shifts has both alike, and neither comes nor goes."""
+"""Smallest ratio of a reported response to that of the other sign. A press has 1.3 or more; a load
+that moves sideways has equal responses, and neither comes nor goes."""
 
 ECHO, LASTS = 0.5, 2.0
 """Part of the largest answer of late below which an answer is its echo, and over how many times of
@@ -51,28 +52,28 @@ def on_off(
     level: float = 10.0,
     hold_time: float = 0.05,
 ) -> Mapping[str, Field]:
-    """Return the four answers of centre and surround, and where a load comes and goes.
+    """Compute the four responses of centre and surround, and where a load comes and goes.
 
     Parameters
     ----------
     frame : FrameFields
         Only `normal` is read, in any unit.
     push, rest : float, none, s
-        As of `motion_direction`.
+        As for `motion_direction`.
     receptor, surround, adapting : float, s
         Time constants of the layers.
     level, hold_time : float, none, s
-        An event begins when the largest transient answer exceeds `level` times its noise at rest,
-        is 1.2 times that of the other sign, and no echo of a larger one before. It ends after a
-        time below half of that.
+        An event begins when the largest transient response exceeds `level` times its noise at
+        rest, is at least 1.2 times that of the other sign, and is not an echo of a larger one
+        before. It ends once the response has been below half of that for `hold_time`.
 
     Returns
     -------
     mapping
         `on_sustained`, `off_sustained`, `on_transient`, `off_transient` (maps in the unit of
-        `normal`, 0 or above), `on_strength`, `off_strength` (largest transient answer over its
-        noise; 0 where it is not reported), `on_row`, `on_column`, `off_row`, `off_column`
-        (centroid of the squared transient answer, cells), `comes`, `goes` (flags).
+        `normal`, 0 or above), `on_strength`, `off_strength` (largest transient response over
+        its noise; 0 if not reported), `on_row`, `on_column`, `off_row`, `off_column` (centroid of
+        the squared transient response, cells), `comes`, `goes` (flags).
 
     Raises
     ------

@@ -6,10 +6,11 @@
     PC (RA-II)     push          large, Ø 7.9 mm          vibration_receptor, 60 to 400 Hz
     SA-II          shear         large, Ø 5.6 mm          slow_receptor, to 15 Hz
 
-A field is a bell by diffusion. In time each cell is a few layers with time constants in seconds.
-Between two frames the signal is taken to run straight. So a signal that is straight there gives the
-same answer at any rate, and another one is off by no more than `gain · dt² / 8 · max |u″|`. A spike
-comes from a leaky cell: it integrates its channel's output, fires at a threshold and starts anew.
+A receptive field is a bell shape made by diffusion. In time, each cell has a few layers with time
+constants in seconds. The signal is interpolated linearly between two frames. A piecewise linear
+signal therefore gives the same response at any rate, and the error for any other is at most
+`gain · dt² / 8 · max |u″|`. A leaky cell that integrates the output of its channel, fires at a
+threshold and is then reset produces the spikes.
 
 References
 ----------
@@ -32,13 +33,13 @@ from cnnum.templates.tactile.shared.loads import PUSH
 from cnnum.templates.tactile.shared.rest import Clock, over_field, with_corners
 
 Between = Literal["line", "hold"]
-"""The signal between two frames: straight, or at the value of the later one."""
+"""The signal between two frames: linear, or constant at the later value."""
 
 ONE_WAY = 0.5
-"""Least part of all stretch that must go one way: a push alone draws the skin in from all sides."""
+"""Smallest share of all stretch in one direction: a push alone draws in skin from all sides."""
 
 APART = 0.1
-"""s without a spike after which the next one is the first of a new touch."""
+"""Time without spikes, in s, after which the next spike is the first of a new touch."""
 
 
 @program
@@ -63,7 +64,7 @@ def receptors(
     membrane: float = 0.01,
     refractory: float = 0.001,
 ) -> Mapping[str, Field]:
-    """The channels SA-I, RA-I, PC and SA-II, their events, and their spikes.
+    """Compute the channels SA-I, RA-I, PC and SA-II, their events and their spikes.
 
     Parameters
     ----------
@@ -72,36 +73,38 @@ def receptors(
     push : float
         −1 for strain and stress, which count tension as positive; +1 if readings rise under a push.
     rest : float, s
-        Time at the start without motion, which gives rest and noise.
+        Time without motion at the start, from which rest and noise are learned.
     between : "line" or "hold"
-        The signal between two frames. Held, as behind a converter, RA-I and PC depend on the rate.
+        Interpolation of the signal between two frames. With "hold", as behind a converter, RA-I and
+        PC depend on the frame rate.
     sa1_field, ra1_field, pc_field, sa2_field : float
         Width of a receptive field at half of its height, in pitches (or "2 mm").
     sa_to, ra1_from, ra1_to, pc_from, pc_to : float, Hz
-        Corners of the layers: the low-pass of SA-I and SA-II; high-pass and low-pass of RA-I; those
-        of PC, whose high-pass counts twice.
+        Corner frequencies: the low-pass of SA-I and SA-II, the high-pass and low-pass of RA-I, and
+        those of PC, whose high-pass is applied twice.
     level, hold_time : float, none, s
-        An event begins when a channel's largest output exceeds this multiple of its noise at rest.
-        It ends when the output has been below half of that for a time.
+        An event begins when the largest output of a channel exceeds `level` times its noise at
+        rest, and ends when the output has been below half of that for `hold_time`.
     threshold : float
-        Output of a channel from which its cells send spikes, in its own unit; 0 for `level` times
-        its noise, which depends on the rate.
+        Output of a channel above which its cells send spikes, in the unit of the channel; 0 for
+        `level` times the noise, which depends on the frame rate.
     membrane, refractory : float, s
-        Time constant of the leaky cell, and how long it is silent after a spike.
+        Time constant of the leaky cell, and the time for which it is silent after a spike.
 
     Returns
     -------
     mapping
-        `sa1`, `ra1`, `pc` (maps in the unit of `normal`; of RA-I and PC positive where a push
-        grows), `sa2`, `sa2_x`, `sa2_y` (maps in the unit of shear: size and components). Of each
-        channel: `sa1_active` (flag), `sa1_strength` (largest output over its noise; of SA-II the
-        sum, where half of all stretch goes one way), `sa1_row`,
-        `sa1_column` (centroid of the squared output, cells; where it was last once the strength no
-        longer exceeds `level`), `sa1_spikes` (map: spikes since the
-        frame before, negative where the output is), `sa1_spike_time` (map: of the first of them
-        against this frame, s: 0 or below), `sa1_spike_gap` (map: from one of them to the next, s; 0
-        where there is no next), `sa1_first` (map: from the first spike of a touch anywhere to the
-        cell's own first, s; −1 before). And `stretch_x`, `stretch_y` (sums of SA-II's components).
+        `sa1`, `ra1`, `pc` (maps in the unit of `normal`; RA-I and PC are positive where a push
+        grows), `sa2`, `sa2_x`, `sa2_y` (maps in the unit of shear: magnitude and components),
+        `stretch_x`, `stretch_y` (sums of the components of SA-II). For each channel, as for
+        `sa1`: `sa1_active` (flag), `sa1_strength` (largest output over its noise; for SA-II the
+        sum, if half of all stretch has one direction), `sa1_row`, `sa1_column` (centroid of the
+        squared output, cells; its last value once the strength no longer exceeds `level`),
+        `sa1_spikes` (map: number of spikes since the previous frame, negative where the output is),
+        `sa1_spike_time` (map: time of the first of them relative to this frame, s; at most 0),
+        `sa1_spike_gap` (map: interval between them, s; 0 if there is only one), `sa1_first` (map:
+        delay of the first spike of the cell after the first one of the touch anywhere, s; −1
+        before).
 
     Raises
     ------

@@ -55,7 +55,7 @@ class LoadNetwork:
     Raises
     ------
     ProgramError
-        If one of them is not above 0.
+        If a parameter is not above 0.
     """
 
     thickness: float
@@ -156,40 +156,40 @@ def surface_load(
     friction: float = 1.0,
     rounds: int = 1,
 ) -> Mapping[str, Field]:
-    """Tractions all over the surface, any number of contacts at once.
+    """Reconstruct the tractions on the whole surface, for any number of contacts.
 
-    Detail below the noise is left out: the answer is smeared over the width of its point response.
-    A uniform pressure makes no strain in an incompressible half-space. So a pressure is seen by its
-    edges, and the fit to them stands on a ground below 0. Nothing pulls where nothing touches: in
-    each round the part below 0 is taken off, and the rest of the strain fitted anew.
+    Detail below the noise is lost: the result is smeared over the width of its point response. A
+    uniform pressure causes no strain in an incompressible half-space, so a pressure shows only at
+    its edges, and the fit to them has a negative offset. Nothing pulls where nothing touches: each
+    iteration removes the part below 0 and fits the remaining strain again.
 
     Parameters
     ----------
     frame : FrameFields
         Tensor strains at the taxels, tension positive: `shear_x`, `shear_y`, `normal`.
     thickness, pitch : float, m
-        Of the cover, and of the taxels.
+        Thickness of the cover, and pitch of the taxels.
     youngs_modulus : float, Pa
         Young's modulus of the cover.
     noise : float
         RMS of the noise of each strain, as measured at rest.
     likely : float, Pa
-        RMS of the pressures that are taken as likely: with the noise it sets the regularisation
-        (Wiener's choice).
+        RMS of the pressures that are expected. Together with the noise, it sets the regularisation
+        (a Wiener filter).
     drag : float
-        The same of the tractions along each axis of the surface, over that of the pressures. Long
-        waves of pressure and of a pull along them strain the cover alike. `drag` shares out the
+        RMS of the tractions along each axis of the surface, relative to that of the pressures. Long
+        waves of pressure and of traction strain the cover in the same way, and `drag` divides the
         signal between them.
     reach : int
-        Taxels, along each axis, over which a load is felt.
+        Distance over which a load is felt, in taxels along each axis.
     tolerance : float
-        Tolerance of the equilibrium where the array is too large for one exact product.
+        Tolerance of the equilibrium if the array is too large for one exact product.
     friction : float
-        Highest coefficient of friction to expect: from a round on, nothing drags by more than that
-        of the pressure above the noise.
+        Largest expected coefficient of friction: after the first fit, it limits the tangential
+        traction relative to the pressure above the noise.
     rounds : int
-        Fits after the first. More of them lower the bias and let more noise in. At 0 the answer is
-        that of least squares, linear in the strain.
+        Number of fits after the first. More of them reduce the bias and increase the noise. With 0,
+        the result is that of least squares, linear in the strain.
 
     Returns
     -------

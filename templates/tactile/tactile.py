@@ -35,24 +35,24 @@ def tactile(
     slip_false_reports: float = 2.0,
     twist_false_reports: float = 0.3,
 ) -> Mapping[str, Field]:
-    """Contact, slip, twist, edges and bumps; compile it with the outputs that are needed.
+    """Detect contact, slip, twist, edges and bumps; compile it with only the outputs you need.
 
-    The stream must begin without contact: its first frames define rest. Of an array that reads
-    fewer than three axes it has the outputs that those give: without shear neither slip nor twist,
-    and without a normal load neither contact nor edges nor bumps.
+    The stream must begin without contact: its first frames define rest. For an array that reads
+    fewer than three axes, some outputs are missing: slip and twist without shear, and contact,
+    edges and bumps without a normal load.
 
     Parameters
     ----------
     frame, push, depth, reads, unit
         As in `contact`.
     bump_pitch, bump_depth, bump_unit
-        As `bump_pitch`, `bump_depth` and `unit` of `localize`.
+        As `bump_pitch`, `bump_depth` and `unit` in `localize`.
     rest : float, s
-        The time at the start without contact, for `slip` and `twist`.
+        Time without contact at the start, for `slip` and `twist`.
     shear_gain, pads
-        As in `slip`; the place of a contact or a twist is the one on the pad that has most of it.
+        As in `slip`. The position of a contact or a twist is on the pad where it is strongest.
     slip_false_reports, twist_false_reports : float, 1/10 min
-        Accepted rates, as `false_reports` of `slip` and `twist`.
+        Accepted rates, as `false_reports` in `slip` and `twist`.
 
     Returns
     -------

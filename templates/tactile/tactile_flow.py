@@ -81,36 +81,37 @@ def tactile_flow(
     reads: Carries = READS,
     unit: float = 1.0,
 ) -> Mapping[str, Field]:
-    """Flow of the load's pattern, and the spread of the contact's area.
+    """Compute the flow of a load's pattern, and the growth of the contact area with the load.
 
     Parameters
     ----------
     frame : FrameFields
-        The flow reads `normal`, in any unit; the area reads the shear, too, as `contact` does.
+        The flow reads `normal`, in any unit; the area also reads the shear, as `contact` does.
     push : float
         −1 for strain and stress, which count tension as positive; +1 if readings rise under a push.
     rest : float, s
-        Time at the start without contact, which gives rest and noise.
+        Time without contact at the start, from which rest and noise are learned.
     to : float, Hz
-        Corner of the low-pass before all else.
+        Corner frequency of the low-pass that is applied first.
     window : float
         Diffusion time (cells²) of the sums around each taxel.
     look : float, s
         Time constant of the sums.
     still, hold_time : float, cells/s, s
-        Speed from which a flow is reported; it ends after a time below half of that.
+        Speed above which a flow is reported, which ends once the speed has been below half of that
+        for `hold_time`.
     depth, reads, unit : float, "strain", "stress" or "force", float
-        As of `contact`: cover above the taxels (pitches), measured quantity, unit of the load.
+        As for `contact`: cover above the taxels (pitches), measured quantity, unit of the load.
 
     Returns
     -------
     mapping
         `flow_x`, `flow_y`, `flow_speed` (of the whole contact, cells/s; 0 without a pattern),
-        `flow_known` (flag: there is a pattern), `flow_explains` (part of all change but growth that
-        the flow explains, 0 to 1), `flows` (flag: it moves, and explains half), `flow_map_x`,
-        `flow_map_y` (maps, of what is around each taxel), `spread_area` (area of the contact by the
-        spread of its pressure, as of a sphere, cells²), `area_spread` (its growth with the load,
-        cells² a unit of load; 0 while the load rests).
+        `flow_known` (flag: there is a pattern), `flow_explains` (share of the change, apart from
+        growth, that the flow explains, 0 to 1), `flows` (flag: the pattern moves, and the flow
+        explains at least half), `flow_map_x`, `flow_map_y` (maps: the flow around each taxel),
+        `spread_area` (contact area, cells², from the spread of the pressure, assuming a sphere),
+        `area_spread` (its growth, cells² per unit of load; 0 while the load is constant).
 
     Raises
     ------

@@ -52,41 +52,42 @@ def texture(
     bump_depth: float = DEPTH,
     ratio: float = 1.0,
 ) -> Mapping[str, Field]:
-    """Friction and roughness of the surface on each taxel, over the last frames.
+    """Measure friction and roughness of the surface on each taxel, over the last frames.
 
-    Every taxel keeps its last frames in local memories. Over them (6.3) and (6.4) are summed, mean
-    first. So a small scatter is not the difference of large sums.
+    Every taxel keeps its last frames in local memories, over which (6.3) and (6.4) are computed.
+    The mean comes first, so that a small scatter is not the difference of large sums.
 
     Parameters
     ----------
     frame : FrameFields
-        Shear and normal signal of each taxel, best under a bump each: below a flat cover a load
-        right above makes no shear.
+        Shear and normal signals of each taxel, each preferably under a bump: below a flat cover, a
+        load directly above a taxel causes no shear.
     push : float
         −1 for strain and stress, +1 for signals that rise under a push.
     window : int
-        T: the samples of the last T times 15 ms count, one every 15 ms in the mean; of slower
-        arrays the frames of that time. Each takes two memories a taxel.
+        T, the number of samples that count: one every 15 ms on average, or all frames of that time
+        for slower arrays. Each sample takes two memories per taxel.
     taxels : "load", "strain" or "stress"
-        "load" for signals that read shear and normal forces alike. Strain and stress below bumps do
-        not, and feel the neighbours' bumps as well: they are turned into each bump's own load, as
-        `localize` does, by the cover's own finite elements.
+        "load" for signals with equal gain for shear and normal forces. Strain and stress below
+        bumps have different gains and also respond to neighbouring bumps: they are converted to the
+        load of each bump, as in `localize`, by a finite element model of the cover.
     bump_pitch, bump_depth : float
         As in `localize`.
     ratio : float
-        Shear signal over normal signal of an equal load, strain or stress: 1/β_ns.
+        Ratio of the shear signal to the normal signal for an equal load, strain or stress: 1/β_ns.
 
     Returns
     -------
     mapping
-        `texture_friction` (map: mean of |T|/|S_n|, (6.3); 0 where not known, as
-        where the taxel was at an end of its range within the window), `texture_roughness`
-        (map: 100 times its standard deviation over its mean, (6.4)), `texture_frames` (map: samples
-        of this touch, T + 1 at most), `friction`, `roughness` (means over the taxels that know
-        theirs), `texture_known` (flag: any does), `texture_rubs` (flag: the pattern of the normal
-        load has moved in all frames of the window and its ends have its ratio, which is then
-        friction's; a surface that sticks, or is too smooth to be seen to move, has none). After it
-        friction and roughness stay those of the last such window until it is touched anew.
+        `texture_friction` (map: mean of |T|/|S_n|, (6.3); 0 where it is not known, for instance
+        because the taxel was at an end of its range within the window), `texture_roughness` (map:
+        100 times the standard deviation over the mean, (6.4)), `texture_frames` (map: number of
+        samples in this touch, at most T + 1), `friction`, `roughness` (means over the taxels where
+        they are known), `texture_known` (flag: they are known somewhere), `texture_rubs` (flag: the
+        pattern of the normal load has moved in all frames of the window, and both ends of the
+        window have the same ratio, which is then that of friction; it is off for a surface that
+        sticks, or that is too smooth for its motion to show). Afterwards, friction and roughness
+        keep the values of the last such window until the next touch.
 
     Raises
     ------
@@ -95,7 +96,7 @@ def texture(
     UnknownNameError
         If `taxels` is unknown.
     PhysicsError
-        If the bumps stand too close to be separated, or the depth is not one of their tables.
+        If the bumps are too close to be separated, or the tables have no such depth.
     """
     if taxels not in get_args(Rubbed):
         raise name_error("kind of taxels", taxels, get_args(Rubbed))

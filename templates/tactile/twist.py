@@ -46,7 +46,7 @@ def twist(
     level: float = 0.0,
     hold_time: float = 0.1,
 ) -> Mapping[str, Field]:
-    """Twist of an object that is touched or held.
+    """Detect the twist of an object that is touched or held.
 
     Parameters
     ----------
@@ -55,15 +55,15 @@ def twist(
     look : float, s
         Time constant of the delayed maps.
     still : float, 1/s
-        Change of the load, as a share of it, above which a curl is the load's.
+        Relative change of the load above which a curl is attributed to the load.
 
     Returns
     -------
     mapping
-        `twist` (flag), `twist_sense` (+1 from x to y, −1, 0 without), `twist_strength` (curl over
-        normal load), `twist_row`, `twist_column` (centre of the load of the pad that turns most,
-        cells), and what the flag is made of: `twist_level`, `twist_ratio` (of that pad) and
-        `twist_divergence`.
+        `twist` (flag), `twist_sense` (+1 from x to y, −1 the other way, 0 without a twist),
+        `twist_strength` (curl over normal load), `twist_row`, `twist_column` (centre of the load on
+        the pad that turns most, cells), and the ingredients of the decision: `twist_level`,
+        `twist_ratio` (of that pad) and `twist_divergence`.
     """
     recent = frame.once(
         RecentLoads, push=push, shear_gain=shear_gain, pads=pads, rest=rest, look=look,
@@ -87,7 +87,7 @@ def twist(
 
 
 def read_outs(frame: FrameFields, *, recent: RecentLoads, still: float) -> dict[str, Field]:
-    """Return the signs of twist, of the pad that turns most."""
+    """Return the signs of twist on the pad that turns most."""
     # templates
     curl, divergence = (
         apply(get_template(f"shear_{name}"), input=recent.shear) for name in ("curl", "divergence")
@@ -109,7 +109,7 @@ def read_outs(frame: FrameFields, *, recent: RecentLoads, still: float) -> dict[
 
 
 def load_hidden(recent: RecentLoads) -> Field:
-    """Return whether a shear beyond any friction says that a load is part of the rest."""
+    """Return whether a shear beyond any friction shows that a load is part of the rest."""
     frame, lasts, least = recent.frame, recent.frame.frames_of(LASTS) - 0.5, recent.pads[0].least
     loads = [pad.load - pad.least for pad in recent.pads]
     shears = [pad.ratio * pad.load for pad in recent.pads]
