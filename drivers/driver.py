@@ -12,16 +12,16 @@ from cnnum.frame import Frame, Quality
 
 
 class Mailbox:
-    """A bounded queue: when it is full the oldest frame goes, and that is counted.
+    """A bounded queue that drops and counts its oldest frame when it is full.
 
     Parameters
     ----------
     depth : int
-        Frames that may wait; 1 keeps the newest only.
+        Number of frames that may wait; 1 keeps only the newest.
     lost : bool
-        Whether frames that go are lost, which the one after them is flagged with, or only skipped.
+        Whether dropped frames are lost, so that the next frame is flagged, or only skipped.
     changed : Condition, optional
-        Of several mailboxes that one reader waits for.
+        Condition that several mailboxes of one reader share.
     """
 
     def __init__(self, depth: int, *, lost: bool = True, changed: Condition | None = None) -> None:
@@ -47,7 +47,7 @@ class Mailbox:
             return len(self._frames)
 
     def put(self, frame: Frame) -> None:
-        """Leave a frame."""
+        """Add a frame."""
         with self._changed:
             if len(self._frames) == self._depth:
                 gone = self._frames.popleft()
@@ -57,7 +57,7 @@ class Mailbox:
             self._changed.notify()
 
     def end(self, error: Exception | None = None) -> None:
-        """Note that no more frames come, and why; frames that wait can still be fetched."""
+        """Mark the end of the frames and its reason; waiting frames can still be fetched."""
         with self._changed:
             if not self._ended:
                 self._ended, self._error = True, error
@@ -107,24 +107,25 @@ class Counters:
     bad : int
         Packets or rows whose check failed.
     dropped : int
-        Scans that never arrived whole according to the device's numbers, including bad ones and
-        those that a full queue pushed out; in a recording, also rows that another of its files
-        lacks.
+        Scans that never arrived complete according to the device's numbers, including bad ones and
+        those that a full queue dropped; in a recording, also rows that one of its files lacks.
     repeated : int
-        Scans that came again and were marked as repeated.
+        Scans that arrived again and were marked as repeated.
     skipped : int
         Good scans passed over because a newer one was already there (mode "latest").
     resyncs : int
-        Number of times that synchronisation was lost and found again.
+        Number of times that synchronisation was lost and regained.
     discarded : int
         Bytes that belonged to no good packet.
     gaps : int
-        Breaks of the connection, or restarts of the device. If the device then counts from 0,
-        ``dropped`` contains the scans that its period makes of the time away, by the host's clock.
+        Interruptions of the connection, or restarts of the device. If the device then counts from
+        0, ``dropped`` includes the scans of the interruption, estimated from its period and the
+        host's clock.
     waiting : int
         Scans that have arrived but were not delivered yet.
     sent : int or None
-        Scans that the device has sent by its numbers, including repeats; None without numbers.
+        Scans that the device has sent according to its numbers, including repeats; None if it does
+        not number them.
     """
 
     frames: int = 0
@@ -140,22 +141,29 @@ class Counters:
 
 
 class Driver(Protocol):
-    """A source of frames: an array at a port, a recording, a simulation.
+    """A source of frames: an array at a port, a recording or a simulation.
 
-    Further attributes are used where a driver has them. ``calibration`` is a
-    `cnnum.tactile.taxel.Calibration`, ``pitch`` is the distance of the taxels, m, and ``pads`` the
-    number of skins that lie side by side in the columns. ``positions`` are the places of the
-    taxels, mm, where these lie on no square grid. ``bumps`` is the
-    `cnnum.tactile.cover.BumpCover` over the taxels, whose geometry goes to the programs that undo
-    it. ``full_scale`` is the largest magnitude that a value can have. A frame with a larger one is
-    a bad frame. ``limits`` are the least and the largest value of a sound taxel, a pair of all
-    channels or one of each, and ``bandwidth`` is the highest frequency of its loads, Hz. ``live``
-    is true where frames that were taken are gone, so that a second pass over a scene is refused;
-    without it each call of `frames` begins at the first frame. ``total_frames``
-    is the number of frames to come, for a bar of progress. ``verified`` is false where the packets
-    of a protocol have no checksum, and ``clock`` compares the device's clock with the host's: its
-    ``drift`` is the part that the host's gains. ``tap`` is a method that takes a function, or
-    None to end it; the function is called with bytes as they come from a port and the time, ns.
+    A driver may have further attributes, which are then used:
+
+    * ``calibration`` is a `cnnum.tactile.taxel.Calibration`.
+    * ``pitch`` is the distance between taxels, m.
+    * ``pads`` is the number of skins side by side in the columns.
+    * ``positions`` are the positions of the taxels, mm, if they are not on a square grid.
+    * ``bumps`` is the `cnnum.tactile.cover.BumpCover` over the taxels. Its geometry is passed to
+      the programs that compensate for it.
+    * ``full_scale`` is the largest magnitude that a value can have. A frame with a larger one is
+      a bad frame.
+    * ``limits`` are the smallest and the largest value of a working taxel, one pair for all
+      channels or one for each.
+    * ``bandwidth`` is the highest frequency of loads, Hz.
+    * ``live`` is true if frames cannot be read twice, so that a second pass over a scene raises an
+      error. Otherwise, each call of `frames` begins at the first frame.
+    * ``total_frames`` is the number of frames to come, for a progress bar.
+    * ``verified`` is false if the packets of a protocol have no checksum.
+    * ``clock`` compares the device's clock with the host's. Its ``drift`` is the relative gain of
+      the host's clock.
+    * ``tap`` is a method that takes a function, or None to remove it. The function is called with
+      the bytes from a port as they arrive and the time, ns.
     """
 
     @property
@@ -170,7 +178,7 @@ class Driver(Protocol):
 
     @property
     def unit(self) -> str:
-        """Unit of the values, as "count" or "V"."""
+        """Unit of the values, such as "count" or "V"."""
         ...
 
     @property
@@ -229,7 +237,7 @@ class Closing:
 
 
 class Counting(Closing):
-    """The counts of a driver whose frames are all at hand: no packet can be bad."""
+    """Counts of a driver whose frames are all available, so that no packet can be bad."""
 
     def __init__(self) -> None:
         self._counters = Counters()

@@ -52,23 +52,23 @@ MOST, MOST_TAXELS = 64, 2048
 
 
 class Grid:
-    """Turns frames of taxels at known places into maps for a program.
+    """Interpolates frames of taxels at known positions onto the square grid of a program.
 
     Parameters
     ----------
     positions : sequence of (x, y), mm
     taxels : (rows, cols)
-        Of the array's frames.
+        Shape of the array's frames.
     pitch : float, optional
-        Wanted size of a cell, m; unless given, it is that of the taxels' distance, or half of it
-        where only so all of them lie on cells, and between hexagons.
+        Desired size of a cell, m. The default is the distance between taxels, or half of it if
+        only then all of them lie on cells, and for hexagonal arrays.
     dead : sequence of (row, column)
-        Taxels that are left out.
+        Taxels to leave out.
 
     Attributes
     ----------
     taxels, shape : (rows, cols)
-        Of the frames and of the maps.
+        Shapes of the frames and of the maps.
     pitch : float
         Size of a cell, m.
     inside : (rows, cols) bool
@@ -77,7 +77,7 @@ class Grid:
     Raises
     ------
     SceneError
-        If the places are not those of these taxels, two of them are one, or they need a grid of too
+        If the positions do not fit the taxels, two of them coincide, or they need a grid with too
         many cells.
     """
 
@@ -108,18 +108,18 @@ class Grid:
             raise SceneError("'dead' leaves too few taxels to interpolate between them.")
 
     def maps(self, values: Floats) -> Floats:
-        """Return (rows, cols, channels) of the grid for the values of the taxels."""
+        """Return maps on the grid, (rows, cols, channels), for the values of the taxels."""
         flat = values.reshape(-1, values.shape[-1])
         return np.asarray(self._weights @ flat).reshape(*self.shape, values.shape[-1])
 
     def marks(self, marks: NDArray[np.bool_] | None) -> NDArray[np.bool_] | None:
-        """Return the cells that a marked taxel has a part in."""
+        """Return the cells whose value depends on a marked taxel."""
         if marks is None:
             return None
         return np.asarray(self._weights @ marks.ravel().astype(float) > 0.0).reshape(self.shape)
 
     def place(self, row: float, column: float) -> tuple[float, float]:
-        """Return x and y (mm) of a place on the grid, on the axes of the positions."""
+        """Return x and y (mm) of a grid position, in the coordinates of the taxel positions."""
         x, y = self._begin + self._step * np.array([column, row])
         return float(x), float(y)
 
@@ -127,13 +127,13 @@ class Grid:
 def checked_positions(
     positions: Sequence[tuple[float, float]], taxels: int, pitch: float | None = None
 ) -> Floats:
-    """Return positions as (taxels, 2), mm.
+    """Return positions as an array of shape (taxels, 2), mm.
 
     Raises
     ------
     SceneError
-        If there are more or fewer than taxels, one is not finite, two are the same, or they seem to
-        be in metres and no pitch, m, says otherwise.
+        If their number differs from that of the taxels, one is not finite, two are the same, or
+        they seem to be in metres and no pitch (m) confirms the distance.
     """
     places = np.asarray(positions, dtype=np.float64).reshape(-1, 2)
     if len(places) != taxels:
@@ -247,21 +247,23 @@ AXES = ("rows", "cols", "channels")
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """How the numbers of a frame are meant.
+    """Interpretation of the numbers of a frame: channels, signs, order and units.
 
     Attributes
     ----------
     channels : tuple of str
-        Names of a taxel's numbers in their order; a minus turns the sign. None are as they came.
+        Names of a taxel's numbers in order; a minus reverses the sign. Empty to leave them
+        unchanged.
     order : str
         Axes of the numbers from the slowest to the fastest, as in "frames cols rows channels"; ""
-        where they lie as the source says.
+        for the order of the source.
     flip : tuple of "rows" and "cols"
-        Axes that are counted from the other end.
+        Axes to reverse.
     unit : str
-        Unit of the numbers; "" where it is the one that the source names.
+        Unit of the numbers; "" for the one that the source states.
     time_unit : "s", "ms", "us" or "ns"
-        Unit of the times of a recording that were taken for seconds; "" where none is named.
+        Unit of the times of a recording, which would otherwise be read as seconds; "" to leave
+        them unchanged.
     """
 
     channels: tuple[str, ...] = ()
@@ -290,7 +292,7 @@ class Reading:
 
     @property
     def plain(self) -> tuple[str, ...]:
-        """The names of the channels without a sign."""
+        """Names of the channels without signs."""
         return tuple(name.removeprefix("-") for name in self.channels)
 
     def names(self, known: tuple[str, ...]) -> tuple[str, ...]:
@@ -299,7 +301,7 @@ class Reading:
         Raises
         ------
         SceneError
-            If they are more or fewer.
+            If their number differs.
         """
         if not self.channels:
             return known
@@ -308,7 +310,7 @@ class Reading:
         return channel_names(self.plain, len(known))
 
     def of(self, values: Floats) -> Floats:
-        """Return the numbers of a frame, (rows, cols, channels), as they are meant."""
+        """Return the numbers of a frame, (rows, cols, channels), in this interpretation."""
         if self.order:
             sizes: dict[str, int] = dict(zip(AXES, values.shape, strict=True))
             parts = self.order.split()[1:]
@@ -322,7 +324,7 @@ class Reading:
         return [-1.0 if n.startswith("-") else 1.0 for n in self.channels] if self.channels else 1.0
 
     def frame(self, frame: Frame) -> Frame:
-        """Return a frame as it is meant."""
+        """Return a frame in this interpretation."""
         marks = frame.saturated
         if marks is not None and (self.order or self.flip):
             plain = replace(self, channels=(), unit="")
@@ -334,7 +336,7 @@ class Reading:
         return replace(frame, values=values, channels=names, saturated=marks, unit=unit, time=time)
 
     def limits(self, known: Limits | None, channels: int) -> Limits | None:
-        """Return the limits of sound taxels with the signs of the channels."""
+        """Return the limits of working taxels with the signs of the channels."""
         if known is None or not self.channels:
             return known
         ends = np.sort(limits_of(known, channels) * self._signs, axis=0)
@@ -342,7 +344,7 @@ class Reading:
 
 
 class Reordered(Closing):
-    """A driver whose frames are read as a `Reading` says; all else of it stays.
+    """A driver whose frames are interpreted by a `Reading`, and which is otherwise unchanged.
 
     Raises
     ------
@@ -364,22 +366,22 @@ class Reordered(Closing):
 
     @property
     def shape(self) -> Shape:
-        """That of the driver."""
+        """Shape of the driver's frames."""
         return self._driver.shape
 
     @property
     def unit(self) -> str:
-        """That of the driver, unless the reading names another."""
+        """Unit of the driver, unless the reading states another."""
         return self._reading.unit or self._driver.unit
 
     @property
     def rate(self) -> float:
-        """That of the driver, per second by the unit of its times."""
+        """Rate of the driver, converted to Hz by the unit of its times."""
         return self._driver.rate / self._reading.scale
 
     @property
     def counters(self) -> Counters:
-        """Those of the driver."""
+        """Counts of the driver."""
         return self._driver.counters
 
     def __getattr__(self, name: str) -> Any:
@@ -388,7 +390,7 @@ class Reordered(Closing):
         return getattr(self._driver, name)
 
     def frames(self) -> Iterator[Frame]:
-        """Yield the frames of the driver as they are meant."""
+        """Yield the frames of the driver in the interpretation of the reading."""
         for frame in self._driver.frames():
             yield self._reading.frame(frame)
 

@@ -490,7 +490,7 @@ class NpzOptions:
         RecordingError
             If the file cannot be read.
         CodecError
-            If it is not a recording.
+            If the file is not a recording.
         """
         return NpzFile(read_npz(self.path))
 

@@ -25,9 +25,9 @@ class McapOptions:
     Attributes
     ----------
     path : Path
-        A file that `cnnum record` wrote; it may be cut off or damaged.
+        A file that `cnnum record` wrote; it may be truncated or damaged.
     budget : float
-        How many times as much time, unpacked bytes and frames as usual the file may take.
+        Factor on the limits of reading time, unpacked bytes and frames.
     """
 
     path: Path
@@ -37,7 +37,7 @@ class McapOptions:
         require("budget", self.budget > 0.0, "a number above 0", self.budget)
 
     def open(self) -> "McapFile":
-        """Look through the recording; a warning counts its unreadable parts.
+        """Scan the recording, with a warning that counts its unreadable parts.
 
         Raises
         ------

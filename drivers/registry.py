@@ -121,7 +121,7 @@ DRIVERS: Mapping[str, str] = {
 
 
 class DriverOptions(Protocol):
-    """A frozen record that has checked itself and can open its driver."""
+    """Options of a driver, checked on creation, which can open the driver."""
 
     def open(self) -> Driver:
         """Open the source: a port, a file, a simulation."""
@@ -129,7 +129,7 @@ class DriverOptions(Protocol):
 
 
 def driver_names() -> tuple[str, ...]:
-    """Return the names that a scene's driver can have, those of other packages last."""
+    """Return the names of all drivers, those of other packages last."""
     return (*DRIVERS, *(name for name in offered() if name not in DRIVERS))
 
 
@@ -182,16 +182,16 @@ def open_driver(
     name : str
         One of `driver_names()`, or "module:Options" for a record of your own.
     options : mapping of str to object
-        As in a scene's table; each driver's record of options lists them.
+        Options as in the table of a scene; the record of options of each driver documents them.
     base : Path, optional
-        Folder that relative paths start from; the working folder unless given.
+        Folder for relative paths. The default is the working folder.
 
     Raises
     ------
     UnknownNameError, SceneError
-        As `driver_options`.
+        As for `driver_options`.
     CnnumError
-        Errors of opening: PortError, RecordingError, CodecError.
+        If the source cannot be opened: PortError, RecordingError or CodecError.
     """
     return driver_options(name, options or {}, base=base).open()
 

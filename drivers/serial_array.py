@@ -1,4 +1,4 @@
-"""A tactile array at a port: the thread that reads it, and the driver that hands its frames on."""
+"""A tactile array at a port: the thread that reads it, and the driver that passes on its frames."""
 
 import time
 from collections.abc import Iterator
@@ -18,10 +18,10 @@ from cnnum.errors import OtherArrayError, PortError
 from cnnum.frame import Frame, Quality
 
 SETTLED = 1.0
-"""s of a stream after which the array is asked to zero itself, where the user wants it."""
+"""Time, s, after which a streaming array is made to zero itself, if the user wants that."""
 
 ASK_AGAIN = 0.25
-"""s after which an array that is asked for each scan is asked once more."""
+"""Time, s, after which a request for a scan is repeated."""
 
 
 class Link(Protocol):
@@ -283,32 +283,33 @@ class SerialOptions:
     protocol : str
         The protocol of the array: "open", or another of `protocol_names()`.
     descriptor : Path, optional
-        A TOML file that describes the protocol, in place of a name.
+        A TOML file that describes the protocol, instead of a name.
     shape : (rows, cols), optional
-        Shape of an array whose protocol does not say it.
+        Shape of an array whose protocol does not state it.
     rate : float
-        Hz that the array is asked for, where its protocol can; 0 leaves it as it is.
+        Scan rate in Hz to request from the array, if its protocol allows that; 0 leaves it
+        unchanged.
     address : int
-        Address of the device behind the port, where there are several.
+        Address of the device behind the port, if there are several.
     bias : bool
-        Whether the array is asked to zero itself when it has run for a second: unloaded only.
+        Whether to make the array zero itself once it has run for a second. It must be unloaded.
     baud : int, optional
-        Bits a second, at most 10⁸; the protocol's unless given.
+        Bits per second, at most 10⁸. The default is that of the protocol.
     mode : "every" or "latest"
-        Hand on every scan in order (to record), or the newest one only (to watch).
+        Whether to deliver every scan in order (to record), or only the newest one (to watch).
     timeout : float
-        s without a good packet after which the array counts as gone.
+        Time without a good packet, s, after which the array counts as disconnected.
     reconnects : int
-        Times that a lost array is looked for before `PortError`; 0 gives up at once.
+        Number of attempts to find a lost array before `PortError`; 0 gives up at once.
     backoff : float
-        s before the first of these times; doubled each time, up to `longest_backoff`.
+        Time before the first attempt, s; doubled for each further one, up to `longest_backoff`.
     longest_backoff : float
-        s, below 3600.
+        Longest time between attempts, s, below 3600.
     depth : int
-        Scans that may wait for a slow reader in mode "every", at most 10⁶. Beyond it the oldest are
-        dropped and counted.
+        Number of scans that may wait for a slow reader in mode "every", at most 10⁶. If there are
+        more, the oldest are dropped and counted.
     stale : float
-        s that a scan may wait for its reader; one that waited longer has the flag `STALE`.
+        Time that a scan may wait for its reader, s; one that waited longer has the flag `STALE`.
     """
 
     port: str
@@ -353,7 +354,7 @@ class SerialOptions:
         Raises
         ------
         UnknownNameError, SceneError
-            If there is none of that name, or the descriptor is wrong.
+            If there is no protocol of that name, or the descriptor is wrong.
         """
         options = Asked(self.shape, self.rate, self.address, self.bias)
         if self.descriptor is not None:
@@ -366,7 +367,7 @@ class SerialOptions:
         Raises
         ------
         PortError
-            If the port does not open, or brings no good packet within `timeout`.
+            If the port cannot be opened, or no good packet arrives within `timeout`.
         """
         return SerialArray(self)
 

@@ -56,13 +56,13 @@ class UskinCsvOptions:
     path : Path
         Folder of the trial.
     pad : 1, 2 or "both"
-        One pad gives frames of (4, 4). Both give (4, 8): pad 1 in the columns 0–3 and pad 2 in 4–7.
-        So one frame is one instant of the grasp, and every program runs on it as it is. The pads
-        are not neighbours in space: they lie on opposite fingers. So a neighbourhood over the seam
-        between the columns 3 and 4 means nothing. Nor does a sum of both pads' shear. Name one pad
-        where that matters.
+        One pad gives frames of shape (4, 4). "both" gives (4, 8), with pad 1 in columns 0–3 and pad
+        2 in columns 4–7, so that one frame is one instant of the grasp. The pads are on opposite
+        fingers, so neither a neighbourhood across columns 3 and 4 nor a sum of the shears of both
+        pads is meaningful. Choose one pad if that matters.
     rate : float, optional
-        Hz, for a trial that has neither times in ``robot_state.csv`` nor ``meta_data.csv``.
+        Frame rate in Hz, for a trial that has neither times in ``robot_state.csv`` nor
+        ``meta_data.csv``.
     """
 
     path: Path
@@ -86,12 +86,12 @@ class UskinCsvOptions:
         RecordingError
             If a file is missing or cannot be read, or the folder is one of several trials.
         CodecError
-            If a file has another form; the sentence names the file and the line.
+            If a file has another format; the message names the file and the line.
 
         Warns
         -----
         RecordingWarning
-            If files end in different rows; it counts the rows that are left out.
+            If the files differ in length; it counts the rows that are left out.
         """
         refuse_several(self.path)
         return UskinCsv(self)

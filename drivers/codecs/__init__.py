@@ -1,1 +1,1 @@
-"""Codecs: bytes of one kind of array to scans and back, apart from ports and sockets."""
+"""Codecs, which convert the bytes of one kind of array to scans and back, without any port."""

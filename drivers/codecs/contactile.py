@@ -34,7 +34,7 @@ def pts2(options: Asked) -> Wire:
     Raises
     ------
     SceneError
-        If the rate is none that the array has.
+        If the array does not support the rate.
     """
     if options.rate and options.rate not in RATES:
         raise SceneError(f"'rate' must be one of {RATES} Hz for 'pts2', got {options.rate:g}.")
@@ -53,10 +53,11 @@ def pts2(options: Asked) -> Wire:
 
 
 class Papillarray:
-    """The format: the end of a frame is the end marker before which the sum fits.
+    """The format. A frame ends at the first end marker for which the checksum is right.
 
-    An end marker may stand in the numbers of a frame. So the next one is tried where the sum does
-    not fit. Starts after the first are tried too, so that a damaged frame does not hide a good one.
+    An end marker may occur within the numbers of a frame, so the next one is tried if the checksum
+    is wrong. Later start markers are tried as well, so that a damaged frame does not hide a good
+    one.
     """
 
     def look(self, data: bytearray, *, locked: bool, ended: bool) -> Found | Skip | None:
@@ -103,9 +104,9 @@ def scan_of(body: bytes) -> Scan:
     Raises
     ------
     CodecError
-        If it has no pillars, or they are not 3×3.
+        If the frame has no pillars, or they are not 3×3.
     struct.error
-        If an offset points outside.
+        If an offset points outside the frame.
     """
     blocks = _blocks(body)
     if PILLARS not in blocks:

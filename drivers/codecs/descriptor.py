@@ -80,51 +80,51 @@ MOST_BYTES = 1 << 20
 
 @dataclass(frozen=True, slots=True)
 class Descriptor:
-    """How one kind of array writes a scan: ``header counter time cells check tail``.
+    """Format in which one kind of array writes a scan: ``header counter time cells check tail``.
 
     Attributes
     ----------
     name : str
     shape : (rows, cols)
-        Unless the user says another.
+        Default shape, which the user can override.
     channels : tuple of str
-        Numbers of a taxel in their order; "x", "y", "z" are the shears and the normal load, and a
-        minus turns the sign: "-x".
+        Numbers of a taxel, in order: "x", "y" and "z" are the shears and the normal load, and a
+        minus reverses the sign, as in "-x".
     order, flip : str, tuple of str
-        Of the numbers, where they follow each other otherwise (`cnnum.drivers.geometry.Reading`).
+        Order of the numbers if it is not the usual one (`cnnum.drivers.geometry.Reading`).
     planes : bool
-        Whether all taxels of a channel come together, and not all channels of a taxel.
+        Whether the numbers are grouped by channel instead of by taxel.
     header, tail : str
-        Bytes in hexadecimal; empty where there are none.
+        Bytes in hexadecimal; empty if there are none.
     cell : str
-        One of `CELLS`. "text" is numbers in a line: a row of the array is a line, and an empty line
-        ends the scan. An array of one row is one line a scan.
+        One of `CELLS`. With "text", each row of the array is a line of numbers, and an empty line
+        ends the scan. An array of one row has one line per scan.
     byte_order : "little" or "big"
-        Of cells, counter, time and check.
+        Byte order of cells, counter, time and check.
     counter, time : str
-        Types of the number of the scan, and of its time; "none" where they are not sent.
+        Types of the number of the scan and of its time; "none" if they are not sent.
     time_unit : "us" or "ms"
     check : str
         Name of a check in `CHECKS`, or "none".
     check_header : bool
-        Whether the check goes over the header too.
+        Whether the check includes the header.
     unused : int
-        Bytes after the cells that mean nothing.
+        Number of unused bytes after the cells.
     request : str
-        Bytes in hexadecimal that ask for one scan; empty where the array sends by itself.
+        Bytes in hexadecimal that request one scan; empty if the array sends by itself.
     scale : float
-        The factor of a raw number.
+        Factor on the raw numbers.
     unit : str
-    limits : (low, high), or a pair a channel, optional
-        Limits of raw numbers. One outside is a sign that the bytes are no packet, where no check
-        says that they are; of a packet with a check the taxel has dropped out.
+    limits : (low, high), or one pair per channel, optional
+        Limits of raw numbers. Without a check, a number outside them shows that the bytes are not
+        a packet; in a packet with a check, it shows that the taxel has dropped out.
     full : float, optional
-        A raw number at which, and beyond which, a cell is at the end of its range.
+        Raw number from which a cell is at the end of its range.
     rate : float
-        Hz; 0 where it is not known.
+        Scan rate in Hz; 0 if it is not known.
     baud : int
     positions : sequence of (x, y)
-        Places of the taxels, mm, row by row, where these lie on no square grid
+        Positions of the taxels, mm, row by row, if they are not on a square grid
         (`cnnum.drivers.geometry`).
     """
 
@@ -189,7 +189,7 @@ class Descriptor:
 
     @property
     def sound(self) -> Limits | None:
-        """The limits of the values of sound taxels, where the packets do not go by them."""
+        """Limits of the values of working taxels, if the packets are not judged by them."""
         if self.limits is None or self.check == "none":
             return None
         low, high = self.scale * limits_of(self.limits, len(self.channels))
@@ -207,12 +207,12 @@ class Descriptor:
         return (*self.shape, len(self.channels))
 
     def raw(self, values: NDArray[np.generic]) -> Floats:
-        """Return the numbers that a packet holds of a scan's values.
+        """Return the raw numbers of a packet for the values of a scan.
 
         Raises
         ------
         CodecError
-            If the scan is not of this shape.
+            If the scan has another shape.
         """
         if values.shape != self.whole:
             raise CodecError(
@@ -222,7 +222,7 @@ class Descriptor:
 
     @property
     def dtype(self) -> np.dtype[np.generic]:
-        """Type of a cell; of text, that of its numbers."""
+        """Type of a cell; for text, the type of its numbers."""
         kind = "f8" if self.cell == "text" else f"{self.cell[0]}{int(self.cell[1:]) // 8}"
         return np.dtype(("<" if self.byte_order == "little" else ">") + kind)
 
@@ -236,7 +236,7 @@ def _is_hex(text: str) -> bool:
 
 
 def bytes_of(kind: str) -> int:
-    """Return the bytes of a number of a type such as "u16"; 0 of "none"."""
+    """Return the number of bytes of a type such as "u16"; 0 for "none"."""
     return 0 if kind == "none" else int(kind[1:]) // 8
 
 
@@ -247,7 +247,7 @@ def read_descriptor(path: Path, shape: Shape | None = None) -> Descriptor:
     ----------
     path : Path
     shape : (rows, cols), optional
-        Used in place of the file's.
+        Shape to use instead of the one in the file.
 
     Raises
     ------
@@ -263,7 +263,7 @@ def read_descriptor(path: Path, shape: Shape | None = None) -> Descriptor:
 
 
 FAULTY = 3
-"""Packets in a row with the same fault from which it is said: chance makes one of damaged bytes."""
+"""Consecutive packets with the same fault before it is reported, as one may arise by chance."""
 
 MICROS = {"us": 1, "ms": 1000}
 
@@ -271,17 +271,17 @@ MICROS = {"us": 1, "ms": 1000}
 class FixedSize:
     """The format of a descriptor whose cells are binary.
 
-    A packet with a check is believed by its check. One without is believed if the next packet's
-    header stands where it must, or if its own tail and that of the packet before or after do;
-    otherwise only where its numbers go on from those before. Where a check of one byte, or none,
-    leaves a choice among beginnings that overlap, more packets decide.
+    A packet with a check is accepted if the check is right. One without is accepted if the header
+    of the next packet is at its expected place, or if its own tail and that of the previous or the
+    next packet are; otherwise only if its numbers continue the previous ones. If a check of one
+    byte, or none, leaves several overlapping candidates, further packets decide.
 
     Attributes
     ----------
     size : int
-        Bytes of a packet.
+        Number of bytes of a packet.
     trouble : str
-        What is wrong with packets that are whole but for their numbers; "" where nothing is.
+        What is wrong with packets that are complete except for their numbers; "" if nothing is.
     """
 
     def __init__(self, descriptor: Descriptor) -> None:
@@ -417,9 +417,9 @@ class FixedSize:
         )
 
     def encode(self, scan: Scan) -> bytes:
-        """Return the packet of a scan; whole cells are rounded, and clipped at their range.
+        """Return the packet of a scan; integer cells are rounded and clipped to their range.
 
-        It raises as `Descriptor.raw`.
+        Errors are those of `Descriptor.raw`.
         """
         d = self._descriptor
         values = d.raw(scan.values)
@@ -443,7 +443,7 @@ def _number(value: int | None, kind: str, order: "str") -> bytes:
 
 
 DIGITS = 32
-"""Signs of the longest number."""
+"""Number of characters of the longest number."""
 
 ALLOWED = b"0123456789+-.eE ,;\t\r\nNnAa"
 BLANKS = bytes.maketrans(b",;", b"  ")
@@ -506,7 +506,7 @@ class TextRows:
         return values if inside else None
 
     def encode(self, scan: Scan) -> bytes:
-        """Return the lines of a scan; it raises as `Descriptor.raw`."""
+        """Return the lines of a scan; errors are those of `Descriptor.raw`."""
         raw = self._descriptor.raw(scan.values)
         lines = [" ".join(f"{v:.9g}" for v in row.ravel().tolist()) for row in raw]
         return ("\n".join(lines) + ("\n" if self._rows == 1 else "\n\n")).encode()

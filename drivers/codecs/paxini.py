@@ -1,4 +1,4 @@
-"""PaXini PX-6AX GEN3: three forces a taxel, through its converter or its high-speed board.
+"""PaXini PX-6AX GEN3: three forces per taxel, through its converter or its high-speed board.
 
 Facts of the wire: community drivers; the maker's own document was not seen. A taxel is Fx i8, Fy i8
 and Fz u8, 0.1 N each. The last byte of a packet makes the sum of all its bytes 0.
@@ -51,7 +51,7 @@ def push(on: bool) -> bytes:
 
 
 def converter(options: Asked) -> Wire:
-    """Return the protocol of the converter: it is asked for each scan."""
+    """Return the protocol of the converter, which needs a request for each scan."""
     shape = shape_or(options, (1, 31))
     answers = Converter(shape, options.address)
     return Wire(
@@ -65,7 +65,7 @@ def converter(options: Asked) -> Wire:
 
 
 def high_speed_board(options: Asked) -> Wire:
-    """Return the protocol of the high-speed board: it sends by itself once it is asked to."""
+    """Return the protocol of the high-speed board, which sends by itself once told to."""
     board = HighSpeedBoard(shape_or(options, (1, 31)))
     return Wire(
         "PaXini's high-speed board",
@@ -121,7 +121,7 @@ class Converter:
     Attributes
     ----------
     shape : (rows, cols)
-        Shape of the taxels, which the converter does not say.
+        Shape of the array of taxels, which the converter does not report.
     device : int
     """
 
@@ -178,7 +178,7 @@ class Converter:
 class HighSpeedBoard:
     """The format of the high-speed board with one module: resultant, then taxels.
 
-    The order of the two is that of the community drivers; confirm it on the board.
+    The order of the two follows community drivers; confirm it on your board.
 
     Attributes
     ----------

@@ -20,7 +20,7 @@ READ, AUTOSEND, AUTOSEND_ALONE = 0x61, 0x58, 0x59
 COMMANDS = (READ, AUTOSEND, AUTOSEND_ALONE)
 STATIC, DYNAMIC, TIMESTAMP = 0x10, 0x20, 0x70
 PARTS = {0x10: 56, 0x20: 2, 0x30: 6, 0x40: 6, 0x50: 6, 0x60: 2}
-"""Type of a sensor to the bytes of its numbers."""
+"""Number of bytes per number, by type of sensor."""
 
 CLOCKS = {8: 1, 2: 1000}
 """Bytes of a time to the µs of its unit: since firmware 1.1.7, and before."""
@@ -70,11 +70,11 @@ def command(code: int, data: bytes) -> bytes:
 class Tsf85:
     """The format; a scan is complete with the static taxels of its finger.
 
-    Between two of them the dynamic channel and the inertia go on: the scan carries their latest
-    numbers, and the largest magnitude of the dynamic channel since the scan before.
+    Between two scans, the dynamic channel and the inertia continue: the scan carries their latest
+    numbers, and the largest magnitude of the dynamic channel since the previous scan.
 
-    There is no check, so a packet is believed if its parts fill it and another one follows. Without
-    one that follows, the taxels must go on from those before; nothing else of it is kept then.
+    There is no checksum, so a packet is accepted if its parts fill it and another one follows. If
+    none follows, its taxels must continue the previous ones, and nothing else of it is kept.
 
     Parameters
     ----------
@@ -165,7 +165,7 @@ class Tsf85:
 
 
 def begins(data: bytes) -> bool:
-    """Return whether bytes begin a packet, as far as there are any."""
+    """Return whether the bytes available can be the beginning of a packet."""
     known = {0: START, 2: COMMANDS, 3: range(1, 256)}
     good = all(data[at] in values for at, values in known.items() if at < len(data))
     return good and (len(data) <= HEAD or data[HEAD] & 0xF0 in (*PARTS, TIMESTAMP))
@@ -198,7 +198,7 @@ def encode(scan: Scan, finger: int = 0) -> bytes:
     Raises
     ------
     CodecError
-        If the scan has not 7×4 taxels of one axis.
+        If the scan does not have 7×4 taxels of one axis.
     """
     if scan.values.shape != (*SHAPE, 1):
         raise CodecError(f"The TSF-85 has 7×4 taxels of one axis, got {scan.values.shape}.")

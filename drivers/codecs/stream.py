@@ -1,4 +1,4 @@
-"""A scan, and scans out of a stream of bytes that may be cut or corrupted anywhere.
+"""Scans, and their extraction from a stream of bytes that may be cut or corrupted anywhere.
 
 A format looks at the bytes in front of it and gives one of three answers: a scan of some length;
 bytes to skip; more bytes are needed. The rest is the same for all formats.
@@ -29,8 +29,8 @@ U16, U32, U64 = 1 << 16, 1 << 32, 1 << 64
 def numbers_or_none(values: Floats) -> bool:
     """Return whether most taxels have numbers in all channels, and no number is infinite.
 
-    A chip of an array that is lost sends NaN, in all its channels or but for its temperature. Other
-    packets of numbers that are not finite are none of the array's.
+    A lost chip of an array sends NaN in all channels, or in all but its temperature. Other packets
+    with numbers that are not finite do not come from the array.
     """
     if np.isfinite(values).all():
         return True
@@ -39,7 +39,7 @@ def numbers_or_none(values: Floats) -> bool:
 
 
 def within(values: Floats, limits: Limits | None) -> bool:
-    """Return whether no number, (…, channels), is beyond some limits."""
+    """Return whether all numbers, (…, channels), are within limits."""
     if limits is None:
         return True
     low, high = limits_of(limits, values.shape[-1])
@@ -57,19 +57,19 @@ class Scan:
         Names of the last axis.
     unit : str
     sequence : int or None
-        The device's own count of its scans, modulo `sequence_wrap`; None where it does not count.
+        The device's own count of its scans, modulo `sequence_wrap`; None if it does not count.
     time_us : int or None
-        µs on the device's clock, modulo `time_wrap`; None where it has none.
+        Time on the device's clock, µs, modulo `time_wrap`; None if it has no clock.
     period_us : int
-        µs from scan to scan; 0 where the device does not say.
+        Time from scan to scan, µs; 0 if the device does not report it.
     saturated : bool
-        Whether a cell stands at an end of its range.
+        Whether a cell is at an end of its range.
     at_end : (rows, cols) bool, optional
-        Which do, where that is known.
+        Cells at an end of their range, if known.
     arrived_ns : int, optional
-        When it came by the host's monotonic clock, of a scan that was held back since.
+        Arrival on the host's monotonic clock, for a scan that has been held back.
     extras : mapping of str to float
-        Reports of the device apart from its taxels, by names that begin with "device_".
+        Further values that the device reports, by names that begin with "device_".
     """
 
     values: NDArray[np.generic]
@@ -94,7 +94,7 @@ class Scan:
 
     @property
     def kind(self) -> str:
-        """The array that it is of, in words."""
+        """Description of the array that the scan comes from."""
         rows, cols, _ = self.values.shape
         return f"{rows}×{cols} taxels of {', '.join(self.channels)} in {self.unit}"
 
@@ -103,23 +103,23 @@ PART = 16
 """A step below this part of a strong load is never a jump: an error of that size does little."""
 
 TIMES = 4.0
-"""A jump is that many times as large as steps usually are; noise of any array stays below it."""
+"""Size of a jump relative to the usual step; the noise of any array stays below it."""
 
 LAST, ENOUGH = 33, 9
 """Steps whose median is the usual one, and those before which nothing is a jump."""
 
 
 class Neighbours:
-    """Passes scans on once they count as good, at most one of them later.
+    """Passes on scans that are consistent with their neighbours, with a delay of at most one.
 
     Scans are compared by the largest step of each channel, and by the steps of the device's clock
-    and count where it has them. What is usual is a median, so vibration that goes on for longer
-    than half of `LAST` scans is no damage, nor is a number that is always new.
+    and count if it has them. The usual step is a median, so neither vibration that lasts longer
+    than half of `LAST` scans nor a number that always changes counts as damage.
 
     Parameters
     ----------
     full : float
-        What a strong load adds to the number of a taxel.
+        Change of a taxel's number under a strong load.
     """
 
     def __init__(self, full: float) -> None:
@@ -130,7 +130,7 @@ class Neighbours:
         self._held: Scan | None = None
 
     def take(self, scan: Scan) -> tuple[list[Scan], int]:
-        """Return the scans that count as good now, and how many are refused now."""
+        """Return the scans that now count as good, and the number that are now rejected."""
         last, seen, self._seen = self._last, self._seen, scan
         if last is None or seen is None or _kind(last) != _kind(scan):
             refused = self.lost()
@@ -160,12 +160,12 @@ class Neighbours:
         return passed, refused
 
     def lost(self) -> int:
-        """Return how many scans wait for one that never comes; they are refused."""
+        """Return the number of scans that wait for one that never came; they are rejected."""
         held, self._held = self._held, None
         return int(held is not None)
 
     def agree(self, scan: Scan) -> bool:
-        """Return whether a scan goes on from the last one, where that says anything."""
+        """Return whether a scan continues the last one, as far as that can be judged."""
         last = self._last
         if last is None or _kind(last) != _kind(scan) or len(self._steps) < ENOUGH:
             return False
@@ -209,16 +209,16 @@ MOST_WAITING = 1 << 21
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """A good packet of `size` bytes at the front.
+    """A good packet of `size` bytes at the beginning of the data.
 
     Attributes
     ----------
     size : int
     scan : Scan or None
-        The one that it completes.
+        The scan that it completes.
     alone : bool
-        Whether nothing but the packet itself says that it is one: then it is good only where its
-        scan goes on from the one before.
+        Whether only the packet itself shows that it is one. It is then good only if its scan
+        continues the previous one.
     """
 
     size: int
@@ -228,7 +228,7 @@ class Found:
 
 @dataclass(frozen=True, slots=True)
 class Skip:
-    """Bytes at the front that belong to no good packet.
+    """Bytes at the beginning that belong to no good packet.
 
     Attributes
     ----------
@@ -267,13 +267,13 @@ class Format(Protocol):
 
 
 class Decoder:
-    """Cuts a stream into scans and counts the losses on the way.
+    """Splits a stream into scans, and counts the losses.
 
     Parameters
     ----------
     format : Format
     neighbours : Neighbours, optional
-        Of a protocol without a check: they decide whether a scan counts as good.
+        For a protocol without a check, they decide whether a scan counts as good.
 
     Attributes
     ----------
@@ -382,10 +382,10 @@ def to_marker(data: bytearray, marker: bytes, *, ended: bool) -> Skip | None:
 def overtaken(
     data: bytearray, size: int, marker: bytes, whole: Callable[[bytes], bool], *, ended: bool
 ) -> Found | Skip | None:
-    """Return whether a packet at the front gives way to one that begins inside of it.
+    """Return whether a packet gives way to one that begins inside it.
 
-    For checks so short that chance passes them: of beginnings that overlap, the one that more
-    packets follow is believed, and the first of equal ones.
+    This is for checks so short that random bytes can pass them. Among overlapping candidates, the
+    one that is followed by more packets is accepted, and the first one in a tie.
 
     Parameters
     ----------
@@ -393,7 +393,7 @@ def overtaken(
     size : int
         Bytes of a packet.
     marker : bytes
-        That each packet begins with.
+        Bytes with which each packet begins.
     whole : callable
         Whether the bytes of a packet pass its check.
     ended : bool
@@ -401,7 +401,7 @@ def overtaken(
     Returns
     -------
     Found or Skip or None
-        The packet stands; it does not; more bytes are needed.
+        The packet is accepted; it is rejected; more bytes are needed.
     """
 
     def chain(start: int) -> int:
@@ -426,7 +426,7 @@ def overtaken(
 
 
 def places(data: bytearray, marker: bytes, begin: int, end: int) -> list[int]:
-    """Return the places from `begin` on, before `end`, at which a marker begins."""
+    """Return the offsets in [begin, end) at which a marker begins."""
     result: list[int] = []
     at = data.find(marker, begin)
     while 0 <= at < end:

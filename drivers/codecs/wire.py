@@ -1,4 +1,4 @@
-"""The protocols by name: an array's packets, the requests to it, and the speed of its line."""
+"""Protocols by name: the packets of an array, the requests to it, and its baud rate."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -36,11 +36,11 @@ PROTOCOLS: Mapping[str, str] = {
     "paxini-board": f"{ROOM}.paxini:high_speed_board",
     "robotiq-tsf85": f"{ROOM}.robotiq:tsf85",
 }
-"""Name to the function that makes its `Wire`; those of descriptors are apart."""
+"""Functions that make the `Wire` of a protocol, by name; descriptors are not included."""
 
 
 class Decoding(Protocol):
-    """Cuts a stream into scans: `cnnum.drivers.codecs.stream.Decoder` explains each."""
+    """Splits a stream into scans; see `cnnum.drivers.codecs.stream.Decoder`."""
 
     @property
     def good(self) -> int: ...  # noqa: D102
@@ -63,22 +63,22 @@ FULL = {
     "f32": 500.0,
     **dict.fromkeys(("u16", "i16", "u32", "i32"), 4000.0),
 }
-"""A strong load in the numbers of a cell, by its type in a descriptor."""
+"""Raw number of a strong load, by the type of a cell in a descriptor."""
 
 
 @dataclass(frozen=True, slots=True)
 class Asked:
-    """The user's facts of an array that its protocol lacks.
+    """Properties of an array that the user states because its protocol does not.
 
     Attributes
     ----------
     shape : (rows, cols), optional
     rate : float
-        Hz that the array is asked for; 0 leaves it as it is.
+        Scan rate to request from the array, Hz; 0 leaves it unchanged.
     address : int
         Address of the device on its bus.
     bias : bool
-        Whether the array is asked to zero itself once it has run for a second.
+        Whether to make the array zero itself once it has run for a second.
     """
 
     shape: Shape | None = None
@@ -89,7 +89,7 @@ class Asked:
 
 @dataclass(frozen=True, slots=True)
 class Form:
-    """The scans that `Wire.encode` takes.
+    """Form of the scans that `Wire.encode` takes.
 
     Attributes
     ----------
@@ -109,36 +109,36 @@ class Form:
 
 @dataclass(frozen=True, slots=True)
 class Wire:
-    """A protocol, ready to be spoken.
+    """A protocol that is ready for use.
 
     Attributes
     ----------
     name : str
-        As a sentence names it.
+        Name of the protocol in messages.
     baud : int
     decoder : callable
         Returns a new decoder.
     encode : callable
-        From a scan to the bytes that the array would send.
+        Converts a scan to the bytes that the array would send.
     greeting : bytes
         Written whenever the port has been opened.
     settled : bytes
-        Written when the array has run for a second after that.
+        Written once the array has then run for a second.
     request : bytes
-        Written for every scan; empty where the array sends by itself.
+        Written for every scan; empty if the array sends by itself.
     farewell : bytes
         Written before the port is closed.
     form : Form or None
-        The scans that `encode` takes; None where it takes any scan.
+        Form of the scans that `encode` takes; None if it takes any scan.
     positions : sequence of (x, y), mm
-        Positions of the taxels, where these lie on no square grid.
-    limits : (low, high), or a pair a channel, or None
-        Limits of the values of a sound taxel.
+        Positions of the taxels, if they are not on a square grid.
+    limits : (low, high), or one pair per channel, or None
+        Limits of the values of a working taxel.
     reading : Reading or None
-        How the numbers of a scan are meant, where not as they come.
+        Order, signs and units of the numbers of a scan, if they are not as usual.
     verified : bool
-        Whether packets carry a check of their numbers. Without one, scans are held against their
-        neighbours; damage that is no jump goes unseen, and a jump of one scan is taken for damage.
+        Whether packets carry a checksum. Without one, scans are compared with their neighbours:
+        damage that causes no jump is not detected, and a jump of one scan is taken for damage.
     """
 
     name: str
@@ -167,9 +167,9 @@ def wire(name: str, options: Asked | None = None) -> Wire:
     Raises
     ------
     UnknownNameError
-        If there is none of that name.
+        If there is no protocol of that name.
     SceneError
-        If the request does not fit it.
+        If the protocol does not allow what is requested.
     """
     known = options or Asked()
     if name in PROTOCOLS:
@@ -217,12 +217,12 @@ def described_wire(path: Path, options: Asked) -> Wire:
 
 
 def shape_or(options: Asked, usual: Shape) -> Shape:
-    """Return the shape that the user says, or the usual one.
+    """Return the shape that the user gives, or the usual one.
 
     Raises
     ------
     SceneError
-        If it is none.
+        If it is not a shape.
     """
     shape = options.shape or usual
     if min(shape) < 1 or shape[0] * shape[1] > 1 << 16:
@@ -233,7 +233,7 @@ def shape_or(options: Asked, usual: Shape) -> Shape:
 
 
 def open_protocol(options: Asked) -> Wire:
-    """Return the open protocol; its packets say all there is to say of the array."""
+    """Return the open protocol, whose packets describe the array completely."""
     return Wire("the open protocol", 921_600, OpenDecoder, encode_scan)
 
 
@@ -252,7 +252,7 @@ def scan_of(packet: Packet) -> Scan:
 
 
 class OpenDecoder:
-    """Scans of the open protocol; its counts are those of `StreamDecoder`."""
+    """Decoder of the open protocol; its counts are those of `StreamDecoder`."""
 
     def __init__(self) -> None:
         self._stream = StreamDecoder()
@@ -321,12 +321,12 @@ def geometry_of(scan: Scan, cell: str = "<f4") -> Geometry:
 
 
 def encode_scan(scan: Scan, cell: str = "<f4") -> bytes:
-    """Return the packet of a scan; whole cells are rounded to, and clipped at their range.
+    """Return the packet of a scan; integer cells are rounded and clipped to their range.
 
     Raises
     ------
     CodecError
-        If the protocol cannot carry it.
+        If the protocol cannot transmit the scan.
     """
     geometry = geometry_of(scan, cell)
     packet = Packet(

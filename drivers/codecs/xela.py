@@ -1,6 +1,6 @@
-"""XELA uSkin: the JSON messages of its server, one a line, over a WebSocket or any stream.
+"""XELA uSkin: the JSON messages of its server, one per line, over a WebSocket or any stream.
 
-Facts of the wire: the public ROS node ``xela_server_ros``. A message has a counter and an object a
+Source: the public ROS node ``xela_server_ros``. A message has a counter and one object per
 sensor. A taxel's x, y and z are hexadecimal, row by row from the top left.
 """
 
@@ -30,7 +30,7 @@ PADS = {16: (4, 4), 24: (4, 6)}
 
 
 def xela(options: Asked) -> Wire:
-    """Return the protocol; pads lie side by side, or fill the shape that the user says."""
+    """Return the protocol; pads lie side by side, or fill the shape that the user gives."""
     server = Server(options.shape)
     form = Form(options.shape or (4, 4), FORCE_AXES, "count", 32_768.0, 45_000.0)
     return Wire(
@@ -44,18 +44,18 @@ def xela(options: Asked) -> Wire:
 
 
 class Server:
-    """The format: a line holds a message, a greeting, or nothing that is known.
+    """The format: a line contains a message, a greeting, or something unknown.
 
     Parameters
     ----------
     shape : (rows, cols), optional
-        Shape of all pads together, row by row in the order of their numbers; or of the only one of
-        its size.
+        Shape of all pads together, row by row in the order of their numbers, or of the only pad
+        with that size.
 
     Attributes
     ----------
     trouble : str
-        Why the last whole message gave no scan; empty where it did.
+        Why the last complete message gave no scan; empty if it did.
     """
 
     def __init__(self, shape: Shape | None = None) -> None:
@@ -104,12 +104,12 @@ def _message(line: bytes) -> dict[str, object] | None:
 
 
 def scan_of(message: dict[str, object], shape: Shape | None = None) -> Scan:
-    """Return the scan of a message: calibrated forces where it has them, else counts.
+    """Return the scan of a message, as calibrated forces if it has them, otherwise as counts.
 
     Raises
     ------
     CodecError
-        If a sensor has not three numbers a taxel, or the pads do not fill the shape.
+        If a sensor does not have three numbers per taxel, or the pads do not fill the shape.
     """
     keys = sorted(filter(str.isdigit, message), key=int)
     sensors = [cast("dict[str, Any]", message[key]) for key in keys]
@@ -151,12 +151,12 @@ def _pad(sensor: dict[str, Any], *, calibrated: bool) -> Floats:
 def tiled(pads: list[Floats], shape: Shape | None) -> NDArray[np.float64]:
     """Return pads as one array: side by side, or row by row in a shape.
 
-    Of pads of several sizes these are all those of the one size that fills the shape.
+    If the pads have several sizes, all pads of the one size that fills the shape are used.
 
     Raises
     ------
     CodecError
-        If they are not alike, or do not fill the shape.
+        If the pads have different sizes, or do not fill the shape.
     """
     sizes = list(dict.fromkeys(pad.shape[:2] for pad in pads))
     alike = [[pad for pad in pads if pad.shape[:2] == size] for size in sizes]

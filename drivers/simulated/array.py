@@ -103,28 +103,28 @@ WIDEST = 0.3
 
 
 class SimulatedArray(Closing):
-    """Frames of four bridge voltages a taxel, each with its ground truth.
+    """Frames with four bridge voltages per taxel, each with its ground truth.
 
     Attributes
     ----------
     calibration : Calibration
-        The exact way back from voltages to strain at the taxels.
+        The exact conversion of voltages to strain at the taxels.
     cover : FlatCover, LayerCover or BumpCover
-        What lies over the taxels.
+        The cover over the taxels.
     bumps : BumpCover or None
-        The cover, where it has bumps.
+        The cover, if it has bumps.
     total_frames : int
-        Scans of the whole script.
+        Number of scans in the whole script.
     surface : Grid
         Cells of the cover that tractions act on.
     influence : (rows, cols, surface rows, surface cols, load, component) float, 1/Pa
-        Strain at each taxel under a unit traction on each cell: costly for large arrays, so
-        that another array of the same taxels and cover may be given it.
+        Strain at each taxel under a unit traction on each cell. It is costly to compute for large
+        arrays, so it can be passed to another array with the same taxels and cover.
 
     Raises
     ------
     PhysicsError
-        If the contact gets too wide for the sphere.
+        If the contact becomes too wide for the sphere.
     """
 
     def __init__(self, options: Settings, influence: Floats | None = None) -> None:
@@ -199,7 +199,7 @@ class SimulatedArray(Closing):
         yield from self.follow(commands(self._options.script, self.rate))
 
     def follow(self, hand: Iterable[Command]) -> Iterator[tuple[State, Truth]]:
-        """Yield the contact and the ground truth as a hand moves, one command a scan."""
+        """Yield the contact and the ground truth for a moving hand, one command per scan."""
         x, y = self._options.start
         state, turned = self._springs.rest((x, y)), 0.0
         facing = self._springs.rest((-x, y)) if self._options.fingers == 2 else None
@@ -275,7 +275,7 @@ class SimulatedArray(Closing):
 
 @dataclass(frozen=True, slots=True)
 class SimulatedOptions(Settings):
-    """Options of the driver "simulated": all that `Settings` lists."""
+    """Options of the driver "simulated", as listed in `Settings`."""
 
     def open(self) -> SimulatedArray:
         """Return the driver; its frames are computed as they are fetched.
@@ -283,7 +283,7 @@ class SimulatedOptions(Settings):
         Raises
         ------
         PhysicsError
-            If the contact gets so wide that it is none of a sphere on a half-space.
+            If the contact becomes too wide for a sphere on a half-space.
         """
         return SimulatedArray(self)
 

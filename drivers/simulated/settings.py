@@ -32,23 +32,23 @@ LEAST, MOST = 1e-9, 1e6
 
 @dataclass(frozen=True, slots=True)
 class Phase:
-    """One thing that the hand does for a while.
+    """One movement of the hand.
 
     Attributes
     ----------
     kind : str
-        "press": the sphere comes down at a constant speed until `load` is reached;
+        "press": the sphere moves down at a constant speed until `load` is reached;
         "hold": nothing moves;
         "pull": it is dragged sideways at `speed` towards `direction`;
         "tilt": the object between two fingers turns about an axis across them, so that it is
-        dragged at `speed` towards `direction` under the first one, and the opposite way in space
+        dragged at `speed` towards `direction` under the first one, and in the opposite direction
         under the other;
-        "relax": the hand gives way until neither shear nor torque is left;
+        "relax": the hand yields until neither shear nor torque is left;
         "twist": it turns about the normal by `angle`, at a constant rate;
         "grip": the load changes to `load`, linearly;
         "roll": it rolls without slip, the contact moving at `speed` towards `direction`;
         "vibrate": the load swings by `amplitude` (a share of it) at `frequency`;
-        "release": it goes up at a constant speed until nothing touches.
+        "release": it moves up at a constant speed until nothing touches.
     duration : float, s
     load : float, N
     speed : float, m/s
@@ -243,8 +243,8 @@ SIZES = {
 class Settings:
     """Options of the driver "simulated": the array, its cover, the sphere and the hand.
 
-    The default cover is 1 mm of the silicone that the dissertation computes with: thick enough
-    for taxels 1.5 mm apart to see any contact between them, thin enough to separate them.
+    The default cover is 1 mm of the silicone in the dissertation's calculations, thick enough for
+    taxels 1.5 mm apart to sense any contact between them, and thin enough to separate them.
     The default sphere (Ø 50 mm) makes a contact of 5 mm at 1 N, three to four taxels wide.
 
     Attributes
@@ -256,7 +256,7 @@ class Settings:
     pitch : float, m
     cover : "flat", "bumpy" or "layer"
         "flat" is a half-space, "layer" a layer on a rigid base. "bumpy" has a hemisphere over every
-        taxel, with the response that finite elements give (`cnnum.tactile.cover.BumpCover`).
+        taxel, with a response from finite elements (`cnnum.tactile.cover.BumpCover`).
     thickness : float, m
         Thickness of the cover; with bumps, of the layer under them, 0.5 to 5 bump radii. A "layer"
         has at least a twentieth of the pitch.
@@ -268,29 +268,31 @@ class Settings:
     youngs_modulus : float, Pa
         0.87 MPa is that of the dissertation's calculations; its final cover has 2.4 MPa.
     creep : float
-        Share of the modulus that relaxes, below 1; 0 for an elastic cover. Only strain creeps:
-        the contact stays the one on a cover of the modulus above, which is that at once.
+        Share of the modulus that relaxes, below 1; 0 for an elastic cover. Only the strain creeps:
+        the contact remains that of a cover with the modulus above, the instantaneous one.
     creep_time : float, s
         Time constant of the strain under a constant load.
     friction : float
     body : "sphere", "punch", "bar", "ring", "two bodies" or "textured"
-        What touches: a sphere; a round flat punch; a flat bar; a flat ring, half as wide inside as
-        outside; two round punches on one handle; or, on bumps, a wide face with a relief.
+        The body that touches: a sphere; a round flat punch; a flat bar; a flat ring whose inner
+        diameter is half the outer one; two round punches on one handle; or, on bumps, a wide face
+        with a relief.
     radius : float, m
         Radius of the sphere.
     width, length : float, m
-        Of flat faces: the diameter of a punch, a ring, or each of two bodies, and the sides of a
-        bar; the length is that of the bar, or from the middle of one body to the other's.
+        Sizes of flat faces: the width is the diameter of a punch, a ring, or each of two bodies, or
+        one side of a bar; the length is the other side of the bar, or the distance between the
+        centres of two bodies.
     angle : float, rad
-        From x to the bar's width, the line between two bodies, or the way s across the ridges of a
-        textured face.
+        Angle from x to the width of a bar, to the line between two bodies, or to the direction s
+        across the ridges of a textured face.
     relief, period : float, m
-        Of a textured face: relief · cos(2πs/period).
+        Height profile of a textured face: relief · cos(2πs/period).
     fingers : 1 or 2
         Two fingers that face each other and hold the body between them, each with an array of
         `shape`. Their frames lie side by side; the second has its own axes, with x mirrored.
     start : (x, y), m
-        Where the body comes down; the origin is the middle of the array.
+        Position where the body first touches; the origin is the centre of the array.
     noise : float, V
         RMS after the amplifier (Table 3.II: 2–3 mV); 0 for none.
     offset : float, V
@@ -300,10 +302,11 @@ class Settings:
     gain : float
         Gain of the amplifier (Table 3.II: 50–60).
     reduction : float, optional
-        How many times less a point load above a taxel reads than on bare silicon. Unless given it
-        is 30 at 0.5 mm, as measured, and grows as the 1.45th power of the thickness. The measured
-        amplitude falls at that rate (dissertation, 4.3.2 and 4.3.3). Of a "layer" it is that of the
-        half-space above the taxels: the same strain gives the same voltages.
+        Factor by which the reading of a point load above a taxel is smaller than on bare silicon.
+        The default is 30 at 0.5 mm, as measured, and grows with the 1.45th power of the thickness,
+        the power with which the measured amplitude falls (dissertation, 4.3.2 and 4.3.3). For a
+        "layer", it is that of the half-space above the taxels, so that the same strain gives the
+        same voltages.
     script : list of Phase
         The hand's movements.
     """
@@ -366,12 +369,12 @@ class Settings:
 
     @property
     def loss(self) -> float:
-        """The reduction, given or by the depth."""
+        """The reduction, as given or by default from the depth."""
         return 30.0 * (self.depth / 0.5e-3) ** 1.45 if self.reduction is None else self.reduction
 
     @property
     def taxels(self) -> tuple[int, int]:
-        """Rows and columns of a frame: fingers lie side by side."""
+        """Rows and columns of a frame, in which fingers lie side by side."""
         return (self.shape[0], self.shape[1] * self.fingers)
 
     def _require_body(self) -> None:
