@@ -44,12 +44,12 @@ from cnnum.templating.template import Template
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Affine:
-    """Σ matrix · source + constant, of a map with its cells row-major.
+    """A map as Σ matrix · source + constant, with its cells in row-major order.
 
     Attributes
     ----------
     parts : dict of int to (cells, cells) float
-        The matrix of each source, by the source's number.
+        Matrix of each source, by the number of the source.
     constant : (cells,) float
     """
 
@@ -62,16 +62,16 @@ class Affine:
         return cls({number: np.eye(cells)}, np.zeros(cells))
 
     def of(self, number: int) -> Floats:
-        """Return the matrix of a source; zeros of one that is not read."""
+        """Return the matrix of a source, which is zero if the source is not read."""
         n = self.constant.size
         return self.parts.get(number, np.zeros((n, n)))
 
 
 def is_linear(operation: Transient, scheme: Scheme, picks: Sequence[Pick]) -> bool:
-    """Whether the wanted result of a transient is an affine map of inputs, states and biases.
+    """Return whether a transient's result is an affine map of inputs, states and biases.
 
-    A cell that may leave the linear range of its output is not linear, however its input may be:
-    uncoupled cells are, as their states never see the output.
+    An array whose cells may leave the linear range of the output function is not linear, whatever
+    its input. Uncoupled cells are linear, as their states do not depend on outputs.
     """
     if not isinstance(scheme, Linear):
         return False
@@ -136,7 +136,7 @@ def _scaled(value: Affine, by: Floats) -> Affine:
 def states(
     operation: Transient, scheme: Scheme, arguments: Sequence[Affine], shape: Shape
 ) -> tuple[Affine, ...]:
-    """Return the states of a linear template at its end, one a layer, of affine arguments."""
+    """Return the final states of a linear template, one per layer, for affine arguments."""
     assert isinstance(scheme, Linear)
     template, cells = operation.template, shape[0] * shape[1]
     numbers = list(dict.fromkeys(number for a in arguments for number in a.parts))
@@ -238,7 +238,7 @@ Sources = Mapping[int, frozenset[int]]
 
 
 def fuse(schedule: Schedule, solvers: Mapping[int, Solver]) -> Schedule:
-    """Return the schedule with its chains of linear operations fused where that is cheaper."""
+    """Return the schedule with chains of linear operations fused where that is cheaper."""
     if schedule.cells > FUSED_CELLS:
         return schedule
     chains = _Chains.of(schedule, solvers)

@@ -56,15 +56,15 @@ from cnnum.templating.template import Template
 
 
 def exact_end(transient: Transient, network: Network, duration: float) -> tuple[Exact | None, str]:
-    """Return the end of a transient without steps, and why there is one, or why there is none.
+    """Return a scheme that gives the end of a transient without steps, or None, and the reason.
 
     Parameters
     ----------
     transient : Transient
     network : Network
-        Of its template.
+        Network of the template.
     duration : float
-        Infinite where it runs to equilibrium.
+        Infinite for a run to equilibrium.
     """
     template = transient.template
     if template.output.limited or template.output.discrete:
@@ -108,17 +108,17 @@ __all__ = (
 )
 
 SHORTEST = 1e-30
-"""Durations below it are none: devices flush such numbers."""
+"""Shorter durations count as 0, because devices flush such numbers to zero."""
 
 DELAY_STEP = 0.05
 """Longest step of a template with a delay, in time constants: Heun's error a step is then about
 (0.05)³/12 of the state's third derivative."""
 
 LEAST_STEPS = 4
-"""Of a run with a delay: fewer, and steps of half the length may be the same ones."""
+"""Smallest number of steps in a run with a delay: with fewer, halved steps may be the same."""
 
 MOST_COUNTED = 2**31 - 1
-"""Steps of a run: kernels count them in 32 bits."""
+"""Largest number of steps in a run, as kernels count them in 32 bits."""
 
 JUMP_STEP = 0.01
 """Step of a template whose rates jump, in time constants. Its state may slide along a jump and then
@@ -126,7 +126,7 @@ chatters by a step's change. MatCNN's own advice for such a template (MEDIAN) is
 
 
 def choose(transient: Transient, shape: tuple[int, int]) -> Solver:
-    """Return how a transient runs on an array of that shape.
+    """Choose the solver of a transient on an array of a given shape.
 
     Parameters
     ----------
@@ -136,7 +136,7 @@ def choose(transient: Transient, shape: tuple[int, int]) -> Solver:
     Raises
     ------
     MethodError
-        If the method asked for cannot run this template, or its step is unstable.
+        If the requested method cannot run this template, or its step is unstable.
     UnknownNameError
         If there is no such method.
     """
@@ -172,12 +172,12 @@ def choose(transient: Transient, shape: tuple[int, int]) -> Solver:
 
 
 def check_spec(spec: RunSpec) -> None:
-    """Refuse a duration, tolerances or a step that are no numbers of their range.
+    """Check the duration, the tolerances and the step of a run.
 
     Raises
     ------
     MethodError
-        If one of them is not.
+        If one of them is not a number, or is out of range.
     """
     duration = spec.duration
     if not (

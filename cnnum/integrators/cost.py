@@ -44,17 +44,17 @@ FREE = (Constant, ConstantMap, Parameter, Pick)
 
 @dataclass(frozen=True, slots=True)
 class Work:
-    """The work of nodes for one frame.
+    """Work of nodes for one frame.
 
-    A loop is an operation itself, and so is each in its body. A branch is a loop of one round. The
-    test that ends a loop where no carried value changes is not counted as arithmetic.
+    A loop counts as one operation, and so does each operation in its body. A branch is a loop with
+    one iteration. The test for changes that ends a loop is not counted as arithmetic.
 
     Attributes
     ----------
     ops, flops : int
-        Operations and arithmetic, every body counted once.
+        Operations and floating-point operations, with every loop body counted once.
     ops_most, flops_most : int
-        With every loop at its limit; the limits of nested loops multiply.
+        The same with every loop at its limit; the limits of nested loops multiply.
     """
 
     ops: int
@@ -81,9 +81,9 @@ def work(nodes: Iterable[Node], solvers: Mapping[int, Solver], shape: Shape) -> 
 
 
 def operation_flops(node: Node, solver: Solver | None, shape: Shape) -> int:
-    """Return the arithmetic of an operation a frame; of a loop, without its body.
+    """Return the floating-point operations of a node per frame; for a loop, without its body.
 
-    Steps that follow the error, and whole pieces of a cell's way, count as one Euler step.
+    Adaptive steps, and exact solutions of separate cells, count as one Euler step.
     """
     if not isinstance(node.operation, Transient) or solver is None:
         return node_flops(node, shape)
@@ -96,43 +96,43 @@ def operation_flops(node: Node, solver: Solver | None, shape: Shape) -> int:
 
 
 MODES = 64
-"""Rates that stand for those of an array."""
+"""Number of rates that represent those of an array."""
 
 TIMES = 40
-"""Instants at which a step's length is looked at."""
+"""Number of times at which the length of a step is evaluated."""
 
 SIZE = 0.5
-"""Size of a state, taken where the tolerance is relative to it."""
+"""Typical magnitude of a state, for relative tolerances."""
 
 SWITCHES = 8
-"""Bends of the rates for each cell along a front's way, in arrays that grow."""
+"""Kinks of the rates per cell along the path of a front, in arrays that grow."""
 
 WAITING = 1.4
 """Time to rest of an array that grows, over that of its decay alone: cells switch before."""
 
 STILL = 1e-6
-"""Part of the fastest rate below which a mode is taken for one that does not move."""
+"""Share of the fastest rate below which a mode counts as stationary."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Motion:
-    """The figures of a transient that decide its number of steps.
+    """Properties of a transient that determine its number of steps.
 
     Attributes
     ----------
     rates : (n,) complex
-        Rates of its modes, 1/time; those that grow count by their size.
+        Rates of its modes, 1/time; growing modes count by their magnitude.
     growth : float
-        Rate at which its cells run into saturation; 0 where none does.
+        Rate at which its cells run into saturation; 0 if none does.
     duration : float
-        Until it ends, or rests.
+        Time until it ends, or comes to rest.
     busy : float
         Time during which cells saturate.
     tolerance : float
     bends : float
-        How often the rates bend, or jump.
+        Number of kinks or jumps of the rates.
     jumps : bool
-        Whether they jump.
+        Whether the rates jump.
     """
 
     rates: NDArray[np.complex128]
@@ -159,7 +159,7 @@ class Motion:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Stepper:
-    """The figures of a method that decide its number of evaluations.
+    """Properties of a method that determine its number of evaluations.
 
     Attributes
     ----------
@@ -167,13 +167,13 @@ class Stepper:
     order : int
         Order of its error estimate.
     smooth, bent, jumped : float
-        Its error estimate over |hλ|^order, over h² where the rate bends, over h where it jumps.
+        Its error estimate over |hλ|^order, over h² at a kink of the rate, over h at a jump.
     safety : float
-        Part of the step that the estimate allows.
+        Share of the step length permitted by the estimate that is taken.
     longest : float
         Longest step.
     stages : function of (n,) float
-        Evaluations of steps of these lengths.
+        Number of evaluations in steps of given lengths.
     """
 
     name: str
@@ -219,11 +219,11 @@ def pair(method: ButcherTableau, steps: AdaptiveSteps) -> Stepper:
 
 
 def chebyshev(name: str, fastest: float) -> Stepper:
-    """Return Chebyshev's method for rates that are real.
+    """Return the Runge–Kutta–Chebyshev method for real rates.
 
-    Its estimate is 0.8 (x − x⁺) + 0.4 h (k₀ + k₁). With P(z) = 1 + z + z²/2 + c z³ it is
-    (0.2 − 0.8 c) |z|³, c = 0 for two stages and 1/10 for many. Where the rate bends at θ it is
-    0.4 θ (1 − θ) h², where it jumps |0.8 θ − 0.4| h.
+    Its error estimate is 0.8 (x − x⁺) + 0.4 h (k₀ + k₁). With P(z) = 1 + z + z²/2 + c z³, this is
+    (0.2 − 0.8 c) |z|³, where c = 0 for two stages and 1/10 for many. If the rate has a kink at θ,
+    it is 0.4 θ (1 − θ) h², and if the rate jumps there, |0.8 θ − 0.4| h.
     """
     longest = chebyshev_method(MAX_STAGES).real_stability / fastest
 
@@ -242,7 +242,7 @@ def motion(
     *,
     settle: bool,
 ) -> Motion:
-    """Return the known figures of a transient before it runs.
+    """Return the properties of a transient that are known before it runs.
 
     Parameters
     ----------
@@ -250,7 +250,7 @@ def motion(
     shape : (rows, cols)
     spectrum : Spectrum
     duration : float
-        Above 0; the limit where it runs to equilibrium.
+        Above 0; the time limit for a run to equilibrium.
     tolerances : (rtol, atol)
     settle : bool
     """
@@ -268,7 +268,7 @@ def motion(
 
 
 def effort(method: Stepper, known: Motion) -> Effort:
-    """Return about how many evaluations of the rates a method takes for a transient."""
+    """Return the approximate number of evaluations that a method needs for a transient."""
     times = known.times()
     share = (method.smooth / known.tolerance) ** (1.0 / method.order) / method.safety
     wanted = 1.0 / (share * known.wanted(times, method.order))

@@ -52,7 +52,7 @@ LEAST_SLOPE = 1e-3
 
 
 def slopes_count(template: Template) -> bool:
-    """Return whether rates count by f': not where it is 1, or where couplings read states."""
+    """Return whether f' scales the rates, which it does not if it is 1 or couplings read states."""
     return not (template.output.linear or reads_states(template))
 
 
@@ -69,7 +69,7 @@ def error_growth(template: Template) -> float:
 
 
 def delayed_growth(template: Template) -> float:
-    """Return a bound on how fast states of a template with a delay grow, 1/time."""
+    """Return a bound on the growth rate of the states of a template with a delay, 1/time."""
     assert template.delayed is not None
     late = np.abs(template.delayed.A).sum(axis=(1, 2, 3)) * template.output.steepest
     return error_growth(template) + float((late / template.tau).max())

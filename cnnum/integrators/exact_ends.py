@@ -49,7 +49,7 @@ RATE_BYTES = 56
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Spectral:
-    """x(t) = Rᵀ [state · (R x₀ Cᵀ) + drive · (R w Cᵀ)] C + constant, modes apart.
+    """Modal solution, x(t) = Rᵀ [state · (R x₀ Cᵀ) + drive · (R w Cᵀ)] C + constant.
 
     Attributes
     ----------
@@ -58,9 +58,9 @@ class Spectral:
     state, drive : (layers, layers, rows, cols) float
         Factors of each mode, as [to, from].
     constant : (layers, rows, cols) float
-        The sum of a fixed boundary.
+        Contribution of a fixed boundary.
     rounding : float
-        By how much the factors themselves may be off, as a part of the largest number in a state.
+        Error bound of the factors, relative to the largest number in a state.
     """
 
     rows: Floats
@@ -91,7 +91,7 @@ class Spectral:
 
 
 def wave_numbers(boundary: Boundary, n: int) -> Floats:
-    """Return the wave number of every mode of an axis of n cells, (n,), radians a cell."""
+    """Return the wave number of every mode of an axis of n cells, (n,), in radians per cell."""
     k = np.arange(n)
     if boundary.pad_mode == "symmetric":
         return np.asarray(np.pi * k / n, dtype=np.float64)
@@ -101,9 +101,9 @@ def wave_numbers(boundary: Boundary, n: int) -> Floats:
 
 
 def axis_modes(boundary: Boundary, n: int) -> Floats:
-    """Return the orthonormal modes of an axis of n cells, (n, n), one a row.
+    """Return the orthonormal modes of an axis of n cells, (n, n), one per row.
 
-    Rates need the wave numbers only: a long axis never asks for this matrix.
+    Rates need only the wave numbers, so this matrix is not computed for a long axis.
     """
     cells, k = np.arange(n), np.arange(n)[:, np.newaxis]
     if boundary.pad_mode == "symmetric":
@@ -145,7 +145,7 @@ def symbol(kernels: Floats, rows: Floats, cols: Floats) -> Floats:
     ----------
     kernels : (to, from, k, k) float
     rows, cols : (rows,) and (cols,) float
-        Wave numbers, radians a cell.
+        Wave numbers, in radians per cell.
 
     Returns
     -------
@@ -159,12 +159,12 @@ def symbol(kernels: Floats, rows: Floats, cols: Floats) -> Floats:
 
 
 def mode_rates(template: Template, shape: Shape) -> Floats:
-    """Return S(A − 1) of each mode, (rows, cols, layers, layers) in 1/time.
+    """Return S(A − 1) for each mode, (rows, cols, layers, layers), in 1/time.
 
     Raises
     ------
     SizeError
-        If they do not fit into memory.
+        If the result does not fit into memory.
     """
     refuse_on_host("The rates of an array", shape, RATE_BYTES * template.layers**2)
     rows, cols = (wave_numbers(template.boundary, n) for n in shape)
@@ -174,10 +174,10 @@ def mode_rates(template: Template, shape: Shape) -> Floats:
 
 
 def spectral(network: Network, duration: float) -> Spectral | None:
-    """Return the exact answer after `duration` (infinite: equilibrium), None where there is none.
+    """Return the exact solution after `duration` (infinite for the equilibrium), or None.
 
-    There is none where the couplings are not even, or an axis is too long. Nor is there one for an
-    equilibrium if not every mode decays.
+    There is none if the couplings are not even or an axis is too long. An equilibrium also requires
+    that every mode decays.
     """
     template, shape = network.template, network.shape
     if not diagonal_in_modes(template) or max(shape) > MODE_LIMIT:
@@ -238,10 +238,10 @@ Waves = NDArray[np.complexfloating]
 SHIFTS = "the array is linear on a torus: its equilibrium is a product of shifts"
 
 MOST_WEIGHTS = 1 << 20
-"""Weights above which it is not offered: as many as the largest dense product has."""
+"""Largest number of weights for which it is offered, which the largest dense product has."""
 
 MOST_CELLS = 1024
-"""Cells of a layer above which it is not offered: each cell is a sum over all of them."""
+"""Largest number of cells in a layer for which it is offered: each cell is a sum over all."""
 
 WAVE_BYTES = 80
 """Held at once for a wave of one pair of layers: complex numbers, their inverse and copies."""
@@ -249,17 +249,18 @@ WAVE_BYTES = 80
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Circulant:
-    """x = drive ∗ w on a torus: the equilibrium of a linear array there, from any start.
+    """Equilibrium of a linear array on a torus from any initial state, x = drive ∗ w.
 
-    A coupling on a torus is a convolution, so that it is a factor of each wave, even or not. Of a
-    wave the equilibrium is (1 − Â)⁻¹ of its drive, with Â the layers × layers matrix of A.
+    A coupling on a torus is a convolution, and therefore a factor on each wave, whether it is even
+    or not. For each wave, the equilibrium is (1 − Â)⁻¹ times its drive, where Â is the
+    layers × layers matrix of A.
 
     Attributes
     ----------
     drive : (layers, layers, rows, cols) float
-        As [to, from]: the answer to a drive of 1 of the cell (0, 0).
+        As [to, from]: the response to a drive of 1 at the cell (0, 0).
     rounding : float
-        By how much it may be off itself, as a part of the largest number in a drive.
+        Error bound of this response, relative to the largest number in a drive.
     """
 
     drive: Floats
@@ -293,14 +294,14 @@ def shifts_fit(network: Network) -> bool:
 
 
 def circulant(network: Network) -> Circulant | None:
-    """Return the equilibrium of an array on a torus, None where there is none.
+    """Return the equilibrium of an array on a torus, or None.
 
-    There is none where the array is not linear, its boundary is another, or not every wave decays.
+    There is none if the array is not linear or not periodic, or if not every wave decays.
 
     Raises
     ------
     SizeError
-        If its waves do not fit into memory.
+        If the waves do not fit into memory.
     """
     template = network.template
     if not (template.plain and template.output.linear) or template.boundary.pad_mode != "wrap":
@@ -340,22 +341,22 @@ DENSE_LIMIT = 1024
 and time stepping with few taps is cheaper."""
 
 DECAYS = 1e-9
-"""1/time: a mode or wave that decays more slowly counts as one that does not."""
+"""Rate, 1/time, below which a mode or wave counts as not decaying."""
 
 EXPONENTIAL = 1024.0 * float(np.finfo(np.float64).eps)
-"""The error bound of SciPy's exponential of a matrix, as a part of its norm and of ‖M‖t, or of 1
-where that is less: of 3,000 random ones with a norm of 0.1 to 200 the worst was off by 735."""
+"""Error bound of SciPy's matrix exponential, relative to its norm times ‖M‖t (at least 1). Among
+3,000 random matrices with norms from 0.1 to 200, the largest error was 735."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Decay:
-    """Cells that do not see each other (A = 0): x(t) = w + (x₀ − w) e^{−t/τ}.
+    """Solution for uncoupled cells (A = 0), x(t) = w + (x₀ − w) e^{−t/τ}.
 
     Attributes
     ----------
     kept : (layers,) float
-        e^{−t/τ} of every layer; 0 at equilibrium, and 1 where no time passes: then a cell is at
-        its start, which a sum with its drive would round.
+        e^{−t/τ} of every layer; 0 at equilibrium, and 1 if no time passes. A cell then keeps its
+        initial state exactly, which a sum with its drive would round.
     """
 
     kept: Floats
@@ -380,15 +381,15 @@ class Decay:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Propagator:
-    """x(t) = state · x₀ + drive · w + constant, layers stacked, cells row-major.
+    """Solution x(t) = state · x₀ + drive · w + constant, layers stacked, cells row-major.
 
     Attributes
     ----------
     state, drive : (n, n) float
     constant : (n,) float
-        The sum of a fixed boundary.
+        Contribution of a fixed boundary.
     rounding : float
-        By how much the matrices themselves may be off, as a part of the largest number in a state.
+        Error bound of the matrices, relative to the largest number in a state.
     """
 
     state: Floats
@@ -413,17 +414,17 @@ class Propagator:
 
 
 def rounded_gain(matrices: Sequence[Floats], passes: Sequence[Floats]) -> float:
-    """Return by how many roundings of its largest number a sum of products is off at most.
+    """Return the error bound of a sum of products, in rounding errors of its largest number.
 
-    Of a sum over columns each term is rounded by every addition from its own on. See Higham,
-    Accuracy and Stability of Numerical Algorithms, 2002, section 3.1. The bound is the largest over
-    rows of Σ |b_ij| · passes_j. Its unit is half the distance from 1 to the next number.
+    In a sum over columns, each term is rounded by its own and by every later addition (Higham,
+    Accuracy and Stability of Numerical Algorithms, 2002, section 3.1). The bound is the maximum
+    over rows of Σ |b_ij| · passes_j, in units of half the distance from 1 to the next number.
 
     Parameters
     ----------
     matrices : sequence of (rows, n) float
     passes : sequence of (n,) float
-        Of each matrix how often its terms are rounded.
+        For each matrix, the number of times that its terms are rounded.
     """
     rows = sum(
         (np.abs(matrix) @ times for matrix, times in zip(matrices, passes, strict=True)),
@@ -433,9 +434,9 @@ def rounded_gain(matrices: Sequence[Floats], passes: Sequence[Floats]) -> float:
 
 
 def passes_in_fours(columns: int) -> Floats:
-    """Return how often a column is rounded by the additions from its own on.
+    """Return the number of roundings of each column, by its own and all later additions.
 
-    The sums of four columns at a time are added, then those that are left one by one.
+    Columns are added in groups of four, and the remaining ones one by one.
     """
     alone = columns % 4
     fours = np.repeat(np.arange(columns // 4, 0, -1) + alone, 4)
@@ -449,9 +450,9 @@ def decay(template: Template, duration: float) -> Decay:
 
 
 def propagator(network: Network, duration: float) -> Propagator | None:
-    """Return the exact answer of a linear array after `duration`, None where there is none.
+    """Return the exact solution of a linear array after `duration`, or None if there is none.
 
-    An infinite duration asks for the equilibrium, which exists where every mode decays.
+    An infinite duration means the equilibrium, which exists if every mode decays.
     """
     from scipy.linalg import expm, solve  # imported late: it takes longer than all of the engine
 
@@ -484,19 +485,19 @@ STEEPEST = 1e30
 it began nearer to its rest than any number but 0 is."""
 
 ROUNDED = 8
-"""Rounded operations from one end of a cell's way to the other, at the most; the drive apart."""
+"""Largest number of rounded operations along the trajectory of a cell, without its drive."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Separate:
-    """Cells that see only themselves, with the standard output function.
+    """Solution for cells that are coupled only to themselves, with the standard output.
 
     Attributes
     ----------
     own : (layers,) float
-        a of every layer.
+        Self-feedback a of every layer.
     time : (layers,) float
-        t/τ at the end of every layer; infinite at equilibrium.
+        Final t/τ of every layer; infinite at equilibrium.
     """
 
     own: Floats
@@ -506,10 +507,10 @@ class Separate:
 
 
 def separate(template: Template, duration: float) -> Separate | None:
-    """Return the exact answer after `duration` (infinite: equilibrium), None where there is none.
+    """Return the exact solution after `duration` (infinite for the equilibrium), or None.
 
-    There is none where a cell sees another one, f is another, or a run is too long. Nor is there
-    one at equilibrium for a = 1, whose cells may rest anywhere.
+    There is none if cells are coupled to each other, the output function is not the standard one,
+    or the run is too long, nor for an equilibrium with a = 1, where cells may rest anywhere.
     """
     middle = template.A.shape[-1] // 2
     own = np.array([template.A[n, n, middle, middle] for n in range(template.layers)])
@@ -525,12 +526,12 @@ def separate(template: Template, duration: float) -> Separate | None:
 
 
 def roundings(template: Template) -> float:
-    """Return how many roundings there are at most, those of its drive counted."""
+    """Return the largest number of roundings, including those of the drive."""
     return float(ROUNDED + np.count_nonzero(template.B))
 
 
 def growth(slope: float, time: float) -> float:
-    """Return e^{mt}, by which a cell goes away from its rest between; `STEEPEST` at the most."""
+    """Return e^{mt}, the factor by which a cell leaves its unstable rest; at most `STEEPEST`."""
     return math.exp(min(slope * time, math.log(STEEPEST))) if math.isfinite(time) else 1.0
 
 
@@ -540,9 +541,9 @@ def moved(slope: float, time: float) -> float:
 
 
 def tips_over(own: float, time: float) -> bool:
-    """Return whether cells fall to one side or the other of an equilibrium, and how far: to a rest.
+    """Return whether rounding decides to which side of an equilibrium cells go, and how far.
 
-    A cell whose rate is no more than its roundings may fall to either, and at a rate of 0 to none.
+    A cell whose rate is within its rounding error may go to either side, and to none if it is 0.
     """
     return math.isinf(time) and own > 1.0
 
@@ -550,18 +551,18 @@ def tips_over(own: float, time: float) -> bool:
 def evaluate(
     scheme: Separate, start: Floats, drive: Floats, rounding: float
 ) -> tuple[Floats, Floats]:
-    """Return x(t) of (..., layers, rows, cols) initial states and drives, and the rounded numbers.
+    """Return x(t) for initial states and drives, and the magnitudes that are rounded.
 
-    Roundings of that size are made up to `roundings` times: of time, of the end, and of the numbers
-    in a rate. These grow along the way as the rate does. The numbers of a cell that may fall to
-    either side are so large that nothing is known of the error.
+    Rounding errors of this magnitude occur up to `roundings` times: in the time, in the result, and
+    in the numbers of a rate, where they grow along the trajectory like the rate. For a cell that
+    may go to either side, the magnitude is so large that nothing is known about the error.
 
     Parameters
     ----------
     scheme : Separate
     start, drive : (..., layers, rows, cols) float
     rounding : float
-        All roundings together, as a part of those numbers.
+        All rounding errors together, relative to those magnitudes.
     """
     end, rounded = np.empty_like(start), np.empty_like(start)
     with np.errstate(all="ignore"):  # some results, computed for all cells, have no use

@@ -62,11 +62,11 @@ class ExponentialMethod:
 
     @property
     def stages(self) -> int:
-        """Evaluations of the couplings a step."""
+        """Number of evaluations of the couplings per step."""
         return self.order
 
     def weights(self, step: float | Floats, tau: Floats) -> tuple[Floats, Floats, Floats]:
-        """Return the kept part of x, and the weights of A ∗ y + w: of the start, of the change.
+        """Return the share of x that is kept, and the weights of A ∗ y + w and of its change.
 
         Parameters
         ----------
@@ -77,13 +77,13 @@ class ExponentialMethod:
         return np.exp(z), -z * phi(1, z), -z * phi(2, z)
 
     def fixed(self, steps: Floats, tau: float) -> tuple[Floats, Floats, Floats]:
-        """Return steps of a layer as sums of rates: a, b, and the carried part, by step.
+        """Return steps of a layer as sums of rates: a, b and the carried part, for each step.
 
-        The coupling is N = x + τk, and the kept share of x is 1 − first, so that
+        The coupling is N = x + τk, and the share of x that is kept is 1 − first, so that
 
             a = x + first·τk₀,   x⁺ = x + (1 + second)(a − x) + second·τ(k₁ − k₀)
 
-        and a cell whose rate is 0 stays to the bit.
+        and a cell whose rate is 0 keeps its state exactly.
 
         Parameters
         ----------
@@ -105,9 +105,9 @@ class ExponentialMethod:
     def followed(self, steps: Floats, tau: float) -> tuple[Floats, Floats]:
         """Return steps of a layer with stages that estimate their error, and those estimates.
 
-        The first method is off by the second one's correction. The second is off by the part that
-        one of third order would add. Its stage amid the step is that of Shu & Osher (1988) where
-        h/τ is small.
+        The error of the first method is the correction by the second. The error of the second is
+        what a third-order method would add; for small h/τ, its stage in the middle of the step is
+        that of Shu & Osher (1988).
 
         Parameters
         ----------
@@ -137,7 +137,7 @@ class ExponentialMethod:
         return np.stack(rows, axis=1), (4.0 * phi_3 - 2.0 * phi_2) * bend
 
     def growth(self, steps: Floats, values: NDArray[np.complex128]) -> NDArray[np.complex128]:
-        """Return the factors of modes a step, (steps, modes), where 1/τ = 1 and J has `values`."""
+        """Return growth factors of modes per step, (steps, modes), for 1/τ = 1 and eigenvalues."""
         kept, first, second = self.weights(steps[:, np.newaxis], np.ones(1))
         coupling = values + 1.0
         once = kept + first * coupling
@@ -146,7 +146,7 @@ class ExponentialMethod:
 
 @dataclass(frozen=True, slots=True)
 class ExponentialStep:
-    """An exponential step of one length, as `Explicit` has it.
+    """An exponential step of one length, in the form of `Explicit`.
 
     Attributes
     ----------
@@ -169,7 +169,7 @@ class ExponentialStep:
 
 @dataclass(frozen=True, slots=True)
 class FollowedStep:
-    """An exponential step of one length, as sums of rates whose last stage is at its end.
+    """An exponential step of one length, as sums of rates whose last stage is at the step's end.
 
     Attributes
     ----------
@@ -177,9 +177,9 @@ class FollowedStep:
     order : int
     a : tuple of rows
     least_bent : float
-        Not known of these steps, whose length does not follow bends.
+        Not known for these steps, whose length is not adapted to kinks.
     truncation : tuple of rows
-        The part of its error that it estimates.
+        The part of the error that the step estimates.
     """
 
     name: str

@@ -26,12 +26,12 @@ MOST_STATES = 20_000
 """States of an array beyond which a factorisation a step takes seconds."""
 
 MOST_STEPS = 20_000
-"""Steps after which a run gives up: each has a factorisation, and they take half a minute."""
+"""Largest number of steps in a run: each needs a factorisation, and these take half a minute."""
 
 
 @dataclass(frozen=True, slots=True)
 class RosenbrockMethod:
-    """A Rosenbrock method in the form that needs no product with J.
+    """A Rosenbrock method, in the form that avoids products with the Jacobian J.
 
     Attributes
     ----------
@@ -49,7 +49,7 @@ class RosenbrockMethod:
     Raises
     ------
     ValueError
-        If the coefficients do not satisfy the conditions of their order, or fast decays are kept.
+        If the coefficients violate the order conditions, or fast decaying modes are not damped.
     """
 
     name: str
@@ -73,7 +73,7 @@ class RosenbrockMethod:
 
     @property
     def stages(self) -> int:
-        """Solutions of the linear system a step, all with one matrix."""
+        """Number of linear systems per step, all with the same matrix."""
         return len(self.m)
 
     def _missed(self, m: Row, order: int) -> list[int]:
@@ -99,7 +99,7 @@ class RosenbrockMethod:
         return [at for at, got, wanted in conditions if at <= order and got != wanted]
 
     def growth(self, z: NDArray[np.complex128]) -> NDArray[np.complex128]:
-        """Return R(z), the factor of a mode a step, z = h·λ."""
+        """Return R(z), the growth factor of a mode per step, with z = h·λ."""
         known: list[NDArray[np.complex128]] = []
         for a, c in zip(self.a, self.c, strict=True):
             inner = 1.0 + sum((float(x) * k for x, k in zip(a, known, strict=True)), 0.0 * z)
@@ -142,14 +142,14 @@ RODAS3 = RosenbrockMethod(
 )
 
 IMPLICIT_METHODS = {method.name: method for method in (RODAS3,)}
-"""Methods for stiff arrays: another one is a record here."""
+"""Methods for stiff arrays; add a record here for another one."""
 
 
 @dataclass(frozen=True, slots=True)
 class ImplicitSteps:
-    """Steps of a Rosenbrock method that follow the error estimate, taken on the host.
+    """Adaptive steps of a Rosenbrock method, on the host.
 
-    No step is too long for modes that decay.
+    Decaying modes do not limit the length of a step.
     """
 
     rosenbrock: RosenbrockMethod

@@ -15,7 +15,7 @@ from cnnum.integrators.exponential import ETD_RK2, EXPONENTIAL_EULER
 from cnnum.integrators.tableau import MAX_STAGES, Explicit, LayerMethod, Pair, Row, chebyshev_method
 
 MAX_STEPS = 100_000
-"""Steps after which an adaptive run gives up and says so."""
+"""Number of steps after which an adaptive run gives up and reports so."""
 
 NEARLY = 1.000001
 """Part of a step that may reach a point of a gain in time at which it is to end."""
@@ -24,30 +24,30 @@ CHEBYSHEV = "runge-kutta-chebyshev"
 """The method whose stages are as many as a step's length needs."""
 
 WAVEFRONT = "wavefront"
-"""The method that finds where an array ends without the way there, for single runs alone."""
+"""The method that computes only the final state of an array, for single runs."""
 
 DECISION = "decision"
-"""The method that finds outputs in one pass over the input, for single runs alone."""
+"""The method that computes outputs in one pass over the input, for single runs."""
 
 
 LAYER_METHODS: dict[str, LayerMethod] = {m.name: m for m in (EXPONENTIAL_EULER, ETD_RK2)}
-"""Integrators with numbers of their own in every layer: another one is a record here."""
+"""Integrators with coefficients for each layer; add a record here for another one."""
 
 
 @dataclass(frozen=True, slots=True)
 class Control:
-    """How the length of steps follows their error.
+    """Control of the step length by the estimated error.
 
     Attributes
     ----------
     order : int
-        Power of a step's length with which its estimated error grows.
+        Power of the step length with which the estimated error grows.
     caution : float
-        Share of the length that the estimate allows.
+        Share of the length permitted by the estimate that is taken.
     least : float
-        A step is no shorter than this share of the one before.
+        Smallest length of a step relative to the previous one.
     longest : float
-        No step is longer.
+        Longest step.
     """
 
     order: int
@@ -58,14 +58,14 @@ class Control:
 
 @dataclass(frozen=True, slots=True)
 class Piece:
-    """Steps of one length from a time on.
+    """Consecutive steps of one length.
 
     Attributes
     ----------
     first : int
         Number of its first step.
     start : float
-        The time at which that begins.
+        Time at which the first step begins.
     step : float
     """
 
@@ -89,7 +89,7 @@ class FixedSteps:
     last: float
     """Length of the last step, so that the run ends on time."""
     pieces: tuple["Piece", ...] = ()
-    """Stretches with steps of their own length, where gains in time jump or bend; else none."""
+    """Pieces with different step lengths, if gains have jumps or kinks in time; otherwise empty."""
 
     @property
     def tableau(self) -> Explicit:
@@ -103,7 +103,7 @@ class FixedSteps:
 
     @property
     def stages(self) -> int:
-        """Evaluations of dx/dt a step."""
+        """Number of evaluations of dx/dt per step."""
         return self.tableau.stages
 
     def of(self, layer: int) -> Explicit:
@@ -111,7 +111,7 @@ class FixedSteps:
         return self.tableaux[layer % len(self.tableaux)]
 
     def move(self, layer: int, tau: float) -> float:
-        """Return the factor of a cell's drive in a step of one stage: h b₀/τ."""
+        """Return h b₀/τ, the factor on a cell's drive in a step with one stage."""
         return self.step * float(self.of(layer).b[0]) / tau
 
 
@@ -147,14 +147,14 @@ class AdaptiveSteps:
 
     @property
     def control(self) -> Control:
-        """How the length of steps follows their error."""
+        """Control of the step length by the estimated error."""
         return Control(self.tableau.order, 0.9, 0.2, self.longest)
 
     @property
     def safety(self) -> float:
-        """Factor of the sum of the steps' errors in the error that is stated.
+        """Safety factor of the stated error relative to the sum of the errors of all steps.
 
-        Where rates bend it makes up for the worst place of a bend among a step's stages.
+        For rates with kinks, it accounts for the worst position of a kink among the stages.
         """
         least = min(tableau.least_bent for tableau in self.tableaux) if self.bends else 1.0
         return max(SAFETY, 1.0 / least)
@@ -192,7 +192,7 @@ class ChebyshevSteps:
 
     @property
     def control(self) -> Control:
-        """How the length of steps follows their error."""
+        """Control of the step length by the estimated error."""
         stable = chebyshev_method(MAX_STAGES).real_stability
         return Control(3, 0.8, 0.1, stable / self.fastest)
 
@@ -209,7 +209,7 @@ class ChebyshevSteps:
 
 @dataclass(frozen=True, slots=True)
 class Sum:
-    """A sum, as it is after a stage.
+    """A sum that a stage updates.
 
     Attributes
     ----------
@@ -243,7 +243,7 @@ class Stage:
 
     @property
     def whole(self) -> bool:
-        """Whether all it does is to add d to its own state."""
+        """Whether the stage only adds d to its own state."""
         return self.sums == (Sum(self.state, ((self.state, 1.0),), 1.0),)
 
 
@@ -269,7 +269,7 @@ class Stages:
 
 
 def stages_of(scheme: FixedSteps, layer: int, tau: float) -> Stages | None:
-    """Return the stages of a scheme's steps, None where they are not sums of this form."""
+    """Return the stages of a scheme's steps, or None if they are not sums of this form."""
     tableau = scheme.of(layer)
     if tableau.stages == 1:
         return Stages(scheme.move(layer, tau), (ALONE,))

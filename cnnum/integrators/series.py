@@ -32,13 +32,13 @@ EPS = float(np.finfo(np.float64).eps)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Stretch:
-    """An end that is known without a step, and times after it that a series reaches.
+    """A state that is known without steps, and later times that a Taylor series reaches.
 
     Attributes
     ----------
     scheme : Exact
     later : tuple of float
-        Times since that end.
+        Times since that state.
     """
 
     scheme: Exact
@@ -46,7 +46,7 @@ class Stretch:
 
 
 def bounds(template: Template) -> tuple[float, float]:
-    """Return bounds on ‖M‖ and on how fast differences of two states grow, 1/time (∞ norms)."""
+    """Return bounds on ‖M‖ and on the growth rate of state differences, 1/time (∞ norms)."""
     sizes, middle = np.abs(template.A).sum(axis=(1, 2, 3)), template.A.shape[-1] // 2
     own = np.array([template.A[n, n, middle, middle] for n in range(template.layers)])
     grows = (sizes - np.abs(own) + own - 1.0) / template.tau
@@ -54,7 +54,7 @@ def bounds(template: Template) -> tuple[float, float]:
 
 
 def in_stretches(template: Template, times: Sequence[float]) -> list[tuple[float, ...]]:
-    """Return rising times in groups, each of which series reach from its first one."""
+    """Return increasing times in groups that a series reaches from their first time."""
     reach, gap = 0.0, 0.0
     if template.output.linear and template.A.any():
         norm, grows = bounds(template)
@@ -70,7 +70,7 @@ def in_stretches(template: Template, times: Sequence[float]) -> list[tuple[float
 
 
 def grown(rate: float, since: Floats) -> tuple[Floats, Floats]:
-    """Return what an error at the start, and one of the rates, add up to at most after times."""
+    """Return an error bound at times, given errors of the initial state and of the rates."""
     after = np.expm1(rate * since) / rate if rate else since
     return np.exp(rate * since), np.asarray(after, dtype=np.float64)
 
@@ -78,20 +78,20 @@ def grown(rate: float, since: Floats) -> tuple[Floats, Floats]:
 def followed(
     network: Network, start: Floats, drive: Floats, later: Sequence[float]
 ) -> tuple[Floats, Floats]:
-    """Return the states of a linear array at times after a start, and what rounding leaves.
+    """Return the states of a linear array at times after a start, and a bound on rounding errors.
 
     Parameters
     ----------
     network : Network
     start, drive : (batch, layers, rows, cols) float
     later : sequence of float
-        Rising, no more than `FARTHEST` / ‖M‖ apart.
+        Increasing, at most `FARTHEST` / ‖M‖ apart.
 
     Returns
     -------
     (times, batch, layers, rows, cols) float
     (times, batch) float
-        An error bound, for a start and a drive without any.
+        Error bound, assuming an exact initial state and drive.
     """
     norm, rate = bounds(network.template)
     states, errors = np.empty((len(later), *start.shape)), np.empty((len(later), len(start)))

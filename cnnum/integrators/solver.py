@@ -17,25 +17,25 @@ Scheme = Exact | Stepping
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Solver:
-    """How one transient runs.
+    """Method, duration and tolerances of one transient.
 
     Attributes
     ----------
     method : str
         Name of the method, as results report it.
     reason : str
-        Why this one.
+        Reason for the choice of this method.
     scheme : Scheme
     duration : float
-        Time at which it ends (the limit where it runs to equilibrium).
+        Final time; the time limit for a run to equilibrium.
     settle : bool
-        Whether it runs to equilibrium.
+        Whether the transient runs to equilibrium.
     rtol, atol : float
     asked : bool
-        Whether the method or the step was asked for, not chosen.
+        Whether the method or the step was requested, not chosen.
     forced : bool
-        Whether its step is outside the stability bound, as was insisted on: nothing is known of
-        its error then.
+        Whether the step is outside the stability bound, as requested by `force`. Nothing is known
+        about the error then.
     """
 
     method: str

@@ -32,7 +32,7 @@ MODE_BYTES = 80
 """Held at once for a Fourier mode of one layer: its coupling, its eigenvalues and their copies."""
 
 SAMPLE_LIMIT = 800
-"""States of the small array whose rows stand for those of a large one; more take seconds."""
+"""States of the small array whose rows represent those of a large one; more take seconds."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +44,7 @@ class Box:
     height: float
 
     def decaying(self) -> Complexes:
-        """Return points around its part with Re ≤ 0, upper half; none where all of it grows."""
+        """Return points around the upper half of the part with Re ≤ 0; none if that is empty."""
         if self.left > 0.0:
             return np.zeros(0, dtype=np.complex128)
         along = np.linspace(self.left, min(self.right, 0.0), POINTS)
@@ -55,16 +55,16 @@ class Box:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Discs:
-    """Gershgorin's discs of an array whatever cells saturate.
+    """Gershgorin's discs of an array, whichever cells saturate.
 
     Attributes
     ----------
     points : (n,) complex
-        Around their union, upper half, 1/time.
+        Points around the upper half of their union, 1/time.
     growth : float
-        Their largest real part where it is positive, else 0.
+        Largest real part of the discs if positive, otherwise 0.
     reach : float
-        Their largest |λ|.
+        Largest |λ| in the discs.
     """
 
     points: Complexes
@@ -179,18 +179,18 @@ class Spectrum:
     Attributes
     ----------
     values : (n,) complex
-        1/time: of the array while no cell saturates.
+        Values for the array while no cell saturates, 1/time.
     exact : bool
-        They are the eigenvalues themselves (of the linear array, none saturated).
+        Whether the values are the eigenvalues themselves (of the array without saturation).
     real : bool
-        All of them are known to be real, and to cover all of the array's growth.
+        Whether all values are known to be real, and to cover all growth of the array.
     reason : str
-        How they were found.
+        How the values were obtained.
     growth : float
-        Rate at which a step may let a decaying rate grow: that of the fastest growth of an array
-        that saturates, else 0.
+        Rate at which a step may let a decaying mode grow: the fastest growth rate of an array that
+        saturates, otherwise 0.
     discs : Discs, optional
-        A bound on the rates whatever cells saturate, or for the growth that eigenvalues miss.
+        Bound on the rates, whichever cells saturate, or for growth that the eigenvalues miss.
     """
 
     values: NDArray[np.complex128]
@@ -208,7 +208,7 @@ class Spectrum:
 
 
 def spectrum(template: Template, shape: Shape) -> Spectrum:
-    """Return the eigenvalues of a template's array, or a bound where they are not known.
+    """Return the eigenvalues of a template's array, or a bound if they are not known.
 
     Parameters
     ----------
@@ -217,10 +217,10 @@ def spectrum(template: Template, shape: Shape) -> Spectrum:
 
     Notes
     -----
-    A symmetric A keeps the eigenvalues of A D between those of A and 0: A D is similar to D^½ A
-    D^½, whose Rayleigh quotients are A's, shrunk. So its bound is exact for saturating outputs too.
-    Otherwise the array has the rates of no saturation. Where they are not known it has a box around
-    its field of values. Gershgorin's discs bound the rest.
+    For a symmetric A, the eigenvalues of A D lie between those of A and 0, because A D is similar
+    to D^½ A D^½, whose Rayleigh quotients are those of A times factors of at most 1. The bound is thus
+    exact for saturating outputs as well. Otherwise, the values are those without saturation or, if
+    these are not known, a box around the field of values. Gershgorin's discs bound the rest.
     """
     network = Network(template, shape)
     if not (template.plain and template.output.saturates):

@@ -45,10 +45,10 @@ from cnnum.templating.template import Template
 Complexes = NDArray[np.complex128]
 
 MOST_STEPS = 1024
-"""Steps in a delay beyond which none is looked for."""
+"""Largest number of steps per delay that is tried."""
 
 MODES = 400
-"""Modes that are looked at: beyond this number, those of a grid over them."""
+"""Largest number of modes that are examined; if there are more, a grid of them is."""
 
 COARSER = (200, 100, 50, 25, 12, 6)
 """Cells a side of the grids over many modes."""
@@ -68,23 +68,23 @@ KEPT = 32
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DelayedRates:
-    """How fast an array moves by its present outputs, and by its delayed ones.
+    """Rates of an array due to its present outputs and to its delayed ones.
 
     Attributes
     ----------
     now, late : (n,) complex
-        λ and μ of its modes that decay while no cell saturates, 1/time; empty where they are not
+        λ and μ of the modes that decay while no cell saturates, 1/time; empty if they are not
         known.
     growth, around_growth : float
-        Rates at which a step may let a decaying mode grow, and one within the bound: those of the
-        fastest growth of an array that saturates, else 0.
+        Rates at which a step may let a decaying mode grow, and one within the bound: the fastest
+        growth rates of an array that saturates, otherwise 0.
     around : Discs, optional
-        Bound on λ whatever cells saturate; None where the modes decide.
+        Bound on λ, whichever cells saturate; None if the modes suffice.
     reach : float
         Bound on |μ|, 1/time.
     delay : float
     exact : bool
-        Every mode of a linear array is among them.
+        Whether the rates contain every mode of a linear array.
     """
 
     now: Complexes
@@ -106,7 +106,7 @@ class DelayedRates:
 
 @lru_cache(maxsize=KEPT)
 def delayed_rates(template: Template, shape: Shape) -> DelayedRates | None:
-    """Return the rates of an array that sees its outputs a delay ago, None where it does not."""
+    """Return the rates of an array with delayed couplings, or None if it has none."""
     delayed = template.delayed
     if delayed is None or not delayed.A.any():
         return None
@@ -136,7 +136,7 @@ def delayed_rates(template: Template, shape: Shape) -> DelayedRates | None:
 
 @lru_cache(maxsize=KEPT)
 def delayed_step(method: ButcherTableau, rates: DelayedRates) -> float:
-    """Return the longest step of a Runge–Kutta method in which no mode that decays grows.
+    """Return the longest step of a Runge–Kutta method with which no decaying mode grows.
 
     Parameters
     ----------
@@ -146,8 +146,8 @@ def delayed_step(method: ButcherTableau, rates: DelayedRates) -> float:
     Returns
     -------
     float
-        A whole part of the delay, as steps are. It is infinite where no step is too long. It is 0
-        where none is found, or the method needs outputs between the steps.
+        An integer fraction of the delay, like all steps. Infinite if no step is too long; 0 if no
+        stable step is found, or the method needs outputs between the steps.
     """
     if not keeps_delays(method):
         return 0.0
@@ -330,21 +330,21 @@ SHORTEST = 1e-4
 """Part of the bound of decays alone below which a method is said to have no stable step."""
 
 TOGETHER = 5000
-"""Products of steps and rates that are looked at in one go, as they stay in the cache."""
+"""Products of steps and rates that are evaluated together, so that they stay in the cache."""
 
 
 @dataclass(frozen=True, slots=True)
 class StabilityBound:
-    """The longest step at which no mode that decays grows faster than the array itself may.
+    """Longest step at which no decaying mode grows faster than the array itself may.
 
     Attributes
     ----------
     step : float
-        Time constants' unit; infinite where no step is too long, 0 where every step is.
+        In the unit of the time constants; infinite if no step is too long, 0 if every step is.
     exact : bool
-        It is that of the linear array itself, not of a bound on its rates.
+        Whether it is that of the linear array itself, and not of a bound on its rates.
     reason : str
-        Where the rates are from.
+        Source of the rates.
     """
 
     step: float

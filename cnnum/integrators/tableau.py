@@ -24,7 +24,7 @@ Row = tuple[Fraction, ...]
 
 
 class Explicit(Protocol):
-    """Stages of a step of one length: all that an engine knows of an explicit method.
+    """Stages of a step of one length, which is all that engines know about an explicit method.
 
         k_i = F(x_i), x_i = x + h Σ_j a_ij k_j,   x⁺ = x + carried (x_s − x) + h Σ_i b_i k_i
 
@@ -58,9 +58,9 @@ class Explicit(Protocol):
 
 
 class Pair(Protocol):
-    """Stages of a step, the last at its end, and the estimate of its error.
+    """Stages of a step, the last one at its end, with an error estimate.
 
-    The numbers are those of a `ButcherTableau`; others may have them from elsewhere.
+    The coefficients are those of a `ButcherTableau` or of another method.
     """
 
     @property
@@ -80,7 +80,7 @@ class Pair(Protocol):
 
     @property
     def error(self) -> Row:
-        """The error that sets the length of steps; with zeros it refuses none."""
+        """Weights of the error estimate that controls the step length; zeros accept every step."""
         ...
 
     @property
@@ -100,9 +100,9 @@ class Pair(Protocol):
 
 
 class LayerMethod(Protocol):
-    """An integrator that says, of a step and a time constant, which sums of rates a step is.
+    """An integrator that gives the coefficients of a step for its length and a time constant.
 
-    Engines see its steps alone, so that they run one that they have never heard of.
+    Engines use only these coefficients, so they can run integrators that they do not know.
     """
 
     @property
@@ -112,7 +112,7 @@ class LayerMethod(Protocol):
 
     @property
     def order(self) -> int:
-        """Order of the error of a run."""
+        """Order of convergence."""
         ...
 
     def fixed(self, steps: Floats, tau: float) -> tuple[Floats, Floats, Floats]:
@@ -127,7 +127,7 @@ class LayerMethod(Protocol):
         ...
 
     def growth(self, steps: Floats, values: NDArray[np.complex128]) -> NDArray[np.complex128]:
-        """Return the factors of modes a step, (steps, modes), where 1/τ = 1 and J has `values`."""
+        """Return growth factors of modes per step, (steps, modes), for 1/τ = 1 and eigenvalues."""
         ...
 
 
@@ -149,8 +149,8 @@ class ButcherTableau:
     b : row
     order : int
     error : row, optional
-        b − b̂ of the embedded method, whose last stage is the first of the next step. Without it
-        steps are fixed, and of zeros it refuses none.
+        b − b̂ of the embedded method, whose last stage is the first of the next step. Without it,
+        steps are fixed; zeros accept every step.
 
     Raises
     ------
@@ -189,17 +189,17 @@ class ButcherTableau:
 
     @property
     def carried(self) -> float:
-        """Part of the last stage's move that the end keeps: none, as the rates say all."""
+        """Share of the last stage's change that the result keeps: 0, as the rates suffice."""
         return 0.0
 
     @property
     def stages(self) -> int:
-        """Evaluations of dx/dt a step."""
+        """Number of evaluations of dx/dt per step."""
         return len(self.b)
 
     @property
     def adaptive(self) -> bool:
-        """Whether it estimates its own error."""
+        """Whether the method estimates its own error."""
         return bool(self.error)
 
     @property
@@ -254,12 +254,12 @@ class ButcherTableau:
 
     @cached_property
     def estimate_bent(self) -> float:
-        """Error estimate of a step in which the rate bends by one a time, over h², on average."""
+        """Mean error estimate, over h², of a step in which the slope of the rate changes by 1."""
         return self._mean_estimate((self.error,), _bent)
 
     @cached_property
     def estimate_jumped(self) -> float:
-        """Error estimate of a step in which the rate jumps by one, over h, on average."""
+        """Mean error estimate, over h, of a step in which the rate jumps by 1."""
         return self._mean_estimate((self.error,), _jumped)
 
     @property
@@ -280,12 +280,12 @@ class ButcherTableau:
 
     @cached_property
     def truncation_bent(self) -> float:
-        """Truncation error of a step in which the rate bends by one a time, over h²."""
+        """Truncation error, over h², of a step in which the slope of the rate changes by 1."""
         return self._mean_estimate(self.truncation, _bent)
 
     @cached_property
     def truncation_jumped(self) -> float:
-        """Truncation error of a step in which the rate jumps by one, over h."""
+        """Truncation error, over h, of a step in which the rate jumps by 1."""
         return self._mean_estimate(self.truncation, _jumped)
 
     def _mean_estimate(self, rows: tuple[Row, ...], rate: Callable[[Floats], Floats]) -> float:
@@ -304,7 +304,7 @@ class ButcherTableau:
         return float(-z[np.argmax(outside) - 1])
 
     def growth(self, z: NDArray[np.complex128]) -> NDArray[np.complex128]:
-        """Return R(z), the factor of a mode a step, z = h·λ."""
+        """Return R(z), the growth factor of a mode per step, with z = h·λ."""
         first, *others = self._stability_polynomial
         value = np.full(z.shape, first, np.complex128)
         for factor in others:
@@ -381,9 +381,9 @@ _FOLLOWED_HEUN = ButcherTableau(
 
 
 def followed(method: ButcherTableau) -> ButcherTableau:
-    """Return the same steps with stages that show their error: the last one is at the end.
+    """Return the same steps with stages that show their error, the last one at the end.
 
-    The error estimate is 0, as it refuses no step.
+    The error estimate is 0, so that every step is accepted.
     """
     if method == HEUN:
         return _FOLLOWED_HEUN
@@ -393,7 +393,7 @@ def followed(method: ButcherTableau) -> ButcherTableau:
 
 
 DAMPING = 2.0 / 13.0
-"""ε of the paper: how far |P| stays below 1 (by about ε/3) within the interval of stability."""
+"""ε of the paper: |P| stays below 1 by about ε/3 within the interval of stability."""
 
 STABILITY = 2.0 / 3.0 * (1.0 - 2.0 / 15.0 * DAMPING)
 """Length of a method's interval of stability over s² − 1."""
@@ -404,7 +404,7 @@ MAX_STAGES = 40
 
 @dataclass(frozen=True, slots=True)
 class Chebyshev:
-    """A method of s stages.
+    """A Runge–Kutta–Chebyshev method with s stages.
 
         Y₀ = x,  Y₁ = Y₀ + first·h F₀,
         Y_j = (1 − back₁_j − back₂_j) Y₀ + back₁_j Y_{j−1} + back₂_j Y_{j−2}
@@ -420,7 +420,8 @@ class Chebyshev:
     Raises
     ------
     ValueError
-        If its polynomial is not 1 + z + z²/2 + O(z³), or leaves [−1, 1] where it must not.
+        If the stability polynomial is not 1 + z + z²/2 + O(z³), or leaves [−1, 1] within the
+        interval of stability.
     """
 
     stages: int
@@ -489,7 +490,7 @@ def _polynomials(at: float, highest: int) -> tuple[Floats, Floats, Floats]:
 
 
 def stages_about(reach: Floats) -> Floats:
-    """Return how many stages steps of h·|λ| = reach take on average, where each may round up."""
+    """Return the mean number of stages for steps with h·|λ| = reach, each of which may round up."""
     return np.maximum(2.0, np.sqrt(1.0 + reach / STABILITY) + 0.5)
 
 

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from functools import cache
 
 Bounds = tuple[int, int]
-"""The least and the largest value of a whole number."""
+"""The smallest and the largest value of a whole number."""
 
 
 class Expression:
@@ -26,7 +26,7 @@ class Expression:
     __slots__ = ()
 
     bounds: Bounds | None = None
-    """The interval of a whole number, where it is known."""
+    """The interval of a whole number, if it is known."""
 
     def __add__(self, other: "Operand") -> "Binary":
         return Binary("+", self, operand(other))
@@ -71,7 +71,7 @@ class Expression:
         return Negative(self)
 
     def equals(self, other: "Operand") -> "Binary":
-        """Return whether both are the same; Python's own sign compares the records."""
+        """Return a comparison of two expressions; Python's own operator compares the records."""
         return Binary("==", self, operand(other))
 
     def differs(self, other: "Operand") -> "Binary":
@@ -84,7 +84,7 @@ Operand = Expression | int
 
 @dataclass(frozen=True, slots=True)
 class Name(Expression):
-    """A variable or an array; its meaning depends on its place."""
+    """A variable or an array, depending on where it is used."""
 
     text: str
     bounds: Bounds | None = None
@@ -150,7 +150,7 @@ class Load(Expression):
 
 @dataclass(frozen=True, slots=True)
 class Call(Expression):
-    """The result of a function of the kernel; `within` is the interval of values on the way."""
+    """The result of a function of the kernel; `within` is the interval of intermediate values."""
 
     function: str
     arguments: tuple[Expression, ...]
@@ -160,7 +160,7 @@ class Call(Expression):
 
 @dataclass(frozen=True, slots=True)
 class Binary(Expression):
-    """Two operands and a sign between them, of C."""
+    """Two operands and a C operator between them."""
 
     sign: str
     left: Expression
@@ -170,7 +170,7 @@ class Binary(Expression):
 
 @dataclass(frozen=True, slots=True)
 class Negative(Expression):
-    """The operand with the other sign."""
+    """The operand with its sign reversed."""
 
     value: Expression
     bounds: Bounds | None = None
@@ -202,7 +202,7 @@ ROW, COL = Name("r"), Name("c")
 
 
 def operand(value: Operand) -> Expression:
-    """Return an expression as it is, and a whole number as one."""
+    """Return an expression unchanged, and a whole number as an expression."""
     return Integer(value) if isinstance(value, int) else value
 
 
@@ -225,7 +225,7 @@ def call(function: str, *arguments: Operand) -> Call:
 
 
 def pick(condition: Expression, yes: Expression, no: Expression) -> Call:
-    """Return one of two in each lane."""
+    """Return an expression that selects one of two in each lane."""
     return call("PICK", condition, yes, no)
 
 
@@ -296,12 +296,12 @@ Reader = Callable[[Values], Expression]
 
 
 def formula(text: str, **values: Expression) -> Expression:
-    """Return the expression with its variables given.
+    """Return a formula as an expression of given variables.
 
     Raises
     ------
     SyntaxError
-        If it is none.
+        If it is not a valid formula.
     """
     return _reader_of(text)(values)
 

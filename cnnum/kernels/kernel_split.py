@@ -24,7 +24,7 @@ Record = TypeVar("Record")
 
 
 def substituted(record: Record, by: Mapping[str, Expression]) -> Record:
-    """Return a record, or a tuple of them, with other expressions in the places of names."""
+    """Return a record, or a tuple of them, with names replaced by other expressions."""
     changed: Record = _changed(record, by)
     return changed
 
@@ -56,7 +56,7 @@ BEGIN, END, K = ir.names("begin end k")
 
 @dataclass(frozen=True, slots=True)
 class PartKernel:
-    """A kernel of a part of a plan; `note` is a comment, or empty."""
+    """A kernel for a part of a plan; `note` is a comment, or empty."""
 
     name: str
     note: str
@@ -70,11 +70,11 @@ class Register:
     Attributes
     ----------
     name : Name
-        Its own among all registers.
+        Name that is unique among all registers.
     type : str
-        In the kernels; it is kept as a `scalar`.
+        Type in the kernels; the number is stored as a `scalar`.
     place : int
-        Among the registers.
+        Index among the registers.
     """
 
     name: ir.Name
@@ -83,7 +83,7 @@ class Register:
 
     @property
     def where(self) -> ir.Element:
-        """Where it is kept: the frames of a batch lie side by side."""
+        """Where it is stored; the frames of a batch lie side by side."""
         return REGISTERS[ir.Integer(self.place) * BATCH + FRAME]
 
     @property
@@ -104,12 +104,12 @@ Meaning = Register | ir.Array | ir.Expression
 def split_kernels(
     body: Sequence[ir.Statement], rows: int
 ) -> tuple[LaunchPlan, tuple[PartKernel, ...]]:
-    """Return the launches of a plan for an array of a number of rows, and their kernels.
+    """Return the launches of a plan for an array with a given number of rows, and their kernels.
 
     Raises
     ------
     ValueError
-        If a sweep changes a number of the frame, which no order of pieces would give again.
+        If a sweep changes a number of the frame, so that it cannot be split into pieces.
     """
     split = _Split(rows)
     split.walk(body)

@@ -6,24 +6,25 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Strips:
-    """How a large array's steps are launched.
+    """Launches of the steps of a large array.
 
     Attributes
     ----------
     kernel, text : str
-        The kernel's name, and its text.
+        Name of the kernel, and its text.
     count : int
-        Levels: all stages of all steps; at most, where frames say how many.
+        Number of levels, which are all stages of all steps; the largest number if it depends on the
+        frames.
     levels : int
-        Of them a launch takes, where there is more than one strip.
+        Number of levels per launch, if there is more than one strip.
     most : int
-        Strips of an array that are high enough for a number of levels.
+        Number of strips of an array that are high enough for a number of levels.
     alone : bool
-        Whether a single strip needs nothing from beyond its end, so that one launch takes all.
+        Whether a single strip needs nothing from beyond its end, so that one launch suffices.
     begins, ends : bool
-        Whether the states are brought into the strips before, and out of them after.
+        Whether the states are copied into the strips before, and out of them afterwards.
     again : bool
-        Whether the states are taken back first to where the levels before them began.
+        Whether the states are first reset to where the previous levels began.
     """
 
     kernel: str

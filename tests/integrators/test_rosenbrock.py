@@ -42,7 +42,7 @@ def test_it_damps_all_that_decays(method):
     ids=["weights", "gamma", "a", "c"],
 )
 def test_a_wrong_coefficient_is_refused(changed):
-    with pytest.raises(ValueError, match=r"misses the conditions of order|does not damp"):
+    with pytest.raises(ValueError, match=r"does not satisfy the conditions of order|does not damp"):
         replace(RODAS3, **changed)
 
 
