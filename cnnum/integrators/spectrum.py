@@ -218,9 +218,9 @@ def spectrum(template: Template, shape: Shape) -> Spectrum:
     Notes
     -----
     For a symmetric A, the eigenvalues of A D lie between those of A and 0, because A D is similar
-    to D^½ A D^½, whose Rayleigh quotients are those of A times factors of at most 1. The bound is thus
-    exact for saturating outputs as well. Otherwise, the values are those without saturation or, if
-    these are not known, a box around the field of values. Gershgorin's discs bound the rest.
+    to D^½ A D^½, whose Rayleigh quotients are those of A times factors of at most 1. The bound is
+    thus exact for saturating outputs as well. Otherwise, the values are those without saturation
+    or, if these are not known, a box around the field of values. Gershgorin's discs bound the rest.
     """
     network = Network(template, shape)
     if not (template.plain and template.output.saturates):
