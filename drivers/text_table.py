@@ -32,6 +32,7 @@ DAY = 86_400_000_000_000
 
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _OF_DAY = re.compile(r"(\d{1,3}):([0-5]\d):([0-5]\d|60)(?:[.,](\d{1,9}))?\s*([AaPp][Mm])?")
+_DAYS = re.compile(r"(\d+) days?,? ")
 _FRACTION = re.compile(r"(?<=:\d\d)[.,](\d{1,12})")
 _YEAR_FIRST = re.compile(r"(\d{4})/(\d\d)/(\d\d)(?=[ T])")
 
@@ -40,7 +41,7 @@ def nanoseconds(text: str) -> int | None:
     """Return a date with its time, or a time of day, in ns; None where it is neither.
 
     A date counts from 1970, and is in UTC unless it names another zone. A time of day counts from
-    midnight; its hours may go beyond 24.
+    midnight; its hours may go beyond 24, and days may stand before it, as in "0 days 00:00:01".
 
     Parameters
     ----------
@@ -49,6 +50,9 @@ def nanoseconds(text: str) -> int | None:
         hours, minutes and seconds.
     """
     text = text.strip()
+    if gone := _DAYS.match(text):
+        rest = nanoseconds(text[gone.end() :])
+        return None if rest is None else int(gone[1]) * DAY + rest
     if day := _OF_DAY.fullmatch(text):
         return _of_day(day)
     text = _YEAR_FIRST.sub(r"\1-\2-\3", text).removesuffix(" UTC")
@@ -632,8 +636,10 @@ def _rows(path: Path, form: TextForm, text: TextIOWrapper) -> Iterator[tuple[int
     if not form.header:
         rest, names = [first], [str(n + 1) for n in range(len(first[1]))]
         line = form.skip + 1
-    elif lines.comment and all(_NUMBER.fullmatch(text.strip()) for text in names if text.strip()):
-        # the header is a comment, as NumPy writes it
+    elif lines.comment and 2 * sum(map(bool, map(_NUMBER.fullmatch, map(str.strip, names)))) > (
+        len(names)
+    ):
+        # the header is a comment, as NumPy and rostopic write it; some columns may have words
         said = next(fields_of([lines.comment.removeprefix(form.comment)], form), list[str]())
         if len(said) == len(names):
             rest, (line, names) = [first], (lines.commented, said)

@@ -21,6 +21,10 @@ press and 0.7 % after three."""
 LEAST = 0.6
 """Rank correlation from which a shape is shown."""
 
+LIKER, BOTH_WAYS, ONE_WAY = 0.8, 0.1, 0.02
+"""Part of other steps between numbers below which these are clearly alike, and parts of the
+changes under a press that go the other way, above and below which they do so or not."""
+
 SEEN, FLOOR = 32, 4.0
 """Frames that are looked at, and times the noise below which a taxel bears no load."""
 
@@ -43,26 +47,72 @@ def shape_shown(recording: Recording, shapes: Sequence[Shape]) -> Shape | None:
     shapes : sequence of (rows, cols)
         Those that its taxels may have.
     """
-    good = np.isfinite(recording.values).all(axis=(1, 2, 3))
-    values = recording.values[good]
-    taxels = values.shape[1] * values.shape[2]
-    if len(values) < 10 or taxels > MOST or len(shapes) < 2:
+    if len(shapes) < 2:
         return None
-    rest, noise, _ = rest_and_noise(values, recording.times[good])
-    away = ((values - rest) / noise).reshape(len(values), taxels, -1)
+    values = recording.values
+    best = _best_shapes(recording, values.reshape(len(values), -1, values.shape[3]), shapes)
+    shown = bool(best) and best[0][0] >= LEAST and best[0][0] - best[1][0] >= AHEAD
+    return best[0][1] if shown else None
+
+
+READINGS = "channels last", "channels first", "one channel"
+"""What a frame of numbers may be: three channels of each taxel in turn, all taxels of a channel in
+turn, or one channel."""
+
+
+def reading_shown(recording: Recording) -> str:
+    """Return which of `READINGS` the presses of a recording show; "" where they show none.
+
+    A press moves one channel one way, and nearly alike in neighbours. It moves shears both ways
+    around its centre; then the numbers that follow each other are three of a taxel if those three
+    apart are more alike, and neighbours in one channel otherwise.
+
+    Parameters
+    ----------
+    recording : Recording
+        Its numbers follow each other in whatever shape; their count is a multiple of three.
+    """
+    flat = recording.values.reshape(len(recording), -1, 1)
+    away = _pressed(recording, flat)[..., 0]
+    away = np.where(np.abs(away) > FLOOR, away, 0.0)
+    if not away.any():
+        return ""
+    back = float(np.abs(away[away < 0.0]).sum() / np.abs(away).sum())
+    back = min(back, 1.0 - back)
+    apart = [float(np.abs(away[:, n:] - away[:, :-n]).sum()) for n in (1, 3)]
+    if apart[1] < LIKER * apart[0]:
+        return READINGS[0] if back > BOTH_WAYS else ""
+    if apart[0] < LIKER * apart[1]:
+        return READINGS[1] if back > BOTH_WAYS else READINGS[2] if back < ONE_WAY else ""
+    return ""
+
+
+def _best_shapes(
+    recording: Recording, numbers: Floats, shapes: Sequence[Shape]
+) -> list[tuple[float, Shape]]:
+    """Return shapes and how well they fit (frames, taxels, channels), best first."""
+    loads = np.sqrt(np.square(_pressed(recording, numbers)).mean(axis=2))
+    fits = [float(np.mean([_fit(load, s) for load in loads])) for s in shapes] if len(loads) else []
+    order = sorted(range(len(fits)), key=lambda n: -fits[n])
+    return [(fits[n], shapes[n]) for n in order]
+
+
+def _pressed(recording: Recording, numbers: Floats) -> Floats:
+    """Return frames of (frames, taxels, channels) under presses, in times the noise."""
+    good = np.isfinite(numbers).all(axis=(1, 2))
+    values, taxels = numbers[good], numbers.shape[1]
+    if len(values) < 10 or taxels > MOST:
+        return numbers[:0]
+    rest, noise, _ = rest_and_noise(values[:, None], recording.times[good])
+    away = (values - rest[0]) / noise[0]
     loads = np.sqrt(np.square(away).mean(axis=2))
     tops = loads.max(axis=1)
     # a load on most taxels has no peak that all others lie around
     pressed = np.flatnonzero(
         (tops > max(TOUCH, 0.3 * float(tops.max()))) & (np.median(loads, axis=1) < 0.5 * tops)
     )
-    if not len(pressed):
-        return None
-    chosen = pressed[np.linspace(0, len(pressed) - 1, min(SEEN, len(pressed))).astype(int)]
-    fits = [float(np.mean([_fit(loads[n], s) for n in chosen.tolist()])) for s in shapes]
-    second, best = sorted(range(len(fits)), key=lambda n: fits[n])[-2:]
-    shown = fits[best] >= LEAST and fits[best] - fits[second] >= AHEAD
-    return shapes[best] if shown else None
+    chosen = np.linspace(0, len(pressed) - 1, min(SEEN, len(pressed))).astype(int)
+    return np.asarray(away[pressed[chosen]])
 
 
 def _fit(load: Floats, shape: Shape) -> float:

@@ -20,8 +20,10 @@ from cnnum.drivers.own_data.proposed_shape import (
     family_of,
     frames_axis,
     name_columns,
+    parts_of_frame,
     take_axes,
     take_order,
+    take_parts,
 )
 from cnnum.drivers.own_data.proposed_table import first_lines, of_text
 from cnnum.drivers.own_data.proposed_times import (
@@ -32,7 +34,7 @@ from cnnum.drivers.own_data.proposed_times import (
     take_unit,
     unit_of_times,
 )
-from cnnum.drivers.own_data.sources import HDF5
+from cnnum.drivers.own_data.sources import HDF5, MAT
 from cnnum.drivers.uskin_csv import refuse_several
 from cnnum.errors import CnnumError, CodecError, RecordingError, unreadable
 from cnnum.recordings.messages import (
@@ -47,9 +49,23 @@ from cnnum.recordings.messages import (
 )
 from cnnum.safety.reading import open_regular
 
-LOOKED_AT, SOME, LOOKED_BYTES = 400, 5, 1 << 20
-"""Messages that are looked at, those of a topic whose fields are, and bytes that are tried with a
-protocol."""
+LOOKED_AT, SOME, FEW, LOOKED_BYTES = 400, 5, 10, 1 << 20
+"""Messages that are looked at, those of a topic whose fields are, frames among which numbers rise
+by chance, and bytes that are tried with a protocol."""
+
+CONTAINERS = {
+    b"\x1f\x8b": "is compressed: unpack it, as by 'gunzip'",
+    b"BZh": "is compressed: unpack it, as by 'bunzip2'",
+    b"\xfd7zXZ": "is compressed: unpack it, as by 'unxz'",
+    b"(\xb5/\xfd": "is compressed: unpack it, as by 'unzstd'",
+    b"PK": "is a ZIP archive, as Excel writes, too: unpack it, or save the sheet as CSV",
+    b"\xd0\xcf\x11\xe0": "is a workbook of Excel: save the sheet as CSV",
+    b"MATLAB 5": "is a file of MATLAB before 7.3: save it there with '-v7.3'",
+    b"ARROW1": "is a Feather file: write Parquet, as by df.to_parquet",
+    b"SQLite": "is a database of SQLite: write its table as CSV",
+    b"\x80": "seems to be a pickle of Python, which may run code: write the arrays by numpy.savez",
+}
+"""What files of other kinds begin with, and what is to be done with them."""
 
 PAD = re.compile(r"shape = \[(\d+), (\d+)\]")
 """The shape that a decoder asks for where it finds pads of several."""
@@ -86,6 +102,11 @@ def propose(path: Path, topic: str = "", clock: str = "") -> Proposal:
         raise RecordingError(f"'{path}' is a trial, which needs no layout.")
     if suffix in (".npy", ".npz"):
         return _of_arrays(path, array_shapes(path), clock)
+    with open_regular(path) as file:
+        begin = file.read(8)
+    for sign, said in CONTAINERS.items():
+        if begin.startswith(sign) and suffix not in (".bin", ".raw", ".log"):
+            raise CodecError(f"'{path}' {said}.")
     if suffix in (*HDF5, PARQUET):
         return _of_arrays(path, list_hdf5(path)[0], clock)
     text = first_lines(path)
@@ -138,27 +159,72 @@ def _of_arrays(
         return likely and "image" not in name, timed, math.prod(shape)
 
     name = max(frames, key=rank)
+    parts = parts_of_frame({n: s[1:] for n, s in frames.items() if s[0] == frames[name][0]})
+    parts = [] if path.suffix.lower() == PARQUET else parts
+    if parts and len(parts) * math.prod(frames[parts[0]]) > math.prod(frames[name]):
+        return _of_parts(path, proposal, parts, frames, shapes, clocks, stamped, asked)
     others = [other for other in frames if other != name and LIKELY.search(other)]
     if others:
         proposal.undecided.append(
             f"values: '{name}' is taken of {', '.join(map(repr, (name, *others[:6])))}"
         )
-    shape = frames[name]
-    at = frames_axis(proposal, shape, lengths, lambda: _one_array(path, name).reshape(shape))
+    turned = path.suffix.lower() == MAT
+    shape = frames[name][::-1] if turned else frames[name]
+    at = frames_axis(proposal, shape, lengths, lambda: _array_of(path, name, shape))
     count = shape[at]
-    names = take_axes(proposal, (*shape[:at], *shape[at + 1 :]))
-    take_order(proposal, names, sum(size > 1 for size in shape[:at]))
+    axes = take_axes(proposal, (*shape[:at], *shape[at + 1 :]))
+    take_order(proposal, axes, sum(size > 1 for size in shape[:at]), turned)
+    if axes == ["rows cols channels"] and count > FEW:
+        held: Floats = np.moveaxis(_array_of(path, name, shape), at, 0).reshape(count, -1)
+        for place in np.flatnonzero((np.diff(held, axis=0) > 0.0).all(axis=0)).tolist():
+            raise CodecError(
+                f"'{path}': number {place} of a frame{f' in {name!r}' * bool(name)} rises from "
+                "frame to frame, as a time does: keep it in an array of its own."
+            )
     if path.suffix.lower() != ".npy":
         proposal.table = {"values": name, **proposal.table}
     proposal.seen.append(f"{count} frames in '{name}' {shape}" if name else f"{count} frames")
+    _array_times(path, proposal, count, clocks, stamped, asked)
+    take_unit(proposal, (name,), "int" in shapes[name][1] or "u" in shapes[name][1][:2])
+    return proposal
+
+
+def _of_parts(
+    path: Path,
+    proposal: Proposal,
+    parts: list[str],
+    frames: Mapping[str, tuple[int, ...]],
+    shapes: Mapping[str, tuple[tuple[int, ...], str]],
+    clocks: Mapping[str, tuple[int, ...]],
+    stamped: Collection[str],
+    asked: str,
+) -> Proposal:
+    take_parts(proposal, parts, frames[parts[0]][1:])
+    proposal.seen.append(f"{frames[parts[0]][0]} frames")
+    _array_times(path, proposal, frames[parts[0]][0], clocks, stamped, asked)
+    take_unit(proposal, parts, "int" in shapes[parts[0]][1])
+    return proposal
+
+
+def _array_times(
+    path: Path,
+    proposal: Proposal,
+    count: int,
+    clocks: Mapping[str, tuple[int, ...]],
+    stamped: Collection[str],
+    asked: str,
+) -> None:
     times = [n for n, s in clocks.items() if math.prod(s) == count]
     times.sort(key=lambda n: (n not in stamped, not TIME.search(n.rpartition("/")[2]), len(n)))
     known = [n for n in times if n in stamped or TIME.search(n.rpartition("/")[2])]
     others = [n for n in times if not COUNTER.search(n.rpartition("/")[2])]
     if not asked or asked in clocks:
         take_clock(proposal, asked, known[:1], others[:8], lambda n: _one_array(path, n), stamped)
-    take_unit(proposal, (name,), "int" in shapes[name][1] or "u" in shapes[name][1][:2])
-    return proposal
+
+
+def _array_of(path: Path, name: str, shape: Sequence[int]) -> Floats:
+    flat = _one_array(path, name)
+    return flat.reshape(shape[::-1]).T if path.suffix.lower() == MAT else flat.reshape(shape)
 
 
 def _one_array(path: Path, name: str) -> Floats:
@@ -205,12 +271,15 @@ def _of_messages(path: Path, topic: str, asked: str) -> Proposal:
     proposal = Proposal()
     seen: dict[str, list[list[tuple[str, tuple[int, ...]]]]] = {}
     faults: dict[str, CnnumError] = {}
+    count = 0
     with closing(messages(path, topic)) as every:
         for message in islice(every, LOOKED_AT):
+            count += 1
             some = seen.setdefault(message.topic, [])
             if len(some) < SOME:
                 try:
-                    some.append(list(numeric_fields(message.content())))
+                    content = message.content()
+                    some.append(list(numeric_fields(content)) or _scalars(content))
                 except CnnumError as error:
                     some.append([])
                     faults.setdefault(message.topic, error)
@@ -232,23 +301,37 @@ def _of_messages(path: Path, topic: str, asked: str) -> Proposal:
         raise CodecError(f"'{path}' has no message with several numbers; its topics are {there}.")
     *_, name, part = max(ranked)
     shape = dict(found[name])[part]
+    parts = parts_of_frame(dict(found[name]))
     if len({one[3] for one in ranked}) > 1:
         proposal.undecided.append(
             f"topic: '{name}' is taken of {', '.join(sorted({repr(one[3]) for one in ranked}))}"
         )
     proposal.table = {"topic": name} if name else {}
-    proposal.table["values"] = part
-    if len(shape) == 4 and path.suffix.lower() in LINES:
+    if path.suffix.lower() in LINES and (count == 1 or len(shape) == 4):
         raise CodecError(
             f"'{path}' holds all frames in one message, '{part}' of the shape {shape}: make it a "
             "message a frame, or an archive, as by numpy.savez."
         )
-    take_axes(proposal, shape)
+    if parts and len(parts) * math.prod(dict(found[name])[parts[0]]) > math.prod(shape):
+        take_parts(proposal, parts, dict(found[name])[parts[0]])
+    elif shape:
+        proposal.table["values"] = part
+        take_axes(proposal, shape)
+        proposal.seen.append(f"'{part}' {shape} in each message")
+    else:
+        family = family_of([one for one, _ in found[name] if not COUNTER.search(one)])
+        name_columns(proposal, family, [one for one, _ in found[name]], listed=True)
     if not name:  # lines of JSON have no time of their own
         _line_times(path, proposal, asked)
-    proposal.seen.append(f"'{part}' {shape} in each message")
     take_unit(proposal, (part,), False)
     return proposal
+
+
+def _scalars(content: Any) -> list[tuple[str, tuple[int, ...]]]:
+    """Return the numbers of a message that has no list, but those that are named as times."""
+    numbers = (name for name in names_of(content) if type(part_of(content, name)) in (int, float))
+    result: list[tuple[str, tuple[int, ...]]] = [(n, ()) for n in numbers if not TIME.search(n)]
+    return result if len(result) > 1 else []
 
 
 def _line_times(path: Path, proposal: Proposal, asked: str) -> None:

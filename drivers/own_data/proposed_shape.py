@@ -4,14 +4,14 @@ import json
 import math
 import re
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import cast
 
 import numpy as np
 
 from cnnum.arrays import Floats, Shape
 from cnnum.errors import CodecError
-from cnnum.recordings.press_shape import shape_shown, shapes_of
+from cnnum.recordings.press_shape import READINGS, reading_shown, shape_shown, shapes_of
 from cnnum.recordings.recording import Recording
 
 WORDS: Mapping[str, tuple[str, ...]] = {
@@ -144,16 +144,19 @@ def take_channels(proposal: Proposal, count: int) -> None:
         proposal.undecided = [s for s in proposal.undecided if not s.startswith("shape: ")]
         proposal.shapes = []
         proposal.table["shape"] = shape_of(proposal, proposal.numbers // count)
+    proposal.numbers = 0
 
 
 def settle_shape(proposal: Proposal, recording: Recording | None) -> bool:
-    """Set the shape by the presses of a recording, and return whether it is known then.
+    """Set shape and channels by the presses of a recording, and return whether they are known then.
 
     Unless they show it, it is that of a usual array, and else there is none.
     """
-    rest = [said for said in proposal.undecided if not said.startswith("shape: ")]
     if not proposal.shapes:
         return True
+    if recording is not None and proposal.numbers % 3 == 0 < proposal.numbers and not proposal.part:
+        recording = _settle_channels(proposal, recording)
+    rest = [said for said in proposal.undecided if not said.startswith("shape: ")]
     seen = None if proposal.part else recording
     shown = None if seen is None else shape_shown(seen, proposal.shapes)
     taxels = math.prod(proposal.shapes[0])
@@ -180,6 +183,26 @@ def settle_shape(proposal: Proposal, recording: Recording | None) -> bool:
         )
     proposal.undecided = [said, *rest]
     return shown is not None
+
+
+def _settle_channels(proposal: Proposal, recording: Recording) -> Recording:
+    """Set the channels of numbers of which only the count is known by presses, where they show."""
+    reading, numbers = reading_shown(recording), proposal.numbers
+    if not reading:
+        return recording
+    proposal.undecided = [said for said in proposal.undecided if not said.startswith("channels: ")]
+    count = 1 if reading == READINGS[2] else 3
+    take_channels(proposal, count)
+    name_channels(proposal, count)
+    proposal.seen.append(f"presses that show {count} channels of {numbers // count} taxels")
+    values = recording.values.reshape(len(recording), 1, -1, count)
+    if reading == READINGS[1]:
+        proposal.table["order"] = "channels-first"
+        values = recording.values.reshape(len(recording), 1, 3, -1).transpose(0, 1, 3, 2)
+    said = f"channels: by the presses, {numbers} numbers are {numbers // count} taxels of {count}"
+    proposal.undecided.insert(0, said + f", {reading}" * (count > 1))
+    names = ("x", "y", "z")[-count:]
+    return replace(recording, values=values, channels=names)
 
 
 def channels_of(proposal: Proposal, numbers: int) -> int:
@@ -255,9 +278,15 @@ def take_axes(proposal: Proposal, shape: Sequence[int]) -> list[str]:
     return names
 
 
-def take_order(proposal: Proposal, names: list[str], before: int) -> None:
-    """Set the order of axes, where the first `before` names come before the frames."""
+def take_order(proposal: Proposal, names: list[str], before: int, turned: bool) -> None:
+    """Set the order of axes, where the first `before` names come before the frames.
+
+    Where they are `turned`, the file has them in the opposite order.
+    """
     order = " ".join([*names[:before], "frames", *names[before:]])
+    if turned:
+        proposal.table["order"] = " ".join(reversed(order.split()))
+        return
     if order == "frames channels rows cols":
         order = "channels-first"
     if before or names[0] == "channels":
@@ -330,12 +359,16 @@ class _Name:
 def _taken_apart(name: str) -> _Name:
     parts = _PART.findall(name)
     # units in brackets are no words for an axis, and of several words the last is
-    end = next((n for n, part in enumerate(parts) if "(" in part or "[" in part), len(parts))
+    # (a number in brackets is no unit)
+    opened = (n for n, part in enumerate(parts) if "(" in part or "[" in part)
+    end = next((n for n in opened if not "".join(parts[n + 1 : n + 2]).isdigit()), len(parts))
     end = end or len(parts)
+    placed = _XY.search(name) is not None  # "x3_y0" is a place
     result = [
         (n, axis)
         for n, part in enumerate(parts[:end])
         for axis, words in WORDS.items()
+        if not (placed and part.lower() in "xy")
         if re.sub("[ _-]", "", part.lower()) in words
     ]
     at, axis = result[-1] if result else (-1, "")
@@ -343,6 +376,15 @@ def _taken_apart(name: str) -> _Name:
     numbers = tuple(int(part) for part in parts if part.isdigit())
     return _Name(tuple(kind), numbers, axis, parts[at] if result else "")
 
+
+_XY = re.compile(r"(?<![^\W_])x[\W_]*\d+[\W_]*y[\W_]*\d", re.IGNORECASE)
+
+_COLS = re.compile(
+    r"(?:.*[\W_])?(?:c(?:ols?|olumns?)?|x)[\W_]*#[\W_]*(?:r(?:ows?)?|y)[\W_]*#[^#]*", re.I
+)
+"""The kind of a name with a column before a row, such as "c3_r0" or "x3_y0"."""
+
+_ROW = re.compile(r"(?<![^\W_])r(?:ow)?[\W_]*\d+$", re.IGNORECASE)
 
 _GRID = re.compile(r"(?:.*[\W_])?r(?:ows?)?[\W_]*#[\W_]*c(?:ols?|olumns?)?[\W_]*#[^#]*", re.I)
 """The kind of a name with a row and a column, such as "r0_c3_x"."""
@@ -370,6 +412,46 @@ def family_of(names: Sequence[str]) -> list[str]:
         first = min(_taken_apart(name).numbers[0] for name in best)
         best = [name for name in best if _taken_apart(name).numbers[0] == first]
     return best if len(best) > 1 else list(names)
+
+
+def parts_of_frame(shapes: Mapping[str, tuple[int, ...]]) -> list[str]:
+    """Return the fields or arrays that make up a frame together, by their names and shapes.
+
+    They are one a channel, as "x", "y" and "z", one a taxel, as "taxel0", …, or one a row.
+    """
+    alike: dict[tuple[object, ...], list[str]] = {}
+    for name, shape in shapes.items():
+        if not shape:
+            continue
+        taken = _taken_apart(name)
+        whose = taken.kind if taken.axis else ()
+        alike.setdefault((shape, "axis", whose, taken.numbers), []).append(name)
+        if math.prod(shape) == 3 or (len(shape) == 1 and _ROW.search(name)):
+            alike.setdefault((shape, "number", taken.kind), []).append(name)
+    whole = [
+        names
+        for (_, by, *_), names in alike.items()
+        if len(names) > 1
+        and (by == "number" or sorted(_taken_apart(name).axis for name in names) == ["x", "y", "z"])
+    ]
+    best = max(whole, key=len, default=list[str]())
+    return sorted(best, key=lambda name: (_taken_apart(name).numbers, _taken_apart(name).axis))
+
+
+def take_parts(proposal: Proposal, names: Sequence[str], shape: Sequence[int]) -> None:
+    """Set shape, channels and order by parts of one shape that make up a frame."""
+    proposal.table["values"] = tuple(names)
+    proposal.seen.append(f"{len(names)} parts of a frame, from '{names[0]}' to '{names[-1]}'")
+    axes, numbers = [size for size in shape if size > 1], math.prod(shape)
+    if all(_taken_apart(name).axis for name in names):
+        proposal.table["channels"] = ("x", "y", "z")
+        proposal.table["shape"] = tuple(axes) if len(axes) == 2 else shape_of(proposal, numbers)
+        proposal.table["order"] = "channels-first"
+    elif numbers == 3 and not _ROW.search(names[0]):
+        name_channels(proposal, 3)
+        proposal.table["shape"] = shape_of(proposal, len(names))
+    else:
+        proposal.table |= {"shape": (len(names), numbers), "channels": ("z",)}
 
 
 def name_columns(proposal: Proposal, family: list[str], others: list[str], *, listed: bool) -> None:
@@ -406,9 +488,12 @@ def name_columns(proposal: Proposal, family: list[str], others: list[str], *, li
             proposal.table["values"] = tuple(family)
         return
     first, gaps = min(place[varying[0]] for place in places), False
-    lined = _GRID.fullmatch("".join(taken[0].kind)) is not None
+    kind = "".join(taken[0].kind)
+    swapped = _COLS.fullmatch(kind) is not None
+    lined = swapped or _GRID.fullmatch(kind) is not None
     if len(varying) == 2 or (lined and width == 2):
-        rows, cols = ({place[n] for place in places} for n in (0, 1))
+        at = varying if len(varying) == 2 else [0, 1]
+        rows, cols = ({place[n] for place in places} for n in (reversed(at) if swapped else at))
         if len(rows) * len(cols) != taxels:
             proposal.table["shape"] = shape_of(proposal, taxels)
             _axes_by_name(proposal, axes, words, count)
@@ -416,7 +501,7 @@ def name_columns(proposal: Proposal, family: list[str], others: list[str], *, li
             return
         proposal.table["shape"] = len(rows), len(cols)
         gaps = min(rows) != min(cols) or not _follow(rows) or not _follow(cols)
-        varying = [0, 1]
+        varying = at
     else:
         if count == 1:
             split = channels_of(proposal, taxels)
@@ -430,13 +515,17 @@ def name_columns(proposal: Proposal, family: list[str], others: list[str], *, li
         if gaps:  # a part of an array
             proposal.usual, proposal.part = False, True
     _axes_by_name(proposal, axes, words, count)
-    if listed or gaps:
+    padded = any(re.search(r"(?<!\d)0\d", name) for name in family)
+    if listed or gaps or padded:
         by_place = sorted(
-            family, key=lambda n: (_taken_apart(n).numbers, axes.index(_taken_apart(n).axis))
-        )
-        proposal.table["values"] = tuple(by_place)
+            zip(taken, family, strict=True),
+            key=lambda one: (
+                one[0].numbers[::-1] if swapped else one[0].numbers, axes.index(one[0].axis)
+            ),
+        )  # fmt: skip
+        proposal.table["values"] = tuple(name for _, name in by_place)
         return
-    pattern = _pattern(family[0], varying)
+    pattern = _pattern(family[0], varying, swapped)
     if first:
         proposal.table["first"] = first
     proposal.table["values"] = pattern if len(family) > 1 else tuple(family)
@@ -453,10 +542,11 @@ def _axes_by_name(proposal: Proposal, axes: list[str], words: list[str], count: 
             proposal.table["names"] = tuple(words)
 
 
-def _pattern(name: str, varying: list[int]) -> str:
+def _pattern(name: str, varying: list[int], swapped: bool) -> str:
     """Return the pattern of a family by one of its names."""
     taken = _taken_apart(name)
     places = ("{row}", "{col}") if len(varying) == 2 else ("{n}",)
+    places = places[::-1] if swapped else places
     made, number = list[str](), 0
     for part, kind in zip(_PART.findall(name), taken.kind, strict=True):
         if kind == "#":

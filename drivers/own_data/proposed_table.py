@@ -2,7 +2,7 @@
 
 import re
 from collections import Counter
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,6 +11,7 @@ import numpy as np
 from cnnum.arrays import Floats
 from cnnum.drivers.own_data.proposed_shape import Proposal, family_of, name_columns
 from cnnum.drivers.own_data.proposed_times import (
+    COMPACT,
     COUNTER,
     TIME,
     UNITS,
@@ -42,6 +43,12 @@ MOSTLY = 0.9
 
 TURNS = 3
 """Times that a column goes through its values from which it does so in the whole table."""
+
+SIGNS = re.compile(
+    r"\s*[\[({]+\s*[+-]?\.?\d.*|.*\d\s*[\])}]+,?\s*|.*[\])}][:,;=]?\s*[+-]?\d\S*"
+    r"|\s*[+-]?[\d.]+[,;|]\W*[+-]?[\d.]+\W*"
+)
+"""Numbers with brackets, or several of them, in what should be a field."""
 
 MONITOR = re.compile(r"\s*\d+:\d+:\d+[.,]?\d* -> ")
 """What Arduino's serial monitor writes before a line."""
@@ -165,13 +172,13 @@ def _no_table(path: Path) -> CodecError:
 def _of_table(
     path: Path, lines: list[str], proposal: Proposal, form: TextForm, width: int, asked: str
 ) -> Proposal:
-    numeric = 0
     rows: list[list[str]] = []
     header, skip, said = "", 0, False
     for number, line in enumerate(lines):
         is_comment = line.lstrip().startswith(form.comment)
         bare = line.lstrip().removeprefix(form.comment) if is_comment else line
-        fields = _stripped(next(iter(fields_of([bare], form)), [""]))
+        whole_line = next(iter(fields_of([bare], form)), [""])
+        fields = _stripped(whole_line)
         numbers = [_number(text, form.decimal, form.thousands) for text in fields]
         fits = len(fields) in (width, width + 1) and not is_comment
         # the times may be dates
@@ -180,10 +187,9 @@ def _of_table(
             for n, text in zip(numbers, fields, strict=True)
         ]
         if fits and sum(numbers) + sum(clocks) >= 0.8 * len(fields) and sum(numbers) > 0:
-            rows.append(fields)
-            numeric += 1
+            rows.append(whole_line)
             continue
-        if len(rows) == 1 and len(fields) == len(rows[0]) and not any(numbers):
+        if len(rows) == 1 and len(fields) == len(_stripped(rows[0])) and not any(numbers):
             raise CodecError(
                 f"'{path}', line {number + 1}: names below names, as of columns of two levels in "
                 "pandas: give each column one name, as by df.columns = ['_'.join(map(str, c)) for "
@@ -205,7 +211,7 @@ def _of_table(
         if said:
             skip = 0
     else:
-        names = [str(n + 1) for n in range(len(rows[0]))]
+        names = [str(n + 1) for n in range(len(_stripped(rows[0])))]
         proposal.table["header"] = False
     if skip:
         proposal.table["skip"] = skip
@@ -234,7 +240,16 @@ def _of_table(
     return proposal
 
 
-def _refuse_long(columns: Mapping[str, list[str]], clock: str, values: Collection[str]) -> None:
+def _block_of(texts: list[str]) -> int:
+    """Return how many rows in turn have the same text, if that is a constant; otherwise 1."""
+    ends = [n for n in range(1, len(texts)) if texts[n] != texts[n - 1]]
+    sizes = set(np.diff(ends).tolist()) - {1}
+    return sizes.pop() if len(sizes) == 1 else 1
+
+
+def _refuse_long(
+    columns: Mapping[str, list[str]], clock: str, values: Mapping[str, Floats]
+) -> None:
     """Refuse a table with a row a taxel, or a row a sensor.
 
     Raises
@@ -243,14 +258,15 @@ def _refuse_long(columns: Mapping[str, list[str]], clock: str, values: Collectio
         If a column goes through the same words again and again, or through the same whole numbers
         at each of its times.
     """
-    times = columns.get(clock, [])
-    ends = [n for n in range(1, len(times)) if times[n] != times[n - 1]]
-    blocks = set(np.diff(ends).tolist()) - {1}
+    rising = (n for n in values if not TIME.search(n) and (np.diff(values[n]) >= 0.0).all())
+    keys = [clock] if clock else list(rising)
+    steps = [_block_of(columns[name]) for name in keys]
+    size_of_block = max(steps, default=1)  # rows of the same time, or of the same frame
     for name, texts in columns.items():
-        if name == clock:
+        if name in keys:
             continue
-        if len(blocks) == 1:  # rows of the same time
-            size = max(blocks)
+        if size_of_block > 1:
+            size = size_of_block
         elif name not in values:
             size = next((n for n in range(1, len(texts)) if texts[n] == texts[0]), len(texts))
         else:
@@ -274,7 +290,9 @@ def _columns(
     clock = ""
     for name, texts in columns.items():
         known = [_number(text, form.decimal, form.thousands) for text in texts]
-        if sum(known) > MOSTLY * len(texts):  # its reader names the line of another word
+        stamped = not clock and asked in ("", name) and all(map(COMPACT.fullmatch, texts))
+        if not stamped and sum(known) > MOSTLY * len(texts):
+            # its reader names the line of another word
             made = [
                 np.nan if not good or text.strip().lower() in (*MISSING, "") else float(text)
                 for text, good in zip(form.plain(texts), known, strict=True)
@@ -292,6 +310,21 @@ def _columns(
                     f"time_format: {texts[0].strip()} is read by '{forms[0]}', and '{forms[1]}' "
                     "fits, too"
                 )
+        elif not named and sum(map(bool, map(SIGNS.fullmatch, texts))) > MOSTLY * len(texts):
+            raise CodecError(
+                f"The fields of the table have other signs beside their numbers, as in "
+                f"{texts[0].strip()!r:.60}: write plain numbers with one separator between them."
+            )
+        elif (
+            not named
+            and name == "1"
+            and len(set(texts)) == len(texts) > TURNS
+            and not any(known[1:])
+        ):
+            raise CodecError(
+                f"The first column names the rows, as {texts[1].strip()!r:.60}, as where a frame "
+                "is a column: turn the table, as by df.T in pandas."
+            )
     if clock:
         proposal.table["time"] = clock
     elif not asked or asked in values:

@@ -12,7 +12,7 @@ from cnnum.drivers.text_table import by_format
 from cnnum.recordings.times import rate_of
 
 TIME = re.compile(
-    r"(?:^|[^a-z])(?:ts|times?|stamps?|timestamps?|clock|seconds|[mun]?secs?|elapsed|epoch"
+    r"(?:^|[^a-z])(?:ts|times?|stamps?|timestamps?|clock|seconds|[mun]s|[mun]?secs?|elapsed|epoch"
     r"|ticks?|unix|milli(?:s|seconds?)|micro(?:s|seconds?)|nano(?:s|secs?|seconds?)|zeit|zeitstempel|temps|tiempo)(?:$|[^a-z])"
     r"|^t(?:$|[ _\[(.])",
     re.IGNORECASE,
@@ -87,6 +87,11 @@ def take_clock(
             )
             return ""
         if unit := "ns" if unit and name in stamped else unit:
+            others = (other for other in named if other != name)
+            rising = [name, *(n for n in others if unit_of_times(n, read(n)))]
+            if len(rising) > 1 and not asked:
+                of = ", ".join(map(repr, rising))
+                proposal.undecided.append(f"time: '{name}' is taken of {of}")
             proposal.table |= {"time": name, "time_unit": unit}
             return name
         steps = np.diff(values)
@@ -150,19 +155,34 @@ CLOCKS = ("%H:%M:%S.%f", "%H:%M:%S,%f", "%H:%M:%S", "%I:%M:%S.%f %p", "%I:%M:%S 
 CLOCK = re.compile(r"\d:\d\d")
 """What all of them have, and no number."""
 
+COMPACT = re.compile(
+    r"\s*(?:19|20)\d\d(?:0[1-9]|1[0-2])(?:0[1-9]|[12]\d|3[01])([_ T-]?)"
+    r"(?:[01]\d|2[0-3])[0-5]\d[0-5]\d(?:[._-]?\d+)?\s*"
+)
+"""Dates and times in digits alone, which as numbers of ns would run wrongly."""
+
 
 def date_forms(texts: list[str]) -> list[str]:
     """Return the forms that dates of a column have other than ISO's, days before months."""
-    result, forms = list[str](), list[str]()
-    if not all(CLOCK.search(text) for text in texts):
+    result = list[str]()
+    if (first := COMPACT.match(texts[0])) is not None and all(map(COMPACT.fullmatch, texts)):
+        rest = [f"{sign}%f" for sign in ("", ".", "_", "-")]
+        forms = [f"%Y%m%d{first[1]}%H%M%S{part}" for part in ("", *rest)]
+    elif not all(CLOCK.search(text) for text in texts):
         return result
-    for sign, days in product("/.-", ("%d{0}%m{0}%Y", "%m{0}%d{0}%Y", "%d{0}%m{0}%y")):
-        for clock in CLOCKS:
-            forms.append(f"{days.format(sign)} {clock}")
-    words = ("%d. %b %Y", "%d %b %Y", "%d-%b-%Y", "%b %d %Y", "%b %d, %Y")
-    forms += [f"{days} {clock}" for days in words for clock in CLOCKS]
+    else:
+        forms = _usual_forms()
     for form in forms:
         read = by_format(form)
         if all(read(text) is not None for text in texts):
             result.append(form)
     return result
+
+
+def _usual_forms() -> list[str]:
+    forms = ["%H:%M:%S:%f", "%Y-%m-%d %H:%M:%S:%f", "%M:%S.%f", "%M:%S,%f"]
+    for sign, days in product("/.-", ("%d{0}%m{0}%Y", "%m{0}%d{0}%Y", "%d{0}%m{0}%y")):
+        for clock in CLOCKS:
+            forms.append(f"{days.format(sign)} {clock}")
+    words = ("%d. %b %Y", "%d %b %Y", "%d-%b-%Y", "%b %d %Y", "%b %d, %Y")
+    return forms + [f"{days} {clock}" for days in words for clock in CLOCKS]

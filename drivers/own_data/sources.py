@@ -31,6 +31,9 @@ from cnnum.safety.reading import DAMAGE, MEGABYTE, open_regular
 from cnnum.safety.values import shown
 
 Arrays = Mapping[str, NDArray[Any]]
+MAT = ".mat"
+"""Suffix of MATLAB's files, which are HDF5 from its version 7.3, with the axes reversed."""
+
 NUMBERS = "fiub"
 """Kinds of numbers that a file may hold."""
 
@@ -88,6 +91,12 @@ def npy_array(path: Path, layout: DataLayout) -> Arrays:
 
 def npz_arrays(path: Path, layout: DataLayout) -> Arrays:
     """Return arrays of a NumPy archive."""
+    if isinstance(columns := layout.values, tuple):
+        held = read_arrays(path, {*columns, *_singles(layout)})
+        for name in (*columns, *_singles(layout)):
+            if name not in held:
+                raise CodecError(f"'{path}' has no array {shown(name)}; it has {_some(held)}.")
+        return {VALUES: _joined(path, held, columns), **{n: held[n] for n in _singles(layout)}}
     held = read_arrays(path, {_array_name(layout), *_singles(layout)})
     return _picked(path, layout, held.__getitem__, held)
 
@@ -103,8 +112,7 @@ def hdf5_arrays(path: Path, layout: DataLayout) -> Arrays:
         for name in (*columns, *_singles(layout)):
             if name not in every:
                 raise CodecError(f"'{path}' has no array {shown(name)}; it has {_some(known)}.")
-        values = np.stack([every[name].reshape(-1) for name in columns], axis=1)
-        return {VALUES: values, **{name: every[name] for name in _singles(layout)}}
+        return {VALUES: _joined(path, every, columns), **{n: every[n] for n in _singles(layout)}}
     known, held = read_hdf5(path, list(dict.fromkeys((_array_name(layout), *_singles(layout)))))
     return _picked(path, layout, held.__getitem__, known)
 
@@ -264,13 +272,9 @@ def held_by(path: Path, layout: DataLayout) -> Arrays:
         return blocks(path, layout)
     if is_bag(path):
         return message_fields(path, layout)
-    read = READERS.get(path.suffix.lower())
-    if read is None:
-        raise CodecError(
-            f"'{path}' has a layout and is of no kind that is read: expected one of "
-            f"{', '.join(READERS)}, or a folder with bags of ROS 1 or ROS 2."
-        )
-    return read(path, layout)
+    if path.is_dir():
+        raise CodecError(f"'{path}' has a layout: expected a folder with bags of ROS 1 or ROS 2.")
+    return READERS.get(path.suffix.lower(), csv_columns)(path, layout)
 
 
 READERS: Mapping[str, Callable[[Path, DataLayout], Arrays]] = {
@@ -279,18 +283,28 @@ READERS: Mapping[str, Callable[[Path, DataLayout], Arrays]] = {
     ".npz": npz_arrays,
     ".h5": hdf5_arrays,
     ".hdf5": hdf5_arrays,
+    MAT: hdf5_arrays,
     PARQUET: hdf5_arrays,
     ".mcap": message_fields,
     **dict.fromkeys((*JSON_LINES, *BAGS), message_fields),
-    **dict.fromkeys((".log", ".bin"), sent_scans),
+    **dict.fromkeys((".log", ".bin"), csv_columns),  # where they name no protocol
 }
-"""By the suffix of the file."""
+"""By the suffix of the file; all others are tables in text."""
 
-HDF5 = (".h5", ".hdf5")
+HDF5 = (".h5", ".hdf5", MAT)
 
 
 def _array_name(layout: DataLayout) -> str:
     return layout.values if isinstance(layout.values, str) and layout.values else VALUES
+
+
+def _joined(path: Path, held: Arrays, names: Iterable[str]) -> NDArray[Any]:
+    """Return arrays side by side, (frames, numbers of a frame)."""
+    arrays = [np.atleast_1d(held[name]) for name in names]
+    parts = [part.reshape(len(part), -1) for part in arrays]
+    if len({len(part) for part in parts}) > 1:
+        raise CodecError(f"'{path}': the arrays that 'values' names are of different lengths.")
+    return np.concatenate(parts, axis=1)
 
 
 def _singles(layout: DataLayout) -> tuple[str, ...]:

@@ -10,8 +10,6 @@ from cnnum.cli.output import Output
 from cnnum.safety.values import visible
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from cnnum.arrays import Floats
     from cnnum.recordings.recording import Recording
 
@@ -68,9 +66,10 @@ def command(
         # its shape may follow from its presses, for which a rate is of no matter
         spare = {"rate": 1.0} if unshaped and proposal.asks("rate") else {}
         recording = recording_by(file, read_options(DataLayout, proposal.table | spare, Path()))
+        before = dict(proposal.table)
         if (unshaped and not settle_shape(proposal, recording)) or spare:
             recording = None
-        elif list(recording.shape) != list(cast("Sequence[int]", proposal.table["shape"])):
+        elif proposal.table != before:
             recording = recording_by(file, read_options(DataLayout, proposal.table, Path()))
     except SceneError as error:
         if given or "rate" not in str(error):

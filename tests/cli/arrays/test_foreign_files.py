@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from foreign_files import FILES, FRAMES, PRESSED, RATE, press
+from foreign_files import FILES, FRAMES, PRESSED, RATE, press, times
 
 import cnnum
 
@@ -382,6 +382,34 @@ REFUSED = {
 }
 
 
+REFUSED |= {
+    "a row a taxel, by frames": (
+        ["frame,taxel,x,y,z", *(f"{n},{k},1,2,{n}" for n in range(20) for k in range(16))],
+        "several rows a frame: 'taxel' goes through 16 values again and again",
+    ),
+    "a row a taxel, without names": (
+        [f"{n / 100},{k},1,2,{n}" for n in range(20) for k in range(16)],
+        "several rows a frame: '2' goes through 16 values again and again",
+    ),
+    "a column a frame": (
+        [f"p{k}," + ",".join(f"{n}.5" for n in range(40)) for k in range(9)],
+        "The first column names the rows, as 'p1', as where a frame is a column",
+    ),
+    "lists as Python prints them": (
+        [f"[{n / 100}, 31, 30, {n % 7}, 33, 34, 35, 36, 37, 38, 39, 40]" for n in range(40)],
+        "other signs beside their numbers, as in '[0.0'",
+    ),
+    "two separators": (
+        [f"{n / 100};31 30 {n % 7} 33 34 35 36" for n in range(40)],
+        "other signs beside their numbers, as in '0.0;31'",
+    ),
+    "a log": (
+        [f"[INFO] [{n / 100}] [skin]: 31,30,{n % 7},33,34,35" for n in range(40)],
+        "other signs beside their numbers, as in '[INFO] [0.0] [skin]: 31'",
+    ),
+}
+
+
 @pytest.mark.parametrize("name", REFUSED)
 def test_tables_that_would_be_misread_are_one_sentence(call, tmp_path, name):
     lines, said = REFUSED[name]
@@ -442,6 +470,167 @@ def test_tables_of_other_countries_and_of_two_sensors(call, tmp_path, name):
     recording = cnnum.load_recording(path)
     np.testing.assert_array_equal(recording.values, np.rint(press(3, 4, offset=900)))
     assert recording.times == pytest.approx(np.arange(FRAMES) / RATE, abs=1e-9)
+
+
+PLACES = [(row, col) for row in range(6) for col in range(8)]
+
+
+def pressures():
+    """(frames, 6, 8) counts of one channel."""
+    return np.rint(press(6, 8, axes=1, offset=30, size=150))[..., 0]
+
+
+def named(names, clock="t", time=lambda n: f"{n / 100}", begin="", empty=0):
+    """A table of pressures, with empty columns at its end."""
+
+    def write(folder):
+        rows = lines_of([begin + clock, *names], [time], frames=pressures().reshape(FRAMES, -1))
+        path = folder / "a.csv"
+        path.write_text("\n".join([rows[0], *(row + empty * "," for row in rows[1:])]) + "\n")
+        return path
+
+    return write
+
+
+def lines_of_json(content):
+    def write(folder):
+        objects = zip(times().tolist(), pressures().tolist(), strict=True)
+        path = folder / "a.jsonl"
+        path.write_text("\n".join(json.dumps({"t": t, **content(one)}) for t, one in objects))
+        return path
+
+    return write
+
+
+def arrays_of_rows(folder):
+    np.savez(folder / "a.npz", t=times(), **{f"row{n}": pressures()[:, n] for n in range(6)})
+    return folder / "a.npz"
+
+
+def matlab(folder):
+    """What MATLAB 7.3 writes of (frames, rows, columns): HDF5 with the axes reversed."""
+    h5py = pytest.importorskip("h5py")
+    path = folder / "a.mat"
+    with h5py.File(path, "w", userblock_size=512) as file:
+        file["pressure"], file["t"] = pressures().T, times()[np.newaxis]
+    path.write_bytes(b"MATLAB 7.3 MAT-file".ljust(512) + path.read_bytes()[512:])
+    return path
+
+
+def digits(n):
+    return day(n, "%Y%m%d%H%M%S%f", "Aug")
+
+
+NUMBERED = [f"s{n}" for n in range(48)]
+READ = {
+    "one channel of a multiple of three": named(NUMBERED),
+    "columns before rows": named([f"c{col}_r{row}" for row, col in PLACES]),
+    "words of both": named([f"Column {col + 1} Row {row + 1} (kPa)" for row, col in PLACES]),
+    "x and y of a place": named([f"x{col}_y{row}" for row, col in PLACES]),
+    "numbers with zeros before": named([f"r{row:02d}c{col:02d}" for row, col in PLACES]),
+    "numbers in brackets": named([f"pad.taxels[{n}].force.z" for n in range(48)]),
+    "dates in digits": named(NUMBERED, "stamp", digits),
+    "differences of pandas": named(NUMBERED, "t", lambda n: f"0 days 00:00:{n / 100:09.6f}"),
+    "rostopic": named(NUMBERED, "time,id", lambda n: f"{17 * 10**17 + n * 10**7},skin", begin="%"),
+    "an empty column with a name": named([*NUMBERED, "note"], empty=1),
+    "a field a taxel": lines_of_json(
+        lambda one: {f"p{n}": v for n, v in enumerate(v for row in one for v in row)}
+    ),
+    "a field a row": lines_of_json(lambda one: {f"row{n}": row for n, row in enumerate(one)}),
+    "an array a row": arrays_of_rows,
+    "MATLAB": matlab,
+}
+
+
+@pytest.mark.parametrize("name", READ)
+def test_pressures_of_six_rows_and_eight_columns_are_found(call, tmp_path, name):
+    """Others were 4×4 taxels of three channels, turned by their names, or with wrong times."""
+    path = READ[name](tmp_path)
+    done = call("layout", path, "--write")
+    assert done.exit_code == 0, done.stdout + done.stderr
+    recording = cnnum.load_recording(path)
+    np.testing.assert_array_equal(recording.values[..., 0], pressures())
+    assert recording.times == pytest.approx(np.arange(FRAMES) / RATE, abs=1e-6)
+
+
+def three_fields(content):
+    def write(folder):
+        path = folder / "a.jsonl"
+        frames = zip(times().tolist(), np.rint(press(4, 4, offset=900)).tolist(), strict=True)
+        path.write_text("\n".join(json.dumps({"t": t, **content(one)}) for t, one in frames))
+        return path
+
+    return write
+
+
+def three_arrays(folder):
+    made = np.rint(press(4, 4, offset=900))
+    np.savez(
+        folder / "a.npz", t=times(), **{f"force_{a}": made[..., n] for n, a in enumerate("xyz")}
+    )
+    return folder / "a.npz"
+
+
+PARTS = {
+    "a field a channel": three_fields(
+        lambda one: {a: [v[n] for row in one for v in row] for n, a in enumerate("xyz")}
+    ),
+    "a field a taxel": three_fields(
+        lambda one: {
+            f"taxel{n}": dict(zip("xyz", v, strict=True))
+            for n, v in enumerate(v for row in one for v in row)
+        }
+    ),
+    "an array a channel": three_arrays,
+}
+
+
+@pytest.mark.parametrize("name", PARTS)
+def test_parts_of_a_frame_are_put_together(call, tmp_path, name):
+    """One channel, or one taxel, was taken for the frame in silence."""
+    path = PARTS[name](tmp_path)
+    assert call("layout", path, "--write").exit_code == 0
+    recording = cnnum.load_recording(path)
+    np.testing.assert_array_equal(recording.values, np.rint(press(4, 4, offset=900)))
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "said"),
+    [
+        ("a.csv.gz", b"\x1f\x8b\x08", "is compressed: unpack it"),
+        ("a.xlsx", b"PK\x03\x04", "save the sheet as CSV"),
+        ("a.mat", b"MATLAB 5.0 MAT-file", "save it there with '-v7.3'"),
+        ("a.pkl", b"\x80\x04\x95", "numpy.savez"),
+        (
+            "a.json",
+            b'{"t": [0, 1, 2], "p": [[1, 2], [3, 4], [5, 6]]}',
+            "holds all frames in one message",
+        ),
+    ],
+)
+def test_files_of_other_kinds_are_called_so(call, tmp_path, name, content, said):
+    (tmp_path / name).write_bytes(content)
+    done = call("layout", tmp_path / name)
+    assert (done.exit_code, done.stderr.count("\n")) == (2, 1)
+    assert said in done.stderr
+
+
+def test_times_among_the_numbers_of_a_frame_are_no_taxel(call, tmp_path):
+    np.save(tmp_path / "a.npy", np.column_stack([times(), pressures().reshape(FRAMES, -1)]))
+    done = call("layout", tmp_path / "a.npy", "--set", "rate=100")
+    assert (done.exit_code, done.stderr.count("\n")) == (2, 1)
+    assert "number 0 of a frame rises from frame to frame, as a time does" in done.stderr
+
+
+def test_one_of_two_clocks_is_said_to_be_taken(call, tmp_path):
+    """As is any suffix of a table in text."""
+    lines = lines_of(
+        ["host_time", "device_us", *TXLS], [lambda n: f"{n / 100}", lambda n: f"{10_003 * n}"]
+    )
+    (tmp_path / "a.out").write_text("\n".join(lines) + "\n")
+    done = call("layout", tmp_path / "a.out", "--write")
+    assert done.exit_code == 0, done.stderr
+    assert "# time: 'host_time' is taken of 'host_time', 'device_us'" in done.stdout
 
 
 def test_seconds_and_nanoseconds_in_two_columns_are_asked_about(call, tmp_path):
