@@ -69,6 +69,13 @@ def learned_outlines_are_those_of_edge(names, said):
     assert (got == outlined(unseen)).mean() > 0.99
 
 
+def a_press_is_one_that_comes(names, said):
+    """The sphere comes down from 0.4 to 1 s, and the strain has just exceeded 0.03."""
+    (event,) = names["scene"].collect(250).events
+    assert 0.4 < event.time < 1.0
+    assert 0.03 < event.strength < 0.04
+
+
 def a_program_outlines_what_is_touched(names, said):
     """Of all 1,000 frames: whether anything is, and EDGE's answer to it."""
     touched = names["frames"][..., 2] > np.float32(0.1)
@@ -138,7 +145,10 @@ def the_step_is_two_over_the_fastest_rate(names, said):
 
 def noise_is_no_slip_in_whole_numbers(names, said):
     stream = names["plan"].stream()
-    assert not any(stream.push(frame)["gross_slip"] for frame in names["frames"][:30])
+    answers = [stream.push(frame) for frame in names["frames"][:30]]
+    assert not any(answer["gross_slip"] for answer in answers)
+    # a plan that answers nothing but 0 would have no level
+    assert answers[-1]["slip_level"] == pytest.approx(0.4, abs=1e-4)
 
 
 def a_chip_is_off_by_its_noise_and_its_mismatch(names, said):
@@ -149,6 +159,7 @@ def a_chip_is_off_by_its_noise_and_its_mismatch(names, said):
 def noise_on_a_chip_is_no_twist(names, said):
     assert len(names["answers"]) == 20
     assert not any(answer["twist"] for answer in names["answers"])
+    assert names["answers"][-1]["twist_level"] == pytest.approx(0.1, abs=1e-4)
 
 
 def holes_are_counted(names, said):
@@ -287,6 +298,7 @@ HELD = {
     f"{BEYOND}-5": a_bias_map_is_a_threshold,
     f"{BEYOND}-6": a_membrane_is_straight_between_what_holds_it,
     "docs/how-to/program.md-0": a_program_outlines_what_is_touched,
+    "docs/how-to/program.md-3": a_press_is_one_that_comes,
     "docs/how-to/template.md-1": a_batch_has_a_template_a_row,
     "docs/methods.md-1": edges_are_black_next_to_white,
     "docs/microcontrollers.md-0": an_export_has_the_deepest_reading,
