@@ -697,7 +697,7 @@ def test_spikes_of_the_receptors_are_address_events(tmp_path):
     # where the sphere came down, the first one fires
     first = record["ra1_first"][-1]
     place = np.unravel_index(np.argmin(np.where(first < 0, np.inf, first)), first.shape)
-    assert np.hypot(place[0] - (3.5 - 0.4 / 1.5), place[1] - (3.5 - 0.9 / 1.5)) < 1.5
+    assert np.hypot(place[0] - (3.5 - 0.4 / 1.5), place[1] - (3.5 - 0.9 / 1.5)) < 1.0
     for row, column in np.argwhere(first >= 0):
         own = events["t"][(events["x"] == column) & (events["y"] == row)]
         # times are whole µs
