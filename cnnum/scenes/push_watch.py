@@ -264,10 +264,11 @@ class PushWatch:
         )
 
 
-NO_FRICTION = 3.0
-"""Change of the shear, over the load above rest, that no friction holds: some load is hidden in the
-rest. Scenes that begin without contact stay below 2.6, all but those on a bonded layer, whose
-strain shows little of the load; those that begin with a held object reach 3.4 and more."""
+NO_FRICTION = 12.0
+"""Change of the shear, over the change of the whole load, that no friction holds: some load is
+hidden in the rest. A pull alone raises as many normal readings as it lowers. Scenes that begin
+without contact stay below 7, all but those on a bonded layer, whose strain shows little of the
+load; those that begin with a held object reach 23 and more."""
 
 SEEN = 0.05
 """s for which that must be seen, or a fall below rest, until it is said."""
@@ -333,7 +334,7 @@ class HeldWatch:
         self._looked = time
         x, y, normal = (self._push * (values - self._rest)[..., n] for n in self._places)
         clear = CLEAR * self._noise * float(normal.size) ** 0.5
-        load, push, pull = np.maximum(normal, 0.0).sum(), float(normal.max()), -float(normal.min())
+        load, push, pull = max(normal.sum(), 0.0), float(normal.max()), -float(normal.min())
         shear = self._gain * float(np.hypot(x.sum(), y.sum()))
         below = pull > CLEAR * self._noise and pull > OUTWEIGHS * max(push, 0.0)
         # a touch that reads as a pull makes taxels less even, one that ends makes them more so

@@ -7,8 +7,14 @@ import pytest
 
 import cnnum
 from cnnum.drivers.simulated.array import SimulatedOptions
+from cnnum.drivers.simulated.grips import Arrays, power, pulled
 from cnnum.drivers.simulated.settings import Phase
+from cnnum.frame import FORCE_AXES
+from cnnum.lab.scoring.families import bristles
+from cnnum.lab.scoring.families.catalogue import begun, in_hold
+from cnnum.programs.library import get_program
 from cnnum.scenes.pipeline import load_scene
+from cnnum.scenes.push_watch import HeldWatch
 
 SCRIPT = (
     Phase("hold", 0.5),
@@ -72,3 +78,19 @@ def test_a_start_in_a_slide_is_said_and_marks_events(strain, caplog):
     late = [event for event in events if event.time > 2.6]
     assert late
     assert not any(event.rest_held for event in late)
+
+
+@pytest.mark.parametrize("held", [True, False])
+@pytest.mark.parametrize(
+    ("body", "make"),
+    [("spheres", pulled(power(1.0))), ("bristles", bristles.scene(bristles.slide))],
+)
+def test_starts_in_a_hold_are_marked_before_they_slip_and_others_never(body, make, held):
+    """Of the sphere, the pull alone raises readings by a third of the shear, and lowers others."""
+    make = begun(make, in_hold) if held else make
+    trial = make(Arrays(), f"held start: {body}", 5_000_002)
+    watch, marks = HeldWatch(get_program("slip"), FORCE_AXES), list[bool]()
+    for n, frame in enumerate(trial.frames):
+        watch.look(frame, n / trial.rate)
+        marks.append(watch.held)
+    assert any(marks[: trial.onset]) == any(marks) == held

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 AIMS_MISSED = 1
 
-SUITES = ("families", "recordings")
+SUITES = ("families", "hands", "recordings")
 STYLES = {True: "green", False: "bold red", None: ""}
 
 
@@ -39,7 +39,7 @@ class _Wanted(TypedDict):
 @click.option(
     "--suite",
     type=click.Choice(SUITES),
-    help="Suite; both by default, recordings only if CNNUM_RECORDINGS is set.",
+    help="Suite; families by default, and recordings if CNNUM_RECORDINGS is set.",
 )
 @click.option("--count", type=click.IntRange(min=1), help="Scenes per family (20).")
 @click.option("--quick", is_flag=True, help="Score one scene per family.")
@@ -82,8 +82,10 @@ def command(
     """Score slip and twist where the truth is known.
 
     The suite "families" draws simulated scenes with different pulls, objects, covers and taxels,
-    and with holding without slip. The suite "recordings" plays the data sets in the folder that
-    CNNUM_RECORDINGS names: uskin_grasp and a clone of tactile_prediction_flat_dataset.
+    and with holding without slip. The suite "hands" draws what slip and twist meet in real hands,
+    such as streams that begin with the object held, and arrays that read fewer axes. The suite
+    "recordings" plays the data sets in the folder that CNNUM_RECORDINGS names: uskin_grasp and a
+    clone of tactile_prediction_flat_dataset.
     """
     from cnnum.engine import Engine
     from cnnum.lab.scoring import Gathered, score
@@ -135,9 +137,10 @@ def _request(wanted: _Wanted) -> "Request":
 
     known = os.environ.get("CNNUM_RECORDINGS", "")
     folder = Path(known) if known and Path(known).is_dir() else None
-    both, named = SUITES if folder else SUITES[:1], wanted["objects"]
+    usual = ("families", "recordings") if folder else ("families",)
+    named = wanted["objects"]
     return Request(
-        suites=(wanted["suite"],) if wanted["suite"] else both,
+        suites=(wanted["suite"],) if wanted["suite"] else usual,
         count=QUICK if wanted["quick"] else wanted["count"] or USUAL,
         seed=SCORING if wanted["seed"] is None else wanted["seed"],
         leave_one_out=wanted["leave_one_out"],

@@ -12,7 +12,7 @@ import numpy as np
 
 from cnnum.drivers.simulated.grips import Arrays, Trial
 from cnnum.engines.devices.child import safe_path
-from cnnum.lab.scoring.families.catalogue import FAMILIES, Family
+from cnnum.lab.scoring.families.catalogue import FAMILIES, HANDS, Family
 from cnnum.lab.scoring.judge import (
     NEAR,
     Verdict,
@@ -85,7 +85,11 @@ class Scenes:
 
 
 def drawn(
-    count: int, seed: int, advance: Advance, trials: dict[str, list[Trial]] | None = None
+    count: int,
+    seed: int,
+    advance: Advance,
+    trials: dict[str, list[Trial]] | None = None,
+    families: Sequence[Family] = FAMILIES,
 ) -> dict[str, list[Trial]]:
     """Return scenes of every family: `count` each, from a seed on.
 
@@ -94,8 +98,9 @@ def drawn(
     count, seed : int
     advance : callable
         Called with the name of every family that is drawn.
-    found : dict, optional
+    trials : dict, optional
         Takes each family in as it comes, so that those of a run that is stopped are not lost.
+    families : sequence of Family
 
     Raises
     ------
@@ -103,12 +108,12 @@ def drawn(
         If a contact leaves its array.
     """
     trials = {} if trials is None else trials
-    if count * len(FAMILIES) <= FEW:
-        for family in FAMILIES:
+    if count * len(families) <= FEW:
+        for family in families:
             trials[family.name] = _drawn(family.name, count, seed)
             advance(family.name)
         return trials
-    names = [family.name for family in FAMILIES]
+    names = [family.name for family in families]
     with _workers() as workers:
         waiting = [workers.submit(_drawn, name, count, seed) for name in names]
         for name, future in zip(names, waiting, strict=True):
@@ -119,7 +124,7 @@ def drawn(
 
 def _drawn(name: str, count: int, seed: int) -> list[Trial]:
     """Return a family's scenes; by name, since their maker cannot go to another process."""
-    arrays, family = Arrays(), next(candidate for candidate in FAMILIES if candidate.name == name)
+    arrays, family = Arrays(), next(f for f in (*FAMILIES, *HANDS) if f.name == name)
     return [family.make(arrays, name, n) for n in range(seed, seed + count)]
 
 

@@ -108,13 +108,13 @@ def judge(trial: Trial, answers: Mapping[str, Floats], flags: Flags | None = Non
         slid=float(trial.slid[at]) if result else nan,
         delay=(at - onset) / trial.rate if result else nan,
         turned=_turned(trial, answers, at) if result else nan,
-        false=sum(not _due(trial, start) for start, _ in runs(said)),
+        false=sum(not due(trial, start) for start, _ in runs(said)),
         twists=sum(not trial.sense[start:after].any() for start, after in runs(twist)),
         seconds=trial.seconds,
     )
 
 
-def _due(trial: Trial, frame: int) -> bool:
+def due(trial: Trial, frame: int) -> bool:
     """Return whether a report may begin at a frame: slip is near, or its truth is not known."""
     before, after = round(GONE * trial.rate), round(EARLY * trial.rate)
     near = slice(max(0, frame - before), frame + after + 1)

@@ -127,14 +127,15 @@ def side_by_side(
     program: Program,
     outputs: Sequence[str],
     trials: Sequence[Trial],
-    constants: Mapping[str, float] = MappingProxyType({}),
+    constants: Mapping[str, float | str] = MappingProxyType({}),
+    channels: tuple[str, ...] = FORCE_AXES,
 ) -> list[Answers]:
-    """Return the outputs of one program, all trials side by side.
+    """Return the outputs of one program, all trials side by side; it sees some channels alone.
 
     A trial that is over repeats its last frame; its outputs are dropped.
     """
     bound = _bound(program, {**trials[0].setting, **constants})
-    plan = engine.compile(bound, trials[0].shape, outputs, channels=FORCE_AXES)
+    plan = engine.compile(bound, trials[0].shape, outputs, channels=channels)
     columns = [FORCE_AXES.index(channel) for channel in plan.schedule.channels]
     stream, longest = plan.stream((len(trials),)), max(len(trial.frames) for trial in trials)
     series = {output: np.empty((longest, len(trials))) for output in outputs}
@@ -153,7 +154,7 @@ def _frames(trials: Sequence[Trial], longest: int) -> Iterator[Any]:
         yield np.stack([t.frames[min(n, end)] for t, end in zip(trials, last, strict=True)])
 
 
-def _bound(program: Program, known: Mapping[str, float | bool]) -> Program:
+def _bound(program: Program, known: Mapping[str, float | bool | str]) -> Program:
     """Return the program with those of the known parameters that it takes."""
     takes = inspect.signature(program.function).parameters
     return program.bind(**{name: known[name] for name in known if name in (RATE, *takes)})

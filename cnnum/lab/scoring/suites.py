@@ -11,8 +11,9 @@ from cnnum.arrays import Floats
 from cnnum.drivers.simulated.grips import Flags, Trial, runs
 from cnnum.engine import Engine
 from cnnum.errors import SceneError
-from cnnum.lab.scoring.families.catalogue import FAMILIES
+from cnnum.lab.scoring.families.catalogue import FAMILIES, HANDS
 from cnnum.lab.scoring.family_tables import drawn, played, tables
+from cnnum.lab.scoring.hands import BUMPS, arrays_table, hands_table
 from cnnum.lab.scoring.judge import judge, median, onsets, per_ten_minutes, share
 from cnnum.lab.scoring.judged_programs import Answers, Subject, reports, shipped_level
 from cnnum.lab.scoring.left_out import GRID, choices, left_out_table
@@ -131,7 +132,7 @@ def _spans(trial: Trial, flags: Flags) -> str:
     return text or "none"
 
 
-SUITES = ("families", "recordings")
+SUITES = ("families", "hands", "recordings")
 
 QUICK, USUAL = 1, 20
 """Scenes of every family."""
@@ -188,7 +189,9 @@ class Request:
         count = 0
         if "families" in self.suites:
             count += len(FAMILIES) + len(GRID) * self.leave_one_out
-        if "recordings" in self.suites and self.recordings is not None:
+        if "hands" in self.suites:
+            count += len(HANDS) + 1
+        if {"hands", "recordings"} & {*self.suites} and self.recordings is not None:
             count += len(flat_folders(self.recordings, self.objects))
             count += len(uskin_folders(self.recordings))
         return count
@@ -200,12 +203,13 @@ class Gathered:
 
     Attributes
     ----------
-    families : dict of str to list of Trial
+    families, hands : dict of str to list of Trial
     recorded : (list of Trial, list of Trial)
         Of the flat data set, and of uSkin.
     """
 
     families: dict[str, list[Trial]] = field(default_factory=dict[str, list[Trial]])
+    hands: dict[str, list[Trial]] = field(default_factory=dict[str, list[Trial]])
     recorded: tuple[list[Trial], list[Trial]] = field(
         default_factory=lambda: (list[Trial](), list[Trial]())
     )
@@ -214,6 +218,7 @@ class Gathered:
         """Return the figures of each family and trial that is there, none over all of them."""
         both = Subject(engine, programs=programs)
         made = tables(played(both, self.families)) if self.families else []
+        made += [hands_table(engine, self.hands, {})] if self.hands else []
         flat, uskin = self.recorded
         groups = dict[str, tuple[Sequence[Trial], Sequence[Answers]]]()
         subject = Subject(engine, twists=False, programs=programs)
@@ -249,6 +254,8 @@ def score(
         made += _families(request, engine, advance, gathered)
     if "recordings" in request.suites and request.recordings is not None:
         made += _recordings(request, request.recordings, engine, advance, gathered)
+    if "hands" in request.suites:
+        made += _hands(request, engine, advance, gathered)
     return made
 
 
@@ -261,6 +268,21 @@ def _families(
     if request.leave_one_out:
         made.append(left_out_table(choices(engine, trials, advance)))
     return made
+
+
+def _hands(request: Request, engine: Engine, advance: Advance, gathered: Gathered) -> list[Table]:
+    families = (*HANDS, BUMPS)
+    trials = drawn(request.count, request.seed, advance, gathered.hands, families)
+    recorded = dict[str, list[Trial]]()
+    if request.recordings is not None:
+        flat, uskin = gathered.recorded
+        if "recordings" not in request.suites:
+            read(request.recordings, request.objects, advance, gathered.recorded)
+        recorded["recorded: uSkin, still"] = [trial for trial in uskin if not trial.slides]
+        recorded["recorded: uSkin, slips"] = [trial for trial in uskin if trial.slides]
+        recorded["recorded: grasps"] = flat
+    recorded = {name: some for name, some in recorded.items() if some}
+    return [hands_table(engine, trials, recorded), arrays_table(engine, trials)]
 
 
 def _recordings(

@@ -8,6 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from cnnum.drivers.simulated.grips import Trial, runs
+from cnnum.lab.scoring.hands import Played, _row
 from cnnum.lab.scoring.judge import auc, judge, median, per_ten_minutes, sense_right
 from cnnum.lab.scoring.left_out import Choice, chosen, reached
 from cnnum.lab.scoring.levels import Outcome, rate_of
@@ -311,3 +312,46 @@ def test_a_table_counts_aims_and_has_no_infinite_numbers():
     assert [column.text(rows[1][column.key]) for column in columns] == ["b", "–", "–"]
     others = replace(made, rows=[{**row, "baseline": True} for row in rows])
     assert (others.aimed, others.missed) == (0, 0)
+
+
+def test_a_situation_counts_what_is_found_false_and_unmarked():
+    """A slide of 2 s that is found after 0.2 s, and three false reports, one of them marked."""
+    marks = between((500, FRAMES))
+    said = answers((50, 60), (320, 400), (540, 550), twist=((100, 110),), sense=1)
+    said["slip_strength"] = between((ONSET, END), (LOOSE, ONSET)).astype(float)
+    row = _row("invented", [Played(invented(), said, marks)])
+    assert (row["slips"], row["slips_found"], row["delay_s"]) == (1, 1, pytest.approx(0.2))
+    minutes = (FRAMES - SETTLED - (END - ONSET)) / RATE / 60.0
+    assert row["minutes"] == pytest.approx(minutes)
+    assert row["false"] == pytest.approx(2 / minutes)
+    assert row["twists"] == pytest.approx(10 / minutes)
+    assert (row["unmarked"], row["marked"], row["turns"]) == (2, 1, 0)
+    assert row["auc"] == 1.0  # frames in which it is incipient do not count
+
+
+def test_a_turn_is_found_in_its_own_sense_alone():
+    turning = invented(slips=np.zeros(FRAMES), sense=np.where(between((ONSET, END)), -1, 0))
+    none = np.zeros(FRAMES, bool)
+    for sense, right in ((-1, 1), (1, 0)):
+        said = answers(twist=((ONSET - 20, END),), sense=sense)
+        said["slip_strength"] = np.zeros(FRAMES)
+        row = _row("invented", [Played(turning, said, none)])
+        assert (row["turns"], row["turns_found"], row["twists"]) == (1, right, 0.0)
+
+
+def test_a_minute_with_several_slips_counts_each():
+    """Of five slips of 1 s in 40 s three are found."""
+    frames = 4000
+    slips = np.zeros(frames)
+    for start in range(500, 3000, 500):
+        slips[start : start + 100] = 1.0
+    flags = np.zeros(frames)
+    flags[[550, 1050, 1550]] = 1.0
+    trial = invented(
+        frames=np.zeros((frames, 4, 4, 3), np.float32), slips=slips, slid=np.zeros(frames),
+        scored=np.ones(frames, bool), early=np.zeros(frames, bool), rows=np.arange(frames),
+        sense=np.zeros(frames, int),
+    )  # fmt: skip
+    said = {"gross_slip": flags, "slip_strength": flags}
+    row = _row("invented", [Played(trial, said, np.zeros(frames, bool))])
+    assert (row["slips"], row["slips_found"], row["false"]) == (5, 3, 0.0)

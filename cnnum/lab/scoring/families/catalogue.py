@@ -1,6 +1,7 @@
 """All families of scenes, by name."""
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from math import cos, pi, sin
 from typing import Literal
 
@@ -25,9 +26,11 @@ from cnnum.drivers.simulated.grips import (
     Trial,
     power,
     pulled,
+    strain_of,
     twisted,
 )
-from cnnum.lab.scoring.families import bristles, faces
+from cnnum.frame import FORCE_AXES
+from cnnum.lab.scoring.families import bristles, faces, fingertip
 from cnnum.lab.scoring.families.faces import PRESSURE, Face, Shaping
 from cnnum.tactile.grid import Grid
 
@@ -143,12 +146,15 @@ class Family:
         From shared arrays, the name and a seed to a trial.
     about : str
         Its distinction.
+    axes : tuple of str
+        Channels that the array reads.
     """
 
     name: str
     kind: Kind
     make: Make
     about: str
+    axes: tuple[str, ...] = FORCE_AXES
 
 
 FAMILIES = (
@@ -214,3 +220,100 @@ FAMILIES = (
     Family("bristles, swaying", "held", bristles.scene(bristles.swaying), "rocks, and sticks"),
 )  # fmt: skip
 """A table of results has them in this order."""
+
+
+STILL = 60.0
+"""s of a still hold."""
+
+
+def still(arrays: Arrays, family: str, seed: int) -> Trial:
+    """Return a minute in which a sphere is held and nothing moves: taxels creep and are noisy."""
+    draw = Draw.of(family, seed, Array(rate=100.0))
+    array, count = arrays.made(draw, Array(rate=100.0)), draw.scans(STILL)
+    strain = strain_of(array, [state for state, _ in array.scans()])
+    strain = np.concatenate([strain, np.repeat(strain[-1:], count - len(strain), axis=0)])
+    zeros = np.zeros(count)
+    return Trial(
+        family=family,
+        name=f"{family} {seed}",
+        rate=draw.rate,
+        frames=SHAKEN.read(array, strain, draw.rng).astype(np.float32),
+        slips=zeros,
+        scored=np.arange(count) >= SETTLED * draw.rate,
+        early=zeros > 0,
+        slid=zeros,
+        sense=np.zeros(count, dtype=np.int64),
+        direction=float("nan"),
+        rows=np.arange(count),
+        setting={"rate": draw.rate},
+    )
+
+
+def begun(make: Make, begin: Callable[[Trial], int]) -> Make:
+    """Return scenes from a frame on, as of a stream that begins in the middle of something."""
+
+    def cut(arrays: Arrays, family: str, seed: int) -> Trial:
+        trial = make(arrays, family, seed)
+        kept = slice(begin(trial), None)
+        frames = trial.frames[kept]
+        return replace(
+            trial,
+            frames=frames,
+            slips=trial.slips[kept],
+            scored=np.arange(len(frames)) >= SETTLED * trial.rate,
+            early=trial.early[kept],
+            slid=trial.slid[kept],
+            sense=trial.sense[kept],
+            rows=trial.rows[kept],
+        )
+
+    return cut
+
+
+def in_hold(trial: Trial) -> int:
+    """Return the first frame of the hold before a pull: 0.4 s of it are left for the rest."""
+    return round((REST + PRESS) * trial.rate)
+
+
+def in_slide(trial: Trial) -> int:
+    """Return the first frame of the slide, or a frame before the middle of a scene without."""
+    return min(trial.onset, len(trial.frames) // 2)
+
+
+SPHERE, BODY = pulled(EVEN), bristles.scene(bristles.slide)
+SHEAR = FORCE_AXES[:2]
+
+HANDS = (
+    Family("held still", "held", still, "spheres; taxels creep"),
+    *(
+        Family(f"gripped: {family.name}", "held", family.make, family.about)
+        for family in [family for family in FAMILIES if family.kind == "held"][:8]
+    ),
+    Family("held start: spheres", "slip", begun(SPHERE, in_hold), "begins in the hold"),
+    Family("held start: bristles", "slip", begun(BODY, in_hold), "begins in the hold"),
+    Family("start in a slide: spheres", "slip", begun(SPHERE, in_slide), "begins in the slide"),
+    Family("start in a slide: bristles", "slip", begun(BODY, in_slide), "begins in the slide"),
+    Family(
+        "slide, then a turn: bristles", "twist", bristles.scene(bristles.slid_then_turned),
+        "0.4 s of rest between them",
+    ),
+    Family("one of two pads: bristles", "slip", bristles.scene(bristles.slide, pads=2), "pads"),
+    *(
+        Family(f"oblique touch, {rate:g} Hz: {body}", "held", make, "sticks")
+        for rate in (3.0, 0.5)
+        for body, make in (
+            ("spheres", held.oblique(rate)),
+            ("bristles", bristles.scene(bristles.oblique(rate))),
+        )
+    ),
+    Family("rocking slide: bristles", "slip", bristles.scene(bristles.rocking), "slope swings"),
+    Family("shear alone, slide: spheres", "slip", SPHERE, "markers", SHEAR),
+    Family("shear alone, slide: bristles", "slip", BODY, "markers", SHEAR),
+    Family("shear alone, turn: spheres", "twist", twisted(), "markers", SHEAR),
+    Family(
+        "shear alone, turn: bristles", "twist", bristles.scene(bristles.pivot), "markers", SHEAR
+    ),
+    Family("shear alone, grip: spheres", "held", held.held(held.grips), "markers", SHEAR),
+    Family("24 electrodes: fingertip", "slip", fingertip.scene, "one axis", FORCE_AXES[2:]),
+)  # fmt: skip
+"""Situations of real hands; those with the same name before the colon share a row of `hands`."""
