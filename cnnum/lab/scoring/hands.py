@@ -230,12 +230,9 @@ READINGS: tuple[Reading, ...] = (
     ("contact", ("contact_row", "contact_column"), "cells", {}),
     ("contact", ("load_normal",), "share", {}),
     ("contact", ("contact_area",), "cells", {}),
-    ("edges", ("edge_count",), "cells", {}),
-    ("edges", ("edge_row", "edge_column"), "cells", {}),
     ("localize", ("bump_normal",), "share", {}),
     ("contact", ("contact_row", "contact_column"), "cells", {"reads": "force"}),
     ("contact", ("load_normal",), "share", {"reads": "force"}),
-    ("edges", ("edge_row", "edge_column"), "cells", {"reads": "force"}),
 )
 """Programs, outputs that make one quantity, its unit, and parameters."""
 
