@@ -27,7 +27,7 @@ from cnnum.engines.fallback import FallbackExecutable
 from cnnum.errors import ArrayError, FrameError, MethodError, ProgramError
 from cnnum.graph.nodes import Transient
 from cnnum.graph.schedule import LeftOut, Parts, Schedule, parts_of
-from cnnum.graph.tracing import TraceStep, everything_kept, trace_steps
+from cnnum.graph.tracing import TraceStep, everything_added, everything_kept, trace_steps
 from cnnum.integrators.cost import operation_flops, work
 from cnnum.integrators.solver import Solvers
 from cnnum.stream import Stream
@@ -381,9 +381,15 @@ class Plan(OfThisProcess):
         """
         return trace_steps(self.schedule, self.keeping_everything()(frame))
 
-    def keeping_everything(self) -> Plan:
-        """Return the plan built again with the result of every operation as an output."""
-        kept = everything_kept(self.schedule)
+    def keeping_everything(self, *, beside: bool = False) -> Plan:
+        """Return the plan built again with the result of every operation as an output.
+
+        Parameters
+        ----------
+        beside : bool
+            Whether the plan's own outputs stay, too.
+        """
+        kept = (everything_added if beside else everything_kept)(self.schedule)
         return replace(self, schedule=kept).unfused()
 
     def unfused(self) -> Plan:

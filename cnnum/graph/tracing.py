@@ -1,6 +1,7 @@
 """Single-stepping a plan: every operation, with the machine's memories after it."""
 
-from collections.abc import Iterator, Mapping
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -29,6 +30,8 @@ class TraceStep:
         The line of the program that asked for it, as "function module:line".
     elementwise : bool
         Local arithmetic or logic: every cell by itself.
+    template : bool
+        Result of the transient of a template.
     value : (..., rows, cols), (..., maps, rows, cols) or (...) float
     """
 
@@ -39,13 +42,19 @@ class TraceStep:
     stores: tuple[str, ...]
     origin: str
     elementwise: bool
+    template: bool
     value: Floats
 
 
 def everything_kept(schedule: Schedule) -> Schedule:
-    """Return the schedule with every operation's result among its outputs."""
+    """Return the schedule with every operation's result as an output, by its index."""
     kept = {str(node.index): node for node in schedule.nodes if _has_value(node)}
     return replace(schedule, outputs=kept)
+
+
+def everything_added(schedule: Schedule) -> Schedule:
+    """Return the schedule with its outputs, and every operation's result besides them."""
+    return replace(schedule, outputs={**schedule.outputs, **everything_kept(schedule).outputs})
 
 
 def trace_steps(schedule: Schedule, values: Mapping[str, Floats]) -> Iterator[TraceStep]:
@@ -72,8 +81,32 @@ def trace_steps(schedule: Schedule, values: Mapping[str, Floats]) -> Iterator[Tr
             ),
             origin=node.origin,
             elementwise=isinstance(node.operation, Apply),
+            template=any(isinstance(a.operation, Transient) for a in node.arguments),
             value=np.asarray(values[str(node.index)]),
         )
+
+
+def folds(steps: Sequence[TraceStep]) -> dict[int, int]:
+    """Return, by the number of each folded step, the number of the step that shows it.
+
+    Local arithmetic is folded if it is neither an output nor stored. Only local arithmetic of its
+    own function may read it.
+    """
+    known = {step.number: step for step in steps}
+    reads = Counter(read for step in steps for read in set(step.arguments))
+    into: dict[int, int] = {}
+    for step in reversed(steps):  # readers first
+        for read in step.arguments if step.elementwise else ():
+            inner = known[read]
+            kept = inner.outputs or inner.stores or not inner.elementwise or reads[read] > 1
+            if not kept and function_of(inner) == function_of(step):
+                into[read] = into.get(step.number, step.number)
+    return into
+
+
+def function_of(step: TraceStep) -> str:
+    """Return "function module" of a step."""
+    return step.origin.rpartition(":")[0] or step.origin
 
 
 def _has_value(node: Node) -> bool:

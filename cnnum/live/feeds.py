@@ -13,7 +13,7 @@ from cnnum.arrays import Floats
 from cnnum.drivers.driver import Driver
 from cnnum.errors import CnnumError
 from cnnum.frame import Frame
-from cnnum.live.hub import Hub
+from cnnum.live.hub import Hub, Inside
 from cnnum.safety.values import is_real
 from cnnum.scenes.conversion import unit_of
 from cnnum.scenes.explaining import explained, explained_kinds, read_outs_of
@@ -151,10 +151,10 @@ class _Live(_Threaded):
 class SceneFeed(_Live):
     """A scene as it runs: its program sees every frame, pages the newest."""
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: Scene, *, inside: bool = False) -> None:
         super().__init__()
         self._scene, self._shown = scene, shown_of(scene)
-        self.hub = hub_of(scene, self._shown)
+        self.hub = hub_of(scene, self._shown, inside=inside)
 
     def _work(self) -> None:
         begin = time.monotonic()
@@ -227,7 +227,7 @@ class RecordingFeed(_Threaded):
         so that rest, tare and memories there are those of the whole recording.
     """
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: Scene, *, inside: bool = False) -> None:
         super().__init__()
         self._scene = scene
         with scene.driver:
@@ -235,7 +235,7 @@ class RecordingFeed(_Threaded):
         self._times: Floats = np.array([frame.time for frame in self._frames])
         duration = float(self._times[-1] - self._times[0]) if len(self._times) else 0.0
         self._shown = shown_of(scene)
-        self.hub = hub_of(scene, self._shown, duration)
+        self.hub = hub_of(scene, self._shown, duration, inside=inside)
         self._changed = Condition()
         self._seek: float | None = 0.0
         self._speed, self._paused, self._woken, self._tared = 1.0, False, False, False
@@ -333,8 +333,8 @@ def shown_of(scene: Scene) -> Rested:
     return Rested(read if grid is None else lambda frame: grid.maps(read(frame)))
 
 
-def hub_of(scene: Scene, shown: Rested, duration: float = 0.0) -> Hub:
-    """Return the hub of a scene."""
+def hub_of(scene: Scene, shown: Rested, duration: float = 0.0, *, inside: bool = False) -> Hub:
+    """Return the hub of a scene; `inside` of one that keeps the results of all operations."""
     conversion, driver = scene.conversion, scene.driver
     known = set(scene.plan.schedule.outputs)
     kinds = [
@@ -357,4 +357,5 @@ def hub_of(scene: Scene, shown: Rested, duration: float = 0.0) -> Hub:
         lambda: driver.counters,
         duration,
         why if kinds else None,
+        Inside(scene.plan.schedule) if inside else None,
     )

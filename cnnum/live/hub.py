@@ -9,7 +9,8 @@ and normal of all taxels (f32). Then a mark a taxel (u8): bit 0 contact, bit 1 b
 import struct
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from threading import Lock
 
 import numpy as np
@@ -17,6 +18,8 @@ import numpy as np
 from cnnum.arrays import Floats, Shape
 from cnnum.drivers.driver import Counters
 from cnnum.frame import FORCE_AXES, Frame, Quality
+from cnnum.graph.schedule import Schedule
+from cnnum.graph.tracing import everything_kept, folds, trace_steps
 from cnnum.scenes.dropouts import GapWatch
 from cnnum.scenes.frame_path import FrameResult
 
@@ -29,6 +32,9 @@ MARKS = {"contact_map": 1, "bump_contact": 2, "edges": 4}
 
 FLAGS = {"contact": CONTACT, "gross_slip": GROSS, "twist": TWIST}
 """Outputs of a program that are a flag, by their bit."""
+
+NODES = struct.Struct("<IId")
+"""Before the numbers (u32) and values (f32) of operations: 2³² − 1, their count, the time in s."""
 
 Read = Callable[[Frame], Floats]
 Why = Callable[[FrameResult], list[dict[str, object]]]
@@ -77,6 +83,53 @@ def encoded(moment: FrameResult, loads: Floats, slip: str | None = None) -> byte
     return head + loads.astype("<f4").tobytes() + marks.tobytes()
 
 
+class Inside:
+    """The operations of a program, and their results in a moment as the page takes them.
+
+    Parameters
+    ----------
+    schedule : Schedule
+        With the result of every operation among its outputs.
+    """
+
+    def __init__(self, schedule: Schedule) -> None:
+        nodes = everything_kept(schedule).outputs
+        blank = {name: np.zeros(schedule.shape_of(node)) for name, node in nodes.items()}
+        self._keys = tuple(nodes)
+        own = {name: node for name, node in schedule.outputs.items() if name not in nodes}
+        self._steps = tuple(trace_steps(replace(schedule, outputs=own), blank))
+
+    def record(self) -> dict[str, object]:
+        """Return the graph as a JSON object."""
+        into = folds(self._steps)
+        return {
+            "nodes": [
+                {
+                    "number": step.number,
+                    "operation": step.operation,
+                    "arguments": step.arguments,
+                    "outputs": step.outputs,
+                    "stores": step.stores,
+                    "origin": step.origin,
+                    "template": step.template,
+                    "shape": step.value.shape,
+                    "into": into.get(step.number),
+                }
+                for step in self._steps
+            ]
+        }
+
+    def known(self, numbers: Sequence[object]) -> list[int]:
+        """Return those of some numbers that are operations."""
+        return [n for n in numbers if isinstance(n, int) and 0 <= n < len(self._keys)]
+
+    def encoded(self, moment: FrameResult, numbers: Sequence[int]) -> bytes:
+        """Return the results of some operations in a moment of their program."""
+        values = [np.asarray(moment.outputs[self._keys[n]], "<f4").tobytes() for n in numbers]
+        head = NODES.pack(0xFFFFFFFF, len(numbers), moment.frame.time)
+        return b"".join([head, np.array(numbers, "<u4").tobytes(), *values])
+
+
 def _holds(value: Floats | None) -> bool:
     return value is not None and bool(np.asarray(value).any())
 
@@ -110,6 +163,8 @@ class Hub:
         s of a recording; 0 of a live array.
     why : callable, optional
         From a moment to what is said of slip and twist in it, as JSON objects.
+    inside : Inside, optional
+        The program's operations, where the plan keeps their results.
     """
 
     def __init__(
@@ -123,8 +178,9 @@ class Hub:
         counters: Callable[[], Counters],
         duration: float = 0.0,
         why: Why | None = None,
+        inside: Inside | None = None,
     ) -> None:
-        self._why = why
+        self._why, self.inside = why, inside
         self._told: FrameResult | None = None
         self.name, self.shape, self.channels = name, shape, channels
         self.unit, self.rate, self.duration = unit, rate, duration
@@ -186,7 +242,13 @@ class Hub:
             "duration": self.duration,
             "events": events,
             "count": self.count,
+            "graph": self.inside.record() if self.inside else None,
         }
+
+    @property
+    def newest(self) -> FrameResult | None:
+        """The newest moment."""
+        return self._newest
 
     def events_since(self, count: int) -> tuple[int, list[dict[str, object]]]:
         """Return the events after the first `count`, as far as they are kept, and their number."""

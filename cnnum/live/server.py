@@ -40,7 +40,7 @@ KINDS = {
     ".js": "text/javascript; charset=utf-8",
 }
 
-VIEW = ("index.html", "view.css", "view.js")
+VIEW = ("index.html", "view.css", "view.js", "program.js")
 """Files of the live view, the page itself first."""
 
 POLICY = (
@@ -199,6 +199,7 @@ class Pages(Door):
         super().__init__(place)
         self._feed = feed
         self._open: set[ServerConnection] = set()
+        self._seen: dict[ServerConnection, tuple[Sequence[int], FrameResult | None]] = {}
         self.pictures = self.late = 0
 
     async def talk(self, connection: "ServerConnection") -> None:
@@ -210,17 +211,23 @@ class Pages(Door):
             self._open.add(connection)
             try:
                 async for message in connection:
-                    self._heed(message)
+                    self._heed(connection, message)
             finally:
                 self._open.discard(connection)
+                self._seen.pop(connection, None)
 
-    def _heed(self, message: str | bytes) -> None:
+    def _heed(self, connection: "ServerConnection", message: str | bytes) -> None:
         try:
             wanted: Any = json.loads(message)
         except (ValueError, RecursionError):
             return
-        if isinstance(wanted, dict):
-            self._feed.command(cast("dict[str, Any]", wanted))
+        if not isinstance(wanted, dict):
+            return
+        known, inside = cast("dict[str, Any]", wanted), self._feed.hub.inside
+        if inside is not None and isinstance(nodes := known.get("nodes"), list):
+            self._seen[connection] = inside.known(cast("list[object]", nodes)), None
+        else:
+            self._feed.command(known)
 
     async def show(self) -> None:
         """Send a picture 60 times a second, read-outs 10 times, a status twice, events at once."""
@@ -233,9 +240,15 @@ class Pages(Door):
             shown, sent = self._once(hub, shown, sent, count)
             count += 1
 
+    def _ready(self) -> "set[ServerConnection]":
+        """Return the pages that keep up."""
+        return {c for c in self._open if c.transport.get_write_buffer_size() < BEHIND}
+
     def _once(
         self, hub: Hub, shown: FrameResult | None, sent: int, count: int
     ) -> tuple[FrameResult | None, int]:
+        from websockets.asyncio.server import broadcast
+
         sent, events = hub.events_since(sent)
         if not self._open:
             return shown, sent
@@ -247,6 +260,12 @@ class Pages(Door):
             self._send(picture)
         if count % WHY == 0 and (why := hub.why()) is not None:
             self._send(json.dumps(json_value(why)))
+        if count % WHY == 0 and hub.inside is not None and (newest := hub.newest) is not None:
+            for page in self._ready():
+                nodes, known = self._seen.get(page, ((), None))
+                if nodes and newest is not known and newest.values is not None:
+                    self._seen[page] = nodes, newest
+                    broadcast([page], hub.inside.encoded(newest, nodes))
         if count % STATUS == 0:
             self._send(json.dumps({**hub.status(), "late": self.late}))
         return shown, sent
@@ -255,7 +274,7 @@ class Pages(Door):
         """Send to every page that keeps up."""
         from websockets.asyncio.server import broadcast
 
-        ready = {c for c in self._open if c.transport.get_write_buffer_size() < BEHIND}
+        ready = self._ready()
         self.late += len(self._open) - len(ready)
         broadcast(self._open if always else ready, message)
 

@@ -2,7 +2,6 @@
 
 import itertools
 import math
-from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from html import escape
 from importlib import resources
@@ -15,7 +14,7 @@ from cnnum import sharing
 from cnnum.arrays import Floats
 from cnnum.engine import Engine
 from cnnum.errors import name_error
-from cnnum.graph.tracing import TraceStep
+from cnnum.graph.tracing import TraceStep, folds, function_of
 from cnnum.pictures import as_pixels, pillow
 from cnnum.runs.result import Result
 from cnnum.safety.files import write_whole, written
@@ -272,24 +271,6 @@ def write_trace_page(
     write_whole(path, text, force=force)
 
 
-def folds(steps: Sequence[TraceStep]) -> dict[int, int]:
-    """Return, by the number of each folded step, the number of the step that shows it.
-
-    Local arithmetic is folded if it is neither an output nor stored. Only local arithmetic of its
-    own function may read it.
-    """
-    known = {step.number: step for step in steps}
-    reads = Counter(read for step in steps for read in set(step.arguments))
-    into: dict[int, int] = {}
-    for step in reversed(steps):  # readers first
-        for read in step.arguments if step.elementwise else ():
-            inner = known[read]
-            kept = inner.outputs or inner.stores or not inner.elementwise or reads[read] > 1
-            if not kept and _function(inner) == _function(step):
-                into[read] = into.get(step.number, step.number)
-    return into
-
-
 def _functions(steps: Sequence[TraceStep]) -> str:
     """Return a section a function, in the order in which they first run."""
     into = folds(steps)
@@ -299,7 +280,7 @@ def _functions(steps: Sequence[TraceStep]) -> str:
         if step.number in into:
             inside.setdefault(into[step.number], []).append(step)
         else:
-            parts.setdefault(_function(step), []).append(step)
+            parts.setdefault(function_of(step), []).append(step)
     return "".join(_section(name, part, inside) for name, part in parts.items())
 
 
@@ -315,11 +296,6 @@ def _section(
         f"<small>{escape(module)} · {count} {word}</small></summary><ol>{cards}</ol></details>"
         "</section>"
     )
-
-
-def _function(step: TraceStep) -> str:
-    """Return "function module" of a step."""
-    return step.origin.rpartition(":")[0] or step.origin
 
 
 def _card(step: TraceStep, inside: Sequence[TraceStep] = ()) -> str:

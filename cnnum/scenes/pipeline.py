@@ -616,6 +616,10 @@ class Scene(OfThisProcess):
                     return tuple(trace_steps(self.plan.schedule, moment.outputs))
         raise SceneError(f"The scene '{self.spec.name}' has no frame {number}.")
 
+    def keep_everything(self) -> None:
+        """Let every later moment hold the result of every operation, by its index as text."""
+        self.plan = self.plan.keeping_everything(beside=True)
+
     def explain(self, time: float) -> tuple[Explained, ...]:
         """Return why slip and twist are reported at a time, or are not.
 

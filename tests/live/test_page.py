@@ -34,10 +34,10 @@ def browser(tmp_path: Path) -> Iterator[Browser]:
 
 
 class Viewing:
-    """A running `cnnum view`."""
+    """A running `cnnum view`, or another page."""
 
-    def __init__(self, *arguments: str) -> None:
-        command = [sys.executable, "-m", "cnnum", "view", "--json", *arguments]
+    def __init__(self, *arguments: str, page: str = "view") -> None:
+        command = [sys.executable, "-m", "cnnum", page, "--json", *arguments]
         self.process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
         assert self.process.stdout is not None
         self.address: str = json.loads(self.process.stdout.readline())["address"]
@@ -240,3 +240,68 @@ def test_the_page_fits_a_phone_and_a_desk(
         assert len(shot(browser, tmp_path, f"page-{width}-{theme}")) > 10_000
     browser.value("at('theme').click()")
     assert browser.value("document.documentElement.dataset.theme") == "dark"
+
+
+OWN = """
+import cnnum
+
+@cnnum.program
+def own(frame):
+    steep = 2.0 * frame.normal - frame.shear_x
+    black = (steep > 0.5).picture()
+    edge = cnnum.apply(cnnum.get_template("EDGE"), input=black)
+    return {"steep": steep, "rim": edge.black(), "most": steep.max()}
+"""
+
+
+def test_the_studio_looks_into_a_program(browser: Browser, tmp_path: Path) -> None:
+    """Results of steps are those of NumPy and SciPy, at the time that the slider says."""
+    import numpy as np
+    from scipy import ndimage
+
+    values = np.round(np.random.default_rng(5).normal(size=(300, 6, 7, 3)), 3)
+    Recording(values, rate=100.0).save(tmp_path / "own.npz")
+    (tmp_path / "own.py").write_text(OWN)
+    (tmp_path / "own.toml").write_text(
+        'needs = ["steep", "rim", "most"]\n[array]\ndriver = "npz"\npath = "own.npz"\n'
+        '[program]\nname = "own.py:own"\n'
+    )
+    server = Viewing(str(tmp_path / "own.npz"), "--scene", str(tmp_path / "own.toml"), "--trust",
+                     "--port", "0", page="studio")  # fmt: skip
+    try:
+        browser.size(1300, 2000)
+        browser.open(server.address)
+        browser.until("document.body.dataset.nodes && program.selected")
+        for share in (250, 700):
+            browser.value("view.paused || at('pause').click()")
+            browser.value(f"at('scrub').value = {share}; "
+                          "at('scrub').dispatchEvent(new Event('input'))")  # fmt: skip
+            time = share / 1000.0 * browser.value("view.hello.duration")
+            browser.until(f"Math.abs(view.shown.time - {time}) < 0.02")
+            browser.until("program.time === view.shown.time")
+            frame = values[browser.value("view.shown.number")]
+            steep = 2.0 * frame[..., 2] - frame[..., 0]
+            black = np.pad(steep > 0.5, 1, mode="edge")
+            inner = ndimage.binary_erosion(black, np.ones((3, 3)))[1:-1, 1:-1]
+            truth = {"steep": steep, "rim": black[1:-1, 1:-1] & ~inner, "most": steep.max()}
+            for name, wanted in truth.items():
+                number = browser.value(
+                    f"program.shown.find((n) => n.outputs[0] === '{name}').number"
+                )
+                browser.value(f"program.values.clear(); select({number})")
+                browser.until(f"program.values.has({number})")
+                shown = browser.value(f"[...program.values.get({number})]")
+                np.testing.assert_allclose(shown, np.ravel(wanted), atol=1e-5, err_msg=name)
+        # the walk: what gives the outline reads, through folded arithmetic, the steep picture
+        browser.value("at('outputs').selectedIndex = 1; "
+                      "at('outputs').dispatchEvent(new Event('change'))")  # fmt: skip
+        assert "rim" in browser.value("at('said').textContent")
+        browser.value("document.querySelector('#reads .node').click()")
+        assert "EDGE" in browser.value("at('said').textContent")
+        # only what is seen is sent
+        assert browser.value("program.seen.size") < browser.value("program.nodes.length")
+        browser.size(400, 900, dark=True)
+        assert browser.value("document.documentElement.scrollWidth <= innerWidth")
+        shot(browser, tmp_path, "program-400-dark")
+    finally:
+        server.stop()

@@ -58,7 +58,7 @@ def command(
         token = secrets.token_urlsafe(12)
     where = Place(host, port, token)
     with busy(COMPILING, as_json=as_json):
-        feed = _feed(source, scene, changes, trust)
+        feed = feed_of(source, scene, changes, trust)
     output = Output(as_json)
 
     def ready(address: str) -> None:
@@ -74,7 +74,10 @@ def command(
     return 0
 
 
-def _feed(source: str, scene: str | None, changes: dict[str, Any], trust: bool) -> "Feed":
+def feed_of(
+    source: str, scene: str | None, changes: dict[str, Any], trust: bool, *, inside: bool = False
+) -> "Feed":
+    """Return the feed of a source; `inside` with the result of every operation of its program."""
     from cnnum.cli.options import open_source
     from cnnum.drivers.recording_file import array_of
     from cnnum.drivers.registry import is_driver
@@ -85,26 +88,37 @@ def _feed(source: str, scene: str | None, changes: dict[str, Any], trust: bool) 
         options = {key.removeprefix("array."): value for key, value in changes.items()}
         return ArrayFeed(source, open_source(source, options))
     if source in scene_names() or source.endswith(".toml"):
-        return SceneFeed(_scene(source, changes, trust))
+        return SceneFeed(_scene(source, changes, trust, inside), inside=inside)
     array = array_of(Path(source))
-    return RecordingFeed(_scene(scene or "demo", {"array": array} | changes, trust))
+    opened = _scene(scene or "demo", {"array": array} | changes, trust, inside)
+    return RecordingFeed(opened, inside=inside)
 
 
-def _scene(name: str, changes: dict[str, Any], trust: bool) -> "Scene":
+def _scene(name: str, changes: dict[str, Any], trust: bool, inside: bool) -> "Scene":
     """Return a scene that also gives the fields of the page, as far as its program has it."""
+    from cnnum.engine import Engine
     from cnnum.errors import SceneError, UnknownNameError
     from cnnum.scenes.pipeline import load_scene
     from cnnum.scenes.scene_file import read_scene
 
     spec = read_scene(name, changes=changes, trust=trust)
+    # hundreds of outputs are compiled in seconds by this one, and by OpenCL in minutes
+    engine = Engine("numba") if inside and spec.engine is None else None
     why = _read_outs(spec)
     for more in dict.fromkeys(((*SHOWN[0], *why), (*SHOWN[1], *why), why, *SHOWN[:-1])):
         try:
             every = list(dict.fromkeys((*spec.needs, *more)))
-            return load_scene(name, changes=changes | {"needs": every}, trust=trust)
+            opened = load_scene(
+                name, changes=changes | {"needs": every}, trust=trust, engine=engine
+            )
+            break
         except (SceneError, UnknownNameError):
             continue  # the program lacks one of them
-    return load_scene(name, changes=changes, trust=trust)
+    else:
+        opened = load_scene(name, changes=changes, trust=trust, engine=engine)
+    if inside:
+        opened.keep_everything()
+    return opened
 
 
 def _read_outs(spec: "SceneSpec") -> tuple[str, ...]:

@@ -1,36 +1,60 @@
-"""`cnnum studio`: a template at work in a browser, to change and to keep."""
+"""`cnnum studio`: a template at work in a browser, to change and to keep, or a program inside."""
 
 import secrets
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from cnnum.cli.library.templates_convert import is_place
-from cnnum.cli.options import completed, json_option, page_options
+from cnnum.cli.options import (
+    Changes,
+    completed,
+    json_option,
+    page_options,
+    scene_options,
+    trust_option,
+)
 from cnnum.cli.output import COMPILING, Output, busy
 from cnnum.cli.signals import stoppable
 
+if TYPE_CHECKING:
+    from cnnum.live.server import Door, Place
+
+SCENE_KEYS = {"array", "program", "needs"}
+"""Keys of a scene that no template has."""
+
 
 @click.command("studio")
-@click.argument("template", default="EDGE", shell_complete=completed("template", files=True))
+@click.argument("source", default="EDGE", shell_complete=completed("template", files=True))
+@click.option("--scene", help="Scene whose program runs on a recording; 'demo' by default.")
 @page_options(8766)
+@scene_options
+@trust_option
 @json_option
-def command(template: str, host: str, port: int, token: str, as_json: bool) -> int:
-    """Change TEMPLATE (of the library, or a file) in a browser and see it move, until Ctrl-C.
+def command(
+    source: str,
+    scene: str | None,
+    host: str,
+    port: int,
+    token: str,
+    changes: Changes,
+    trust: bool,
+    as_json: bool,
+) -> int:
+    """Change a template in a browser and see it move, or look into a program, until Ctrl-C.
 
-    The page also finds weights for a rule, counts flips under mismatch, compares two templates, and
-    saves TOML. Only this machine can reach it; with --host others can, and need a token.
+    SOURCE is a template (of the library, or a file), a scene, a tactile program, a driver or a
+    recording. The page of a template also finds weights for a rule, counts flips under mismatch,
+    compares two templates, and saves TOML. The page of a program shows its graph and the result of
+    each step as frames come. Only this machine can reach it; with --host others can, and need a
+    token.
     """
-    from cnnum.live.server import Place, is_loopback, run_door
+    from cnnum.live.server import Place, is_loopback, run, run_door
 
     if not is_loopback(host) and not token:
         token = secrets.token_urlsafe(12)
     where = Place(host, port, token)
-    with busy(COMPILING, as_json=as_json):
-        from cnnum.live.studio import Studio
-        from cnnum.templating.files import load_entry
-        from cnnum.templating.library import get_entry
-
-        door = Studio(where, load_entry(template) if is_place(template) else get_entry(template))
     output = Output(as_json)
 
     def ready(address: str) -> None:
@@ -40,7 +64,62 @@ def command(template: str, host: str, port: int, token: str, as_json: bool) -> i
 
     try:
         with stoppable():
-            run_door(door, "the studio", ready)
+            if is_of_program(source):
+                from cnnum.cli.arrays.view import feed_of
+
+                with busy(COMPILING, as_json=as_json):
+                    feed = feed_of(*_scene_of(source, scene, changes), trust, inside=True)
+                run(feed, where, ready)
+            else:
+                if scene is not None or changes or trust:
+                    raise click.UsageError(
+                        f"'{source}' is a template: --scene, --set and --trust are of programs."
+                    )
+                with busy(COMPILING, as_json=as_json):
+                    door = _studio(where, source)
+                run_door(door, "the studio", ready)
     except KeyboardInterrupt:
         return 130
     return 0
+
+
+def is_of_program(source: str) -> bool:
+    """Return whether a source is a scene, a program, a driver or a recording, not a template."""
+    from cnnum.drivers.registry import is_driver
+    from cnnum.programs.library import program_names
+    from cnnum.safety.reading import LARGEST, parse_toml, read_text
+    from cnnum.scenes.scene_file import scene_names
+
+    if source in (*scene_names(), *program_names()) or is_driver(source):
+        return True
+    path = Path(source)
+    if path.suffix != ".toml":
+        return is_place(source) and path.suffix not in (".tem", ".m", ".cnnsim")
+    try:
+        return bool(SCENE_KEYS & parse_toml(read_text(path, most=LARGEST)).keys())
+    except (OSError, ValueError):
+        return False  # what reads it as a template says why it cannot
+
+
+def _scene_of(
+    source: str, scene: str | None, changes: Changes
+) -> tuple[str, str | None, dict[str, object]]:
+    """Return the source, scene and changes that show a program; one alone runs on the demo."""
+    from cnnum.programs.library import program_names
+    from cnnum.scenes.scene_file import scene_names
+
+    if source in program_names() and source not in scene_names():
+        return (
+            scene or "demo",
+            None,
+            {"program": {"name": source}, "needs": ["everything"], **changes},
+        )
+    return source, scene, dict(changes)
+
+
+def _studio(where: "Place", source: str) -> "Door":
+    from cnnum.live.studio import Studio
+    from cnnum.templating.files import load_entry
+    from cnnum.templating.library import get_entry
+
+    return Studio(where, load_entry(source) if is_place(source) else get_entry(source))

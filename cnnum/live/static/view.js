@@ -50,6 +50,7 @@ function greet(hello) {
   at("speed").hidden = !hello.duration;
   at("live").hidden = Boolean(hello.duration);
   if (!same) view.past = [];
+  showProgram(hello.graph);
   view.whys = [];
   view.events = [];
   at("events").replaceChildren();
@@ -79,6 +80,7 @@ function warn(sentences) {
 
 function picture(buffer) {
   if (!view.hello) return;
+  if (new DataView(buffer).getUint32(0, true) === NODES) { nodesCame(buffer); return; }
   const head = new DataView(buffer), [rows, cols] = view.hello.shape, taxels = rows * cols;
   const one = {
     number: head.getUint32(0, true), flags: head.getUint32(4, true), time: head.getFloat64(8, true),
@@ -213,6 +215,7 @@ function readColours() {
     const x = (i / 255) * 4, k = Math.min(3, Math.floor(x)), f = x - k;
     return `rgb(${stops[k].map((c, j) => Math.round(c + f * (stops[k + 1][j] - c))).join(",")})`;
   });
+  for (const name of ["above", "below"]) colours[name] = style.getPropertyValue(`--${name}`).split(",").map(Number);
   const ramp = at("ramp"), pen = ramp.getContext("2d");
   ramp.width = 256; ramp.height = 1;
   colours.ramp.forEach((c, i) => { pen.fillStyle = c; pen.fillRect(i, 0, 1, 1); });
@@ -429,6 +432,7 @@ at("theme").addEventListener("click", () => theme(document.documentElement.datas
 function theme(name) {
   document.documentElement.dataset.theme = name;
   readColours();
+  drawGraph();
 }
 addEventListener("resize", fit);
 addEventListener("keydown", (e) => {
@@ -447,6 +451,8 @@ function draw() {
   requestAnimationFrame(draw);
 }
 
-theme(matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light");
-connect();
-draw();
+addEventListener("load", () => {
+  theme(matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light");
+  connect();
+  draw();
+});
