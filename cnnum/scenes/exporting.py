@@ -18,13 +18,13 @@ from cnnum.embedded.formats import precision_named
 from cnnum.embedded.lowering.builder import solvers_for
 from cnnum.embedded.making import Made, make, make_with
 from cnnum.embedded.measuring import Seen, measured
-from cnnum.errors import ArrayError, SceneError, name_error
+from cnnum.errors import ArrayError, ProgramError, SceneError, name_error
 from cnnum.frame import FORCE_AXES
 from cnnum.graph.schedule import Schedule, schedule
 from cnnum.programs import Program
 from cnnum.programs.library import program_names
 from cnnum.recordings.recording import Recording
-from cnnum.safety.values import shown
+from cnnum.safety.values import expect, shown
 from cnnum.scenes.arrangement import bound, named, program_of
 from cnnum.scenes.conversion import unit_of
 from cnnum.scenes.pipeline import Scene
@@ -242,10 +242,13 @@ def export(
         If something in the program has no form in this precision.
     ArrayError
         If the frames do not fit the program.
+    ProgramError
+        If it is not a program.
     UnknownNameError
         If there is no such program, output, precision or channel.
     """
     chosen = named(program) if isinstance(program, str) else program
+    expect("program", chosen, Program, ProgramError)
     if like is None and channels is None and chosen.name in program_names("pictures"):
         channels = (PICTURE,)
     seen = Examples.of(like, shape, channels, rate)

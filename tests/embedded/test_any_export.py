@@ -9,7 +9,7 @@ from click.testing import CliRunner
 
 import cnnum
 from cnnum.cli import main
-from cnnum.errors import ArrayError, UnknownNameError
+from cnnum.errors import ArrayError, ProgramError, UnknownNameError
 
 needs_cc = pytest.mark.skipif(
     shutil.which("cc") is None or shutil.which("make") is None, reason="no C compiler"
@@ -97,6 +97,11 @@ def test_a_rate_that_is_bound_stays():
 def test_what_does_not_fit_is_one_sentence(given, error, words):
     with pytest.raises(error, match=words):
         cnnum.export(follows, **given)
+
+
+def test_a_function_that_is_no_program_is_one_sentence():
+    with pytest.raises(ProgramError, match="'program' must be of the type Program, got function"):
+        cnnum.export(lambda frame: {"a": frame.normal})
 
 
 def test_the_command_takes_files_and_scenes(tmp_path, monkeypatch):
