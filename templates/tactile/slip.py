@@ -1,4 +1,4 @@
-"""Slip of an object on the skin or in the hand, by its pattern and its shear.
+"""Slip of an object on the skin or in the hand, from its pattern and its shear.
 
 Slip is a contact whose pattern moves and whose shear rearranges, under a shear load. Two things
 move a pattern, too: a load that changes, and a ratio of shear to normal load that still grows. Slip
@@ -72,45 +72,47 @@ def slip(
     level: float = 0.0,
     hold_time: float = 0.1,
 ) -> Mapping[str, Field]:
-    """Slip of an object that is touched or held.
+    """Detect the slip of an object that is touched or held.
 
     Parameters
     ----------
     frame : FrameFields
-        Strain, stress, signals or raw counts, several `pads` next to one another in the columns.
+        Strain, stress, signals or raw counts, with all `pads` side by side in the columns.
     push, shear_gain : float
-        −1 for strain and stress, which count tension as positive; +1 if readings rise under a push.
-        Reading of the normal channel over that of a shear channel, under the same force.
+        `push` is −1 for strain and stress, which count tension as positive, and +1 if readings rise
+        under a push. `shear_gain` is the reading of the normal channel over that of a shear channel
+        under the same force.
     axes : bool
-        Whether signs and directions of the axes are known: a slip then moves along its shear, and
-        the shear lies where the load does.
+        Whether signs and directions of the axes are known. A slip must then move along its shear,
+        and the shear must lie where the load is.
     rest : float, s
-        Time at the start without motion, which gives rest and noise.
+        Time without motion at the start, from which rest and noise are learned.
     look, load : float, s
         Time constants of the delayed maps, and of the trend of the load.
     floor : float
-        Least load of a pad, in noise of its sum.
+        Smallest load of a pad, in multiples of the noise of its sum.
     still, pull, swing : float, 1/s, none, none
-        Slowest movement that counts, in contact sizes a second. Weights of a ratio that still
-        grows, and of a load that swings.
+        Slowest movement that counts, in contact sizes per second, and the weights of a ratio that
+        still grows and of a load that swings.
     false_reports, level : float, 1/10 min, none
-        Accepted rate, which sets the level of the strength from which slip is reported; or that
-        level, where it is above 0.
+        Accepted rate of false reports, which sets the level of the strength above which slip is
+        reported; or that level itself, if it is above 0.
     hold_time : float, s
-        A report ends once the strength was below half the level for that time.
+        A report ends once the strength has been below half the level for this time.
 
     Returns
     -------
     mapping
         `gross_slip` (flag), `slip_x`, `slip_y` (unit vector of the shear), `slip_strength`, and
-        what it is made of: `slip_level`, and of the pad that counts `slip_pattern_speed`,
-        `slip_incoherent_shear`, `slip_trend`, `slip_load_rate`, `slip_ratio_rate` (1/s),
-        `slip_ratio`, `slip_stick_share`, and with known axes `slip_motion_cosine`,
-        `slip_alignment`. Of all pads `slip_torque` (of the shear about the middle of the load, over
-        load and size) and `slip_turning` (1/s: pattern speed times the torque's share in friction).
-        `slip_pivots` (flag: the slip turns), and of the pad that counts `slip_sense` (as
-        `twist_sense`), `slip_row`, `slip_column` (the place about which it turns, cells) and
-        `slip_centred` (flag: that place is known). All are 0 during the rest.
+        its ingredients: `slip_level`, and for the pad with the largest strength
+        `slip_pattern_speed`, `slip_incoherent_shear`, `slip_trend`, `slip_load_rate`,
+        `slip_ratio_rate` (1/s), `slip_ratio`, `slip_stick_share`, and with known axes
+        `slip_motion_cosine`, `slip_alignment`. For all pads together `slip_torque` (torque of the
+        shear about the centre of the load, divided by load and size) and `slip_turning` (1/s:
+        pattern speed times the torque's share of the friction). `slip_pivots` (flag: the slip
+        turns), and for the pad with the largest strength `slip_sense` (as `twist_sense`),
+        `slip_row`, `slip_column` (centre of the turn, cells) and `slip_centred` (flag: that centre
+        is known). All are 0 during the rest.
     """
     refuse_outside(load=(load, 1e-6, 1e6), hold_time=(hold_time, 0.0, 1e6))
     recent = frame.once(
@@ -179,10 +181,10 @@ def read_outs(frame: FrameFields, *, recent: RecentLoads, load: float) -> list[d
 
 
 def stick_region(recent: RecentLoads, rests: list[Field], around: list[Field]) -> Field:
-    """Return the cells of the contact that stick: a wave of bistable cells eats into them.
+    """Return the cells of the contact that stick, which a wave of bistable cells erodes.
 
-    It starts from cells whose shear clearly changes otherwise than its local mean, and from those
-    that were loose before. It spreads over all that do so half as clearly.
+    The wave starts from cells whose shear clearly changes differently from its local mean, and from
+    those that were loose before. It spreads over all cells that do so half as clearly.
     """
     memory, contact = recent.frame.memory("loose", logic=True), recent.z > TOUCHED * recent.z.max()
     rest, local = (abs(x) + abs(y) for x, y in (rests, around))
