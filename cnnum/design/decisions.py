@@ -24,7 +24,7 @@ DRAWS = 1000
 
 
 def unscaled(template: Template, middle: Floats, width: Floats) -> Template:
-    """Return a template that takes inputs as they are, from one of (inputs − middle) / width.
+    """Return a template for unscaled inputs, given one for (inputs − middle) / width.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ def unscaled(template: Template, middle: Floats, width: Floats) -> Template:
     Raises
     ------
     TemplateError
-        If a kernel of B has neighbours: the boundary has no such scaling.
+        If a kernel of B reads neighbours, because the boundary cannot be scaled.
     """
     if template.B.shape[-2:] != (1, 1):
         raise TemplateError(
@@ -55,24 +55,24 @@ def decision_entry(
     inputs_are: str,
     seed: int = 0,
 ) -> Entry:
-    """Return the record of a template that decides by the sign of its state.
+    """Return the library entry of a template that decides by the sign of its state.
 
-    A cell that starts from 0 keeps the sign of its drive z + Σ B u. So margins are those of the
-    drive. Each draw of the flips is a template under mismatch with an example of its own.
+    A cell that starts from 0 keeps the sign of its drive z + Σ B u, so the margins are those of the
+    drive. Each draw for the flip rates is a template with mismatch and one example.
 
     Parameters
     ----------
     template : Template
         One layer that starts from 0, with kernels of one cell.
     inputs : (examples, inputs, 1, 1) float
-        Those that it learned from, as they are.
+        Unscaled inputs of the training examples.
     labels : (examples,) float
-        Above 0 where the event is on.
+        Above 0 for examples in which the event is on.
     engine : Engine
     area : float
-        Under the curve, on examples that it did not learn from.
+        Area under the ROC curve, on examples outside the training set.
     inputs_are : str
-        The meaning of the inputs.
+        Meaning of the inputs.
     seed : int
         Seed of the mismatch.
 

@@ -53,31 +53,32 @@ LEARN = ("like", "step", "duration", "enough", "restarts", "iterations", "seed")
 
 @dataclass(frozen=True, slots=True)
 class Spec:
-    """The job of a template.
+    """Specification of a template.
 
     Attributes
     ----------
     name, description : str
     rule : str
-        In the language of checks; empty where examples say it.
+        Rule in the language of checks; empty if there are examples instead.
     still : bool
         Whether the rule is applied until nothing changes.
     avoid, state : str
-        As the check of a rule takes them.
+        Parameters of the check of a rule.
     examples : tuple of (input, state or None, output)
     boundary : float or str
     initial : float or "input"
     margin : float
     split : bool
-        Whether a sequence of templates will do.
+        Whether a sequence of templates is allowed.
     mismatch : tuple of float
-        At which flips are counted.
+        Mismatches for which flips are counted.
     draws : int
     search : mapping
-        Options of `cnnum.design.search.Search`, its form under "like"; empty where none is asked.
+        Options of `cnnum.design.search.Search`, with its form under "like"; empty for no search.
     learn : mapping
-        Options of a `Lesson` and of `cnnum.design.learning.learn`, the form under "like"; empty
-        where none is asked. The examples are the lesson, else pictures of the form's check.
+        Options of a `Lesson` and of `cnnum.design.learning.learn`, with the form under "like";
+        empty for no learning. The training pictures are the examples, or pictures from the check
+        of the form if there are none.
     """
 
     name: str
@@ -129,7 +130,7 @@ class Spec:
 
 
 def is_spec(path: str | PathLike[str]) -> bool:
-    """Return whether a file is a specification; an unreadable one is none."""
+    """Return whether a file is a specification; false if it cannot be read."""
     try:
         return bool(
             {"design", "search", "learn"} & parse_toml(read_text(Path(path), most=LARGEST)).keys()
@@ -139,7 +140,7 @@ def is_spec(path: str | PathLike[str]) -> bool:
 
 
 def load_spec(path: str | PathLike[str]) -> Spec:
-    """Return the specification that a file holds; it raises as `load_experiment`."""
+    """Load a specification from a file; errors are those of `load_experiment`."""
     source = Path(path)
     return _spec(str(source), toml.read_table("design", source))
 
@@ -226,15 +227,15 @@ def _picture(file: str, key: str, value: object) -> Floats:
 
 
 MOST = 12
-"""Templates of a sequence; a longer one says that the rule is none for this machine."""
+"""Largest number of templates in a sequence."""
 
 BEYOND = 1e-6
 
 
 def sequence(table: Table) -> tuple[tuple[Weights, Table], ...]:
-    """Return the weights of templates that together obey a rule, in their order.
+    """Return the weights of templates that together implement a rule, in order.
 
-    The number of templates is not proved to be the least.
+    The number of templates is not proven to be minimal.
 
     Parameters
     ----------
@@ -273,7 +274,7 @@ def _peeled(table: Table, *, symmetric: bool) -> tuple[tuple[Weights, Table], ..
 
 
 def answers(steps: tuple[tuple[Weights, Table], ...], table: Table) -> Floats:
-    """Return the colours that a sequence gives to every configuration of a rule."""
+    """Return the colour that a sequence gives to each configuration of a rule."""
     first, *others = steps
     colours = np.sign(first[0].sums(table))
     for weights, _ in others:
@@ -343,7 +344,7 @@ Example = tuple[Floats, Floats | None, Floats]
 
 
 def lesson_of(form: Template, examples: Sequence[Example]) -> Lesson:
-    """Return the lesson of examples, or of the form's check where there are none.
+    """Return training pictures from examples or, if there are none, from the form's check.
 
     Parameters
     ----------
@@ -354,7 +355,7 @@ def lesson_of(form: Template, examples: Sequence[Example]) -> Lesson:
     Raises
     ------
     TemplateError
-        If examples differ in size, or the form has no check, or one that no lesson can have.
+        If examples differ in size, or the form has no check, or an unsuitable one.
     """
     if not examples:
         return _of_check(form)
@@ -388,7 +389,7 @@ SOURCE = "found by CMA-ES: the fewest flips under mismatch"
 LEARNED = "learned from labelled pictures by gradients"
 
 NEAR = 0.1
-"""Mean squared error above which a lesson is not learned: of 2.5 % of cells in a wrong colour."""
+"""Largest mean squared error of a learned template, as from 2.5 % of cells with a wrong colour."""
 
 _CARRIED = "The state carries the result of the template before."
 
@@ -412,7 +413,7 @@ class Designed:
 
 
 def designed(spec: Spec, engine: Engine, watch: Watch = go_on) -> tuple[Designed, ...]:
-    """Return the templates of a specification: one, or a sequence where it may be split.
+    """Return the templates of a specification: one, or a sequence if it may be split.
 
     Parameters
     ----------
@@ -425,7 +426,7 @@ def designed(spec: Spec, engine: Engine, watch: Watch = go_on) -> tuple[Designed
     Raises
     ------
     TemplateError
-        If no template can do the job; the sentence says why.
+        If no template meets the specification; the message gives the reason.
     """
     if spec.search:
         return (_searched(spec, engine, watch),)

@@ -41,7 +41,7 @@ CHIP = (*COARSE, "state_bits", "chip_noise", "chip_seed")
 """Axes of `cnnum.Chip`."""
 
 INNER = ("noise", "mismatch", "offset", "drift", "bits", *CHIP, "z", "A", "B")
-"""Axes whose runs lie in lanes of one launch; also single weights, as in "A[0, 1]"."""
+"""Axes whose runs can share a launch; so can single weights, as in "A[0, 1]"."""
 
 BITS = ("bits", "weight_bits", "state_bits")
 """Axes of whole numbers."""
@@ -64,7 +64,7 @@ MOST_RUNS = 100_000_000
 
 @dataclass(frozen=True, slots=True)
 class Experiment:
-    """A sweep: the runs it makes.
+    """Definition of a sweep.
 
     Attributes
     ----------
@@ -81,16 +81,16 @@ class Experiment:
         alike in all cells for A, and each cell's own for B and z. "chip_seed" is drawn anew for
         each run unless given.
     draws : int
-        Of the random numbers, at each place.
+        Number of random draws per combination of axis values.
     pictures : int
-        Of the template's check, at most.
+        Largest number of pictures from the template's check.
     seed : int
     duration : float, "settle" or None
-        In the unit of τ, or until nothing changes any more; that of the check unless given.
+        In the unit of τ, or until nothing changes any more. The default is that of the check.
     engine : str
     chunk : int
-        Runs a task; measured at the first one where it is 0. Whole multiples of 512 give the same
-        bits as any others of them.
+        Runs per task; with 0, it follows from the time of the first task. All multiples of 512
+        give bit-identical results.
 
     Raises
     ------
@@ -183,7 +183,7 @@ class Experiment:
 
     @property
     def key(self) -> str:
-        """Digest of all that changes a result, and of the form that results have."""
+        """Digest of everything that affects the results, and of their format."""
         kept = [
             getattr(self, part.name) for part in fields(self) if part.name not in ("chunk", "axes")
         ]
@@ -198,14 +198,14 @@ class Experiment:
         }
 
     def tasks(self, chunk: int) -> Iterator[tuple[int, int]]:
-        """Yield the first run and the one after the last of every task; none spans launches."""
+        """Yield the first run and the end of every task; no task spans several launches."""
         for start in range(0, self.runs, self.launched):
             for first in range(start, start + self.launched, chunk):
                 yield first, min(first + chunk, start + self.launched)
 
 
 def load_experiment(path: str | PathLike[str]) -> Experiment:
-    """Return the experiment that a TOML file holds.
+    """Load an experiment from a TOML file.
 
     Raises
     ------
@@ -325,5 +325,5 @@ def _refuse_missing_weight(template: Template, name: str) -> None:
 
 
 def grid(experiment: Experiment) -> Iterator[tuple[Value, ...]]:
-    """Yield the values on the axes of every place, without the draws."""
+    """Yield the axis values of every combination, without the draws."""
     yield from itertools.product(*(experiment.axes[name] for name in experiment.order[:-1]))

@@ -80,21 +80,21 @@ class Hit:
 
 @dataclass(frozen=True, slots=True)
 class Match:
-    """A template's answer to an example, or that of a program of two.
+    """Result of a template, or of a program of two templates, on an example.
 
     Attributes
     ----------
     name : str
-        A template's, or "EROSION → EDGE" of a program.
+        Name of the template, or "EROSION → EDGE" for a program.
     wrong : int
-        Cells whose sign is not the wanted one.
+        Number of cells with a wrong sign.
     cells : int
-        Cells with a wanted sign.
+        Number of cells with a desired sign.
     margin : float
-        By how much its bias may be off with no wrong cell, as measured on its own check; NaN where
-        it is not known. Of a program, the smaller of the two.
+        Largest change of the bias without a wrong cell, as measured on the template's own check;
+        NaN if it is not known. For a program, the smaller of the two.
     templates : tuple of str
-        One, or two in the order in which they run.
+        Names of the templates in the order in which they run.
     """
 
     name: str
@@ -178,7 +178,7 @@ def find_by_example(
     names: Iterable[str] | None = None,
     say: Callable[[str], object] = str,
 ) -> list[Match]:
-    """Return every template's answer to an example, the one with the fewest wrong cells first.
+    """Return the results of all templates on an example, in order of wrong cells.
 
     Parameters
     ----------
@@ -187,24 +187,24 @@ def find_by_example(
     wanted : like `given`
         The sign that the output of each cell should have; NaN where it does not matter.
     state : like `given`, optional
-        Initial state; a template's own unless given, and the input where it starts from one.
+        Initial state. The default is that of each template, or the input if it starts from one.
     engine : Engine, optional
-        Numba unless given, which compiles nothing for a template.
+        The default is "numba", which compiles nothing for a template.
     names : iterable of str, optional
-        Templates to try; all of the library unless given.
+        Templates to try. The default is the whole library.
     say : callable
         Called with the name of each template before it runs.
 
     Returns
     -------
     list of Match
-        Templates of several layers or inputs, those that cannot run on these pictures, and without
-        a state those that need one are left out.
+        Templates with several layers or inputs, those that cannot run on these pictures, and those
+        that need a state if none is given are left out.
 
     Raises
     ------
     ArrayError
-        If the pictures do not fit together, or no cell has a wanted sign.
+        If the pictures do not fit together, or no cell has a desired sign.
     """
     inputs, signs, matter = _example(given, wanted)
     used, result = engine or Engine("numba"), list[Match]()
@@ -237,16 +237,16 @@ def find_programs(
     Parameters
     ----------
     given, wanted, engine, names, say
-        As `find_by_example` takes them; `say` is called for each template of both places.
+        As in `find_by_example`; `say` is called for each template in both positions.
     most : int
-        Programs that are returned at most.
+        Largest number of programs to return.
 
     Notes
     -----
-    Of templates with the same output on the given picture, and of outputs that are the given
-    picture or of one colour, only one is tried as the first. Where these outputs have more than
-    2²⁰ cells together, those nearest to the wanted picture are kept, and a second template whose
-    cells are coupled runs on the nearest 12.
+    Among templates with the same output on the given picture, only one is tried as the first, and
+    likewise among outputs that equal the given picture or have only one colour. If these outputs
+    have more than 2²⁰ cells in total, those nearest to the desired picture are kept, and a second
+    template with coupled cells runs only on the nearest 12.
 
     Raises
     ------
@@ -304,7 +304,7 @@ def _between(
 
 
 HALF = 0.5
-"""Range of an output below which it is taken to be of one colour."""
+"""Range of an output below which it counts as having one colour."""
 
 
 def _seconds(
@@ -371,18 +371,19 @@ def _example(given: ArrayLike, wanted: ArrayLike) -> tuple[Floats, Floats, NDArr
 
 @dataclass(frozen=True, slots=True)
 class Figures:
-    """What is known of a template without a run.
+    """Properties of a template that are known without a run.
 
     Attributes
     ----------
     stability, why : str
-        Its class, and a sentence.
+        Stability class, and the reason as a sentence.
     products, tables, once : int
-        Multiplications and table look-ups of a cell in a step, and multiplications with the input.
+        Multiplications and table look-ups per cell and step, and multiplications with the input,
+        which happen once.
     settle : float or None
-        Time that it takes on the largest array that was measured, in the unit of its τ.
+        Settling time on the largest array that was measured, in the unit of τ.
     margin : float or None
-        By how much its bias may be off with no wrong cell of its check.
+        Largest change of the bias without a wrong cell in the check.
     """
 
     stability: str
@@ -395,7 +396,7 @@ class Figures:
 
 
 def figures(template: Template) -> Figures:
-    """Return stability class, cost, and what was measured of a template of the library."""
+    """Return stability class, cost and measured properties of a template in the library."""
     kind, late = stability_class(template), template.delayed
     linear = [template.A, *([late.A, late.B] if late else [])]
     dynamic = [c for c in template.nonlinear if not c.static]
@@ -424,19 +425,20 @@ class Comparison:
     differs : dict of str to (object, object)
         Properties that differ, by name.
     figures : (Figures, Figures)
-        Stability class, cost, and what was measured.
+        Stability class, cost and measured properties.
     exhaustive : bool
-        Whether all 512 neighbourhoods were decided by both, and not random pictures. Where one of
-        the templates needs a state, each is decided from a white state and from a black one.
+        Whether the templates were compared on all 512 neighbourhoods instead of random pictures. If
+        one of the templates needs a state, each neighbourhood is used with a white and a black one.
     cases, unlike : int
-        Neighbourhoods, or cells of the pictures, that were decided, and those decided differently.
-        Both are 0 for templates of several layers or inputs, whose answers are not compared.
+        Number of neighbourhoods, or cells of the pictures, that were compared, and of those with
+        different outputs. Both are 0 for templates with several layers or inputs, whose outputs are
+        not compared.
     inputs : (unlike pictures, rows, cols) float
-        Neighbourhoods, or pictures, with another answer.
+        Neighbourhoods, or pictures, with different outputs.
     states : like `inputs` or None
-        Initial states, where one of the templates needs them.
+        Initial states, if one of the templates needs them.
     answers : (2, pictures) or (2, pictures, rows, cols) float
-        Of the first template and of the second.
+        Outputs of the first and of the second template.
     """
 
     names: tuple[str, str]

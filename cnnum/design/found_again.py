@@ -17,7 +17,7 @@ from cnnum.templating.template import Template
 
 @dataclass(frozen=True, slots=True)
 class Again:
-    """A template of the library and the one that its rule leads to.
+    """A template of the library, and the one designed from its rule.
 
     Attributes
     ----------
@@ -27,9 +27,9 @@ class Again:
     weights : Weights
     table : Table
     margin, published_margin : float
-        Least drive of a cell, at equal sums of weights.
+        Smallest drive of a cell, for equal sums of weights.
     published_relative : float
-        The same over the sum of all weights.
+        Published margin divided by the sum of all weights.
     """
 
     published: Template
@@ -55,7 +55,7 @@ def found_again() -> Iterator[Again]:
 
 
 def again(template: Template, table: Table) -> Again:
-    """Return a template with the one that its rule leads to.
+    """Return a template together with the one designed from its rule.
 
     Raises
     ------

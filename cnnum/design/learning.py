@@ -46,7 +46,7 @@ def _compiled(function: Function) -> Function:
 
 @_compiled
 def fill(y: Any, value: float) -> None:
-    """Write one number into maps."""
+    """Fill maps with one number."""
     flat = y.reshape(-1)
     for n in range(len(flat)):
         flat[n] = value
@@ -72,14 +72,14 @@ def outputs(kind: int, x: Any, count: int, y: Any) -> None:
 
 @_compiled
 def add(total: Any, factor: float, other: Any) -> None:
-    """Add factor · other to a row."""
+    """Add factor · other to a row in place."""
     for n in range(len(total)):
         total[n] += factor * other[n]
 
 
 @_compiled
 def spread(rim: Any, count: int, y: Any) -> None:
-    """Copy cells to the virtual ones."""
+    """Copy cells to the virtual cells beyond the rim."""
     for cells in y.reshape((len(y), -1, count)):
         for virtual, cell in rim:
             cells[virtual] = cells[cell]
@@ -294,29 +294,29 @@ class Numbers:
 
 
 class Pictures:
-    """Pictures that templates of one form are run on, by fixed steps.
+    """Pictures on which templates of one form run, in fixed steps.
 
     Parameters
     ----------
     form : Template
-        Linear couplings, with an output that has a slope.
+        A template with linear couplings and a differentiable output function.
     input : (..., rows, cols) or (..., inputs, rows, cols) float, optional
     state : (..., rows, cols) or (..., layers, rows, cols) float, optional
     bias : like `state`, optional
     duration : float, optional
-        Time constants; the form's unless given.
+        In time constants. The default is that of the form.
     step : float
-        In time constants, at most.
+        Longest step, in time constants.
     method : "euler", "heun" or "rk4"
 
     Raises
     ------
     TemplateError
-        If the form has no gradient, or no end, or lacks an input or a state.
+        If the form has no gradient or no duration, or an input or a state is missing.
     ArrayError
-        If an array has a number that is none.
+        If an array contains NaN or infinity.
     SizeError
-        If a run keeps more than 2 GiB.
+        If a run would store more than 2 GiB.
     """
 
     def __init__(
@@ -533,24 +533,24 @@ LARGEST = 1e6
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Lesson:
-    """Labelled pictures, and the form of the template that is to learn them.
+    """Training pictures, and the form of the template to learn from them.
 
     Attributes
     ----------
     form : Template
     target : (..., rows, cols) float
-        Wanted outputs.
-    input, state : as `Engine.run` takes them, optional
+        Desired outputs.
+    input, state : as in `Engine.run`, optional
     counts : (..., rows, cols) float, optional
-        Weight of every cell in the loss; all alike unless given.
+        Weight of every cell in the loss. By default, all weights are equal.
     duration : float, optional
-        Time constants; the form's unless given.
+        In time constants. The default is that of the form.
     step : float
         Step of the run, in time constants.
     method : str
         Method of the run.
     shrink : float
-        Of the sum of squares of all weights, which is added to the mean squared error.
+        Factor on the sum of squares of all weights, which is added to the mean squared error.
     """
 
     form: Template
@@ -582,7 +582,7 @@ class Lesson:
 
 
 class Loss:
-    """The mean squared error of weights on a lesson, with its gradient.
+    """Mean squared error of weights on training pictures, with its gradient.
 
     Parameters
     ----------
@@ -660,20 +660,21 @@ def learn(
     from_form: bool = False,
     watch: Watch = go_on,
 ) -> Learned:
-    """Return the template of the least loss that gradients lead to.
+    """Return the template with the smallest loss that gradient descent finds.
 
     Parameters
     ----------
     lesson : Lesson
     restarts : int
-        Starts from normal numbers of width 0.5, the own feedback among them.
+        Number of starts from normal random weights with standard deviation 0.5, including the
+        self-feedback.
     iterations : int
-        Iterations of each start, at most.
+        Largest number of iterations per start.
     enough : float
-        A loss up to it ends all.
+        Loss at which the search ends.
     seed : int
     from_form : bool
-        The first start is from the form's own numbers.
+        Whether the first start uses the numbers of the form.
     watch : callable
         Is given each run, and ends the lesson by False.
 
@@ -754,7 +755,7 @@ def untied(
     rows: bool = False,
     **rest: Any,
 ) -> Template:
-    """Return a form of one layer whose weights are all free and all different.
+    """Return a form with one layer whose weights are all free and independent.
 
     Parameters
     ----------
@@ -763,11 +764,11 @@ def untied(
     size : int
         Size of the kernels; odd.
     feedback : bool
-        Whether A has neighbours; else the cell sees its own output alone.
+        Whether A reads neighbours; if false, a cell reads only its own output.
     rows : bool
-        Whether a cell sees its own row alone, as in a signal of one dimension.
+        Whether a cell reads only its own row, as for one-dimensional signals.
     **rest
-        Of `cnnum.Template`.
+        Further parameters of `cnnum.Template`.
     """
     count, middle = size * size, size // 2
     every = 0.1 + np.arange(max(inputs, 1) * count).reshape(-1, size, size) / count

@@ -35,7 +35,7 @@ TURNS: Sequence[Callable[[int, int], tuple[int, int]]] = (
     lambda down, east: (east, -down),
     lambda down, east: (-down, -east),
 )
-"""Mirrors and turns of the plane about a cell."""
+"""Reflections and rotations of the plane about a cell."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -75,7 +75,7 @@ class Weights:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Conflict:
-    """Why no weights separate the colours: configurations whose signed sum is 0 with these shares.
+    """Proof that no weights separate the colours: a convex combination that cancels.
 
     Attributes
     ----------
@@ -279,7 +279,7 @@ SOURCE = "designed from its local rule by a linear program of the largest relati
 
 @dataclass(frozen=True, slots=True)
 class Shape:
-    """All of a template that a rule does not say.
+    """Properties of a template that a rule does not determine.
 
     Attributes
     ----------
@@ -287,7 +287,7 @@ class Shape:
     boundary : float or str
     initial : float or "input"
     margin : float
-        Least drive of a cell that decides; all weights scale with it.
+        Smallest drive of a cell that decides; all weights scale with it.
     check : Check or None
     """
 
@@ -305,7 +305,7 @@ def design(table: Table, shape: Shape) -> tuple[Template, Weights]:
     Raises
     ------
     TemplateError
-        If no single template obeys the rule; the sentence says why.
+        If no single template implements the rule; the message gives the reason.
     """
     result = separate(table)
     if isinstance(result, Conflict):

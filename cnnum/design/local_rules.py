@@ -39,14 +39,14 @@ DRAWN = 150
 
 @dataclass(frozen=True, slots=True)
 class Seen:
-    """One number that a cell sees.
+    """One value that a cell reads.
 
     Attributes
     ----------
     source : "u", "y" or "before"
-        Of the input, of the outputs, or of the initial state.
+        Input, output, or initial state.
     down, east : int
-        Where the neighbour lies.
+        Offset of the neighbour.
     """
 
     source: Source
@@ -72,7 +72,7 @@ class Table:
     Raises
     ------
     TemplateError
-        If no configuration is black, or none white, or one is both.
+        If no configuration is black, none is white, or one is both.
     """
 
     seen: tuple[Seen, ...]
@@ -102,7 +102,7 @@ class Table:
         return table
 
     def refuse_contradictions(self) -> None:
-        """Raise if one configuration has both colours."""
+        """Raise TemplateError if one configuration has both colours."""
         if wrong := _contradictions(self):
             raise TemplateError(
                 f"{wrong} neighbourhoods are black in one example and white in another, so no "
@@ -125,18 +125,18 @@ def rule_table(
     rule : str
         Of the input's neighbourhood and `before`; with `still`, of the outputs' and `u`.
     still : bool
-        Whether the rule is applied again and again until nothing changes.
+        Whether the rule is applied repeatedly until nothing changes.
     avoid : str
-        Another rule: where it holds, any colour will do.
+        Another rule. Where it holds, any colour is allowed.
     name : str
         For error messages.
     whole : bool
-        Keep cells that decide nothing.
+        Whether to keep cells that have no influence.
 
     Raises
     ------
     TemplateError
-        If the text is no rule, or holds everywhere or nowhere, or reads too many cells.
+        If the text is not a rule, holds everywhere or nowhere, or reads too many cells.
     """
     if reads_wide(rule) or reads_wide(avoid):
         raise TemplateError(
@@ -254,20 +254,20 @@ class WideRule:
 
 
 def table_of(template: Template, *, whole: bool = False) -> Table:
-    """Return the local rule of a template's check: the check's answer on every neighbourhood.
+    """Return the local rule of a template's check, which is its output for every neighbourhood.
 
-    Neither the weights of the template nor its engine has a part in it.
+    The weights of the template and the engine are not involved.
 
     Parameters
     ----------
     template : Template
     whole : bool
-        Keep all nine cells and the one before, also those that decide nothing.
+        Whether to keep all nine cells and the previous one, even if they have no influence.
 
     Raises
     ------
     TemplateError
-        If the check is none of a cell's 3×3 neighbourhood.
+        If the check does not depend on the 3×3 neighbourhood alone.
     """
     form = form_of(template)
     check = template.check

@@ -35,15 +35,15 @@ Group = tuple[str, tuple[tuple[int, ...], ...]]
 
 @dataclass(frozen=True, slots=True)
 class Search:
-    """The aim of a search, and its limits.
+    """Goal and limits of a search.
 
     Attributes
     ----------
     form : Template
-        Gives the pattern of weights, all that is no weight, and the check.
+        Provides the pattern of weights, everything other than weights, and the check.
     mismatch : float
     draws : int
-        Of the mismatch, the same for all candidates.
+        Number of draws of the mismatch, which are the same for all candidates.
     population, generations, restarts : int
         Restarts run side by side, each with a population of its own. The first template that flips
         nowhere, not on 100 more draws either, ends the search.
@@ -107,7 +107,7 @@ class Found:
         Share of draws with a wrong cell, and the share of wrong cells. Of templates that flip on
         the further draws alone, those over the number of first ones.
     evaluations : int
-        Templates that were run.
+        Number of templates that were run.
     """
 
     template: Template
@@ -116,7 +116,7 @@ class Found:
 
 
 def groups_of(form: Template) -> tuple[Group, ...]:
-    """Return the free weights of a form, equal ones together; z is free where it is not 0."""
+    """Return the free weights of a form, grouped if equal; z is free if it is not 0."""
     result, weights = list[Group](), weights_of(form)
     for part in sorted(weights):
         array = weights[part]

@@ -30,13 +30,13 @@ from cnnum.sharing import dataset
 
 
 class ChunkStore(Parts):
-    """The parts of a sweep: arrays of figures, one number a run.
+    """Partial results of a sweep: arrays with one number per run.
 
     Parameters
     ----------
     folder : Path
     key : str
-        Of the experiment; results of another are refused.
+        Key of the experiment; results of another one raise an error.
     """
 
     def __init__(self, folder: Path, key: str) -> None:
@@ -52,18 +52,18 @@ class ChunkStore(Parts):
     ) -> Iterator[dict[str, NDArray[Any]]]:
         """Yield the results of all tasks, in their order.
 
-        Parameters
-        ----------
-        tasks : sequence of (first, last)
-        figures : collection of str
-            Names of the arrays of numbers that every task has, one number a run.
+            Parameters
+            ----------
+            tasks : sequence of (first, last)
+            figures : collection of str
+                        Names of the arrays that every task has, with one number per run.
         sentence : str
-            Name of the array of texts, one a run.
+            Name of the array of texts, with one per run.
 
-        Raises
-        ------
-        TemplateFileError
-            If a file of them is damaged.
+            Raises
+            ------
+            TemplateFileError
+                If a file of them is damaged.
         """
         for task in tasks:
             place = self.file(task)
@@ -102,17 +102,17 @@ class Sweep:
     Attributes
     ----------
     results : xarray.Dataset
-        The figures of every run, on the experiment's axes. `failed` is 0 where a run came to its
-        end, else the number of the reason among those of the attribute "reasons", a line each; the
-        figures of such a run are NaN.
+        Results of every run, on the axes of the experiment. `failed` is 0 for a run that reached
+        its end, and otherwise the number of the reason, a line in the attribute "reasons"; all
+        results of such a run are NaN.
     path : Path or None
         The file that was written.
     tasks, run_now : int
-        Tasks in all, and those that were not there before.
+        Total number of tasks, and number of those that ran now.
     seconds : float
         Wall time, s.
     task_seconds : float
-        Median of a task that ran now, s; 0 where none did.
+        Median time of a task that ran now, s; 0 if none did.
     """
 
     results: Any
@@ -133,30 +133,30 @@ def sweep(
 ) -> Sweep:
     """Run an experiment and return its results.
 
-    With a path, results are kept task by task in the folder of that name with ".parts" at its
-    end. A sweep that was killed goes on from there, and ends in the same file.
+    With a path, the results of each task are stored in a folder of that name with the suffix
+    ".parts". A sweep that was killed resumes from there and gives the same file.
 
     Parameters
     ----------
     experiment : Experiment
     path : path, optional
-        Of a NetCDF file (.nc) or a Zarr folder (.zarr).
+        Path of a NetCDF file (.nc) or a Zarr folder (.zarr).
     scheduler : str, optional
-        Address of a Dask scheduler; this process runs all tasks unless given.
+        Address of a Dask scheduler. By default, this process runs all tasks.
     done : callable, optional
         Called with (tasks done, all tasks) after each one.
     force : bool
-        Whether results that are there, a NetCDF file or a Zarr folder, are replaced.
+        Whether to replace existing results.
 
     Raises
     ------
     MissingExtraError
-        If xarray, or Dask where it is asked for, is not installed.
+        If xarray is not installed, or Dask if it is requested.
     TemplateFileError
-        If the path has another suffix, something is there already, it cannot be written, or the
-        parts beside it are those of another experiment.
+        If the suffix is unknown, the path exists already or cannot be written, or the parts beside
+        it belong to another experiment.
     CnnumError
-        If a launch of the experiment cannot be made.
+        If a launch of the experiment cannot be prepared.
     """
     refuse_launches(experiment)
     begin, target = time.perf_counter(), None if path is None else _target(Path(path))
@@ -250,7 +250,7 @@ def _numbered(sentences: NDArray[Any], reasons: dict[str, tuple[int, str]]) -> N
 
 
 def failures(results: Any) -> dict[str, int]:
-    """Return how many runs of a sweep failed, by the reason.
+    """Return the number of failed runs of a sweep for each reason.
 
     Parameters
     ----------
@@ -269,12 +269,12 @@ def _target(path: Path) -> Path:
 
 
 def refuse_results(target: Path, *, force: bool = False) -> None:
-    """Refuse results that could not be put in their place, before the work.
+    """Check before the work that results can be written.
 
     Raises
     ------
     TemplateFileError
-        If their folder is not there, or something is that may not be replaced.
+        If their folder does not exist, or an existing file may not be replaced.
     """
     if target.suffix == ".nc":
         refuse_target(target, error=TemplateFileError, force=force)

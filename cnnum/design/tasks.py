@@ -40,19 +40,19 @@ MOST_DEATHS = 3
 
 
 class Parts:
-    """The folder in which the results of a job lie until all are there.
+    """Folder that stores the results of a job until it is complete.
 
     Parameters
     ----------
     folder : Path
     key : str
-        Of the job; results of another are refused.
+        Key of the job; results of another one raise an error.
     ending : str
-        Of the files.
+        Suffix of the files.
     error : type of CnnumError
-        What is raised where the folder cannot be used.
+        Class of the errors that are raised.
     job : str
-        What the job is, for sentences.
+        Description of the job, for messages.
     """
 
     def __init__(
@@ -72,12 +72,12 @@ class Parts:
         return held_folder(self.folder, self.error)
 
     def chunk(self) -> int | None:
-        """Return the items of a task that the job began with, None where it begins now.
+        """Return the number of items per task with which the job began, or None if it begins now.
 
         Raises
         ------
         CnnumError
-            If the folder holds another job or other files, or its manifest is damaged.
+            If the folder contains another job or other files, or its manifest is damaged.
         """
         manifest = self.folder / MANIFEST
         if not manifest.exists():
@@ -112,7 +112,7 @@ class Parts:
         return key, chunk
 
     def begin(self, chunk: int) -> None:
-        """Make the folder, and note how many items a task has."""
+        """Create the folder, and record the number of items per task."""
         with sentences(self.folder, self.error):
             make_folder(self.folder)
         text = json.dumps({"key": self.key, "chunk": chunk})
@@ -146,28 +146,28 @@ def run_tasks(
     workers: int = 1,
     name: str,
 ) -> Iterator[Outcome]:
-    """Yield the result of each task as it comes, in any order.
+    """Yield the result of each task as it is ready, in any order.
 
-    A task whose process or worker died runs again, so it must give the same twice.
+    A task whose process or worker died runs again, so it must be deterministic.
 
     Parameters
     ----------
     function : callable
-        Of an item; it and the items can be pickled.
+        Function of one item. Both must be picklable.
     items : sequence
     scheduler : str, optional
         Address of a Dask scheduler.
     workers : int
-        Processes without a scheduler; 1 is this one.
+        Number of processes if there is no scheduler; with 1, this process does the work.
     name : str
-        Of the job, on the cluster.
+        Name of the job on the cluster.
 
     Raises
     ------
     MissingExtraError
-        If Dask is not installed, and a scheduler is given.
+        If a scheduler is given and Dask is not installed.
     RecordingError
-        If processes die and die again.
+        If processes die repeatedly.
     """
     if scheduler:
         return _on_cluster(function, items, scheduler, name)

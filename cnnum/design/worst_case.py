@@ -40,25 +40,25 @@ from cnnum.templating.checks.running import WRONG
 from cnnum.templating.template import Template
 
 MOST = 1.0
-"""Largest share that is looked at: there a weight may vanish."""
+"""Largest share that is considered, at which a weight may vanish."""
 
 _HALVINGS = 60
 
 
 @dataclass(frozen=True, slots=True)
 class Decision:
-    """A cell that is decided: the narrowest one of its colour and start.
+    """A cell with its decision: the one with the smallest margin for its colour and initial state.
 
     Attributes
     ----------
     colour : float
-        The right one, ±1.
+        Correct colour, ±1.
     start : float
-        Its initial state.
+        Initial state.
     drive : float
         Σ B u + z.
     signs : (rows, cols) float
-        Inputs that it sees, empty where it sees none.
+        Inputs that the cell reads; empty if it reads none.
     """
 
     colour: float
@@ -69,16 +69,16 @@ class Decision:
 
 @dataclass(frozen=True, slots=True)
 class WorstCase:
-    """The smallest change of all weights at once that makes a cell wrong.
+    """Smallest simultaneous change of all weights that makes a cell wrong.
 
     Attributes
     ----------
     share : float
-        No mismatch of less, of each weight by itself, makes a cell wrong. Where it is below
-        `MOST`, `changes` of a little more do.
+        Relative change. No smaller mismatch of the individual weights makes a cell wrong. If the
+        share is below `MOST`, `changes` of slightly more than that do.
     changes : dict of str to array
-        For "A", "B" and "z" the direction of each number's size in the worst mismatch: ±1, or 0
-        where it stays. Each number is multiplied by 1 + share · change.
+        For "A", "B" and "z", the direction in which the magnitude of each number changes in the
+        worst case: ±1, or 0 for no change. Each number is multiplied by 1 + share · change.
     decision : Decision
         The cell that becomes wrong.
     """
@@ -101,19 +101,19 @@ class WorstCase:
 
 
 def worst_case(template: Template) -> WorstCase | None:
-    """Return how far all weights may be off at once, each by itself, with no wrong cell.
+    """Return the largest independent relative error of all weights without a wrong cell.
 
     Parameters
     ----------
     template : Template
-        With its check.
+        A template with a check.
 
     Returns
     -------
     WorstCase or None
-        None where no bound is known: cells are coupled, there are several layers or inputs, the
-        right answer is gray, or it is no rule of the cells that one sees. None, too, if a cell is
-        wrong with the weights as they are.
+        None if no bound is known: cells are coupled, there are several layers or inputs, the
+        correct output is grey, or it is not a rule on the cells that are read. Also None if a cell
+        is already wrong with the exact weights.
     """
     if not _fits(template):
         return None

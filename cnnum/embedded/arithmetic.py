@@ -46,14 +46,14 @@ class Primitive:
     Attributes
     ----------
     bounds : callable
-        From the arguments' intervals to the result's.
+        Computes the interval of the result from those of the arguments.
     numpy : callable
     sign : str
-        Of C; empty where it is a function, or has a record of its own.
+        C operator; empty for a function, or if the primitive has its own record.
     within : callable or None
-        The interval of values on the way, as C has them.
+        Computes the interval of intermediate values in C.
     always : (int, int) or None
-        The interval of the result for all arguments: of logic.
+        Interval of the result for all arguments, as for logic.
     """
 
     bounds: Callable[[Intervals], ir.Bounds]
@@ -212,12 +212,12 @@ WIDEST = (1 << 63) - 1
 
 
 def call(primitive: str, *arguments: ir.Expression) -> ir.Expression:
-    """Return a primitive on arguments.
+    """Return a primitive applied to arguments.
 
     Raises
     ------
     NotSupportedError
-        If a value on the way could leave 64 bits.
+        If an intermediate value could exceed 64 bits.
     """
     known = PRIMITIVES[primitive]
     given = [argument.bounds for argument in arguments if argument.bounds is not None]
@@ -283,18 +283,18 @@ def item(array: str, at: ir.Expression, bounds: ir.Bounds | None) -> ir.Element:
 
 
 CHAIN = 32
-"""Terms of a sum that are added one after the other; longer ones are sums of such sums."""
+"""Number of terms that are added one by one; a longer sum is a sum of such sums."""
 
 
 def total(terms: Sequence[ir.Expression]) -> ir.Expression:
-    """Return the sum of terms, of which there is at least one."""
+    """Return the sum of one or more terms."""
     while len(terms) > CHAIN:
         terms = [total(terms[at : at + CHAIN]) for at in range(0, len(terms), CHAIN)]
     return reduce(lambda a, b: call("add", a, b), terms)
 
 
 def limited(value: ir.Expression, low: int, high: int) -> ir.Expression:
-    """Return a value kept within limits; the value itself where it cannot leave them."""
+    """Return a value clipped to limits; the value itself if it cannot leave them."""
     assert value.bounds is not None
     if low <= value.bounds[0] and value.bounds[1] <= high:
         return value
@@ -325,7 +325,7 @@ SUMMED = 60
 """Bits of a magnitude that a sum adds; eight of them are below 2^63."""
 
 SPREAD = 30
-"""Places at most that an operand is moved up to meet another one."""
+"""Largest left shift that aligns an operand with another one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -337,7 +337,7 @@ class Quantity:
     value : Expression
     fraction : int
     exact : Fraction or None
-        Of a constant: the number itself, which each operation rounds for itself.
+        Exact value of a constant, which each operation rounds separately.
     """
 
     value: ir.Expression
@@ -356,7 +356,7 @@ def nearest(number: Fraction) -> int:
 
 
 def significant(number: Fraction, bits: int) -> tuple[int, int]:
-    """Return a whole number of limited bits with its sign, and its fraction; the fewest bits."""
+    """Return a signed whole number with as few bits as possible, and its fraction."""
     if not number:
         return 0, 0
     fraction = bits - 1 - (floor(log2(abs(number))) + 1)
@@ -404,7 +404,7 @@ class Fixed:
         return Quantity(value, fraction)
 
     def stored(self, quantity: Quantity, format: Format) -> ir.Expression:
-        """Return the whole numbers that a format holds of a quantity."""
+        """Return a quantity as whole numbers of a format."""
         return limited(self.brought(quantity, format.fraction), format.least, format.largest)
 
     def add(self, a: Quantity, b: Quantity, finest: int) -> Quantity:
@@ -424,7 +424,7 @@ class Fixed:
         return Quantity(call(which, self.brought(a, fraction), self.brought(b, fraction)), fraction)
 
     def settled(self, quantity: Quantity) -> Quantity:
-        """Return a constant as the nearest whole number of 31 bits, and another one as it is."""
+        """Return a constant as the nearest whole number of 31 bits, and others unchanged."""
         if quantity.exact is None:
             return quantity
         whole, fraction = significant(quantity.exact, 31)
@@ -489,7 +489,7 @@ class Fixed:
         )
 
     def exponential(self, a: Quantity, finest: int) -> Quantity:
-        """Refuse.
+        """Raise an error: whole numbers have no exponential.
 
         Raises
         ------
@@ -502,7 +502,7 @@ class Fixed:
         )
 
     def logarithm(self, a: Quantity, finest: int) -> Quantity:
-        """Refuse.
+        """Raise an error: whole numbers have no logarithm.
 
         Raises
         ------

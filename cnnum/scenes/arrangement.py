@@ -159,8 +159,8 @@ def bound(
         given[PADS] = pads
     if grid is not None and "bump_pitch" in known and (program.name != ALL or _wants_bumps(spec)):
         raise SceneError(
-            f"Scene '{spec.name}': the program '{program.name}' reads one bump a taxel, on a "
-            "square grid, and these taxels have positions of their own: leave out bumps, or take "
+            f"Scene '{spec.name}': the program '{program.name}' reads one bump per taxel on a "
+            "square grid, but these taxels have their own positions: leave out the bumps, or use "
             "'contact', 'slip' or 'twist'."
         )
     if "bump_pitch" in known and (program.name != ALL or _wants_bumps(spec)):
@@ -200,8 +200,8 @@ def warn_of_no_bumps(spec: SceneSpec, driver: Driver) -> None:
     there = isinstance(getattr(driver, "bumps", None), BumpCover)
     if wanted and hasattr(driver, "bumps") and not there:
         logging.getLogger("cnnum").warning(
-            "Scene '%s' wants '%s', and its array has no bumps: what is reported as the load on a "
-            "bump means nothing there; set 'array.cover' to \"bumpy\", or leave it out.",
+            "Scene '%s' wants '%s', but its array has no bumps, so the reported loads on bumps "
+            "have no meaning; set 'array.cover' to \"bumpy\", or leave it out.",
             spec.name,
             wanted[0],
         )
@@ -292,8 +292,8 @@ def warn_of_other_cover(program: Program, spec: SceneSpec, driver: Driver, unit:
     else:
         return
     logging.getLogger("cnnum").warning(
-        "Scene '%s': whether something touches is known, but loads, places and shapes by the "
-        "program '%s' are not: %s.",
+        "Scene '%s': contact can be detected, but loads, positions and shapes from the program "
+        "'%s' are not known: %s.",
         spec.name, spec.program_name, why,
     )  # fmt: skip
 
@@ -318,9 +318,9 @@ def _warn_of_lost_edges(program: Program, spec: SceneSpec) -> None:
     wanted = any(want.startswith("edge") or want == EVERYTHING for want in spec.needs)
     if wanted and isinstance(depth, float) and depth > SHARP_UP_TO:
         logging.getLogger("cnnum").warning(
-            "Scene '%s': under %.3g pitches of cover the program '%s' misses edges, as nothing "
-            "sharp shows through more than %g: take 'edge_enhancement', which finds outlines "
-            "through any cover.",
+            "Scene '%s': under %.3g pitches of cover the program '%s' misses edges, because "
+            "sharp details do not show through more than %g: use 'edge_enhancement', which finds "
+            "outlines through any cover.",
             spec.name, depth, spec.program_name, SHARP_UP_TO,
         )  # fmt: skip
 

@@ -54,7 +54,7 @@ class DeadCells:
                 )
             dead[row, col] = True
         if dead.all():
-            raise SceneError("'frames.dead' names every taxel: at least one must be alive.")
+            raise SceneError("'frames.dead' names every taxel: at least one must be working.")
         self._rows, self._cols = np.nonzero(dead)
         places = zip(self._rows.tolist(), self._cols.tolist(), strict=True)
         self._weights = np.array([_nearest_living(dead, place) for place in places])

@@ -406,8 +406,8 @@ class Dropouts:
         if left < KEPT * self._looked_at.sum():
             raise FrameError(
                 f"{int(self._looked_at.sum()) - left} of {self._looked_at.sum()} taxels are lost: "
-                "no number, beyond their limits, one number in all channels or taxels, or a step "
-                "that no load makes"
+                "not a number, beyond their limits, the same in all channels or taxels, or with "
+                "a step that no load causes"
             )
         shown = raw if self._shown is None else self._shown
         known: Mask = ~self._none

@@ -24,12 +24,12 @@ def titled(phase: str | None, kind: str) -> str:
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Event:
-    """Begin or end of something in a scene.
+    """Beginning or end of something in a scene, such as a contact or a slip.
 
     Attributes
     ----------
     time : float
-        s, on the clock of the frames.
+        Time on the clock of the frames, s.
     kind : str
         "contact", "release", "edge", "slip", "twist"…
     frame : int
@@ -37,11 +37,11 @@ class Event:
     phase : str or None
         "incipient" or "gross" for a slip.
     where : (row, column) or None
-        In cells.
+        Position in cells.
     place : (x, y) or None
-        mm to the right and downwards, of arrays whose taxels have positions.
+        Position to the right and downwards, mm, for arrays whose taxels have positions.
     direction : float or None
-        rad, from x (to the right, along columns) towards y (downwards, along rows).
+        Angle from x (to the right, along columns) towards y (downwards, along rows), rad.
     strength : float or None
         In `unit`.
     unit : str or None
@@ -49,20 +49,20 @@ class Event:
     sense : int or None
         For a twist, +1 from x towards y and −1 the other way. For a squeeze, +1 outwards.
     after_gap : float or None
-        For the first event of its flag after frames were lost or refused: how long the program saw
-        nothing, in s. Of several gaps since the last event of the flag, the longest.
+        For the first event of a kind after frames were lost or rejected, the length of the gap in
+        s; the longest one if there were several since the last event of that kind.
     gap_end : float or None
-        When that gap ended, in s on the clock of the frames.
+        End of that gap on the clock of the frames, s.
     load_is_bound : bool
         Whether the strength is a lower bound of a load, because a taxel was at an end of its range.
     saturated : bool
         Whether a taxel was at an end of its range: place, direction and strength may be wrong.
     motion : str or None
-        "slide" or "pivot" for a gross slip; of a pivot, `sense` is that of its turn, and `where`
-        its centre where that is known.
+        "slide" or "pivot" for a gross slip. For a pivot, `sense` is that of the rotation, and
+        `where` its centre if known.
     rest_held : bool
-        Whether the stream seems to have begun with the object held: what was held is missing from
-        loads and ratios, so the event may be wrong.
+        Whether the stream seems to have begun with the object held. The load at that time is then
+        missing from loads and ratios, so the event may be wrong.
     """
 
     time: float
@@ -133,7 +133,7 @@ class Event:
         return ", ".join([*parts, *self.further()])
 
     def turn(self, arrow: str = "") -> str:
-        """Return the sense in words, or with an arrow between the axes."""
+        """Return the sense as text, or with an arrow between the axes."""
         onwards = (self.sense or 0) > 0
         if self.kind == "grasp_squeeze":
             return "outwards" if onwards else "inwards"
@@ -141,7 +141,7 @@ class Event:
         return f"{first}{arrow}{last}" if arrow else f"from {first} to {last}"
 
     def further(self) -> list[str]:
-        """Return the strength and the gap before it in words, as far as they are known."""
+        """Return the strength and the preceding gap as text, as far as they are known."""
         parts: list[str] = []
         if self.strength is not None:
             least = "at least " if self.load_is_bound else ""

@@ -218,7 +218,7 @@ def export(
     precision : str
         "q15", "q7", another "qM.N", or "float32".
     method : "auto" or "euler"
-        Exact products where possible, or Euler steps, for coupled cells.
+        For coupled cells: exact products where possible, or Euler steps.
     needs : sequence of str, optional
         Outputs to export. The default is all.
     channels : sequence of str, optional
@@ -279,8 +279,8 @@ def export_scene(scene: Scene, *, precision: str = "q15", method: str = "auto") 
     if scene.grid is not None:
         rows, cols = scene.grid.shape
         raise SceneError(
-            f"Scene '{scene.spec.name}': its taxels have positions, and C reads a grid: export the "
-            f"program by its name for {rows}×{cols} cells, and interpolate before it."
+            f"Scene '{scene.spec.name}': its taxels have positions, but the C code reads a grid: "
+            f"export the program by its name for {rows}×{cols} cells, and interpolate before it."
         )
     program = bound(program_of(scene.spec), scene.spec, scene.driver)
     return export(

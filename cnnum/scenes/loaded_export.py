@@ -167,7 +167,7 @@ class LoadedExport:
                 raise ArrayError(
                     f"The recording has {frames.rate:g} frames per second, and '{self.program}' "
                     f"was exported for {rate:g}: export it with --rate {frames.rate:g}, or pass "
-                    "the recording's values alone to run it all the same."
+                    "the recording's values alone to run it anyway."
                 )
             known = frames.channels
             for name in self.channels:
@@ -292,10 +292,10 @@ def _size(library: Any, which: int) -> int:
 
 
 def load_export(folder: str | PathLike[str]) -> LoadedExport:
-    """Compile an export with this machine's C compiler, and return it as something to run.
+    """Compile an export with the C compiler of this machine, so that it can be run.
 
-    The compiler is that of the environment variable CC, or `cc`, `gcc` or `clang`. The code of the
-    folder is run in this process, with your rights.
+    The compiler is that of the environment variable CC, or `cc`, `gcc` or `clang`. The code in the
+    folder runs in this process, with your permissions.
 
     Parameters
     ----------
@@ -307,8 +307,8 @@ def load_export(folder: str | PathLike[str]) -> LoadedExport:
     NotSupportedError
         If there is no C compiler.
     ProgramError
-        If the folder holds no export, or its C cannot be compiled or has other structures than its
-        record says.
+        If the folder contains no export, or its C code cannot be compiled or does not agree with
+        its record.
     """
     place = Path(folder)
     record = _record(place)
@@ -332,8 +332,8 @@ def load_export(folder: str | PathLike[str]) -> LoadedExport:
     for which, layout in enumerate(layouts, 1):
         if _size(library, which) != layout.itemsize:
             raise ProgramError(
-                f"'{place}' has other structures in its header than '{MANIFEST}' says: export the "
-                "program again."
+                f"'{place}' has structures in its header that differ from '{MANIFEST}': export "
+                "the program again."
             )
     return LoadedExport(
         program, (rows, cols), channels, rate, unit, precision, inputs, outputs, library

@@ -183,7 +183,7 @@ class Compiled(ByContent):
 
 @dataclass(slots=True, eq=False, repr=False)
 class Scene(OfThisProcess):
-    """Scene that is ready to run: the whole path from its driver to its events.
+    """A scene that is ready to run: the whole path from its driver to its events.
 
     Attributes
     ----------
@@ -200,11 +200,11 @@ class Scene(OfThisProcess):
     offered : tuple of str
         All outputs of the program, requested or not.
     push : PushWatch
-        Detects a rest that was not at rest, and pushes that read as pulls.
+        Detects motion while the rest is learned, and pushes that read as pulls.
     orders : OrderWatch
         Detects axes in a wrong order or with a wrong sign.
     holds : HeldWatch
-        Detects a stream that begins with the object held, whose release tares the scene.
+        Detects a stream that begins with the object held; its release tares the scene.
     grid : Grid or None
         Square grid on which the program runs, for taxels that are not on one.
     compiled : Compiled or None
@@ -252,20 +252,20 @@ class Scene(OfThisProcess):
     ) -> "Scene":
         """Open the array of a scene and compile its program for the wanted events.
 
-        Parameters
-        ----------
-        spec : SceneSpec
-        engine : Engine, optional
-            In place of the scene's own.
+            Parameters
+            ----------
+            spec : SceneSpec
+            engine : Engine, optional
+                        Engine to use instead of the scene's own.
         recording : Recording, optional
-            In place of its array.
-        beside : sequence of Scene
-            Scenes whose engines, and plans where these are equal, it takes.
+            Recording to run over instead of the array.
+            beside : sequence of Scene
+                Scenes whose engines, and plans where these are equal, it takes.
 
-        Raises
-        ------
-        CnnumError
-            If the file, the array, the program or the device has a fault.
+            Raises
+            ------
+            CnnumError
+                If the file, the array, the program or the device has a fault.
         """
         how = {"device": spec.device, "precision": spec.precision, "fallback": spec.fallback}
         known = (scene.engine for scene in beside if _same_engine(scene.spec, spec))
@@ -359,13 +359,13 @@ class Scene(OfThisProcess):
                 yield moment
 
     def check_times(self, times: Sequence[float]) -> None:
-        """Hold the program's rate against the times of the first frames.
+        """Compare the program's rate with the times of the first frames.
 
         Raises
         ------
         SceneError
-            If they contradict it, and come from a recording: a live array may begin unevenly, and
-            it is said.
+            If they contradict each other and the frames come from a recording. A live array may
+            start unevenly, and gives only a warning.
         """
         rate, live = self.plan.rate, getattr(self.driver, "live", False)
         if len(times) not in (EARLY, TIMED):
@@ -422,8 +422,8 @@ class Scene(OfThisProcess):
             for frame in self.driver.frames():
                 if self._passes != own:
                     raise SceneError(
-                        f"Another pass over scene '{self.spec.name}' has begun, and a scene gives "
-                        "its frames to one pass at a time: load the scene twice for two."
+                        f"Another pass over scene '{self.spec.name}' has begun, and a scene "
+                        "supports only one pass at a time: load the scene twice to run two."
                     )
                 yield frame
         finally:
@@ -453,14 +453,14 @@ class Scene(OfThisProcess):
         self.close()
 
     def over(self, driver: Driver) -> bool:
-        """Let the next pass run over another source, if it is as this scene's own.
+        """Let the next pass run over another source, if it is compatible with the scene.
 
         Returns
         -------
         bool
-            Whether it is: shape, channels, unit, rate and all else that the path depends on are
-            equal. If not, nothing has changed. Whole numbers are fitted to a source, so that their
-            scenes have no other.
+            Whether shape, channels, unit, rate and everything else that the path depends on are
+            equal. If not, nothing changes. A scene in whole numbers is fitted to its source and
+            accepts no other.
         """
         whole = self.engine.precision not in REAL
         other = Reordered(driver, self.spec.reading) if self.spec.reading else driver
@@ -529,7 +529,7 @@ class Scene(OfThisProcess):
             self._repeated += 1
 
     def on_grid(self, frame: Frame) -> Frame:
-        """Return a frame on the grid of the program, unless nothing looks at it."""
+        """Return a frame on the grid of the program, or unchanged if no grid is needed."""
         if self.grid is None or self.orders.said:
             return frame
         return replace(frame, values=self.grid.maps(frame.values), saturated=None)
@@ -542,13 +542,13 @@ class Scene(OfThisProcess):
         self._tare.set()
 
     def take_tare(self) -> bool:
-        """Return whether rest is to be learned again, and take it as done."""
+        """Return whether the rest must be learned again, and clear that request."""
         wanted = self._tare.is_set()
         self._tare.clear()
         return wanted
 
     def events(self) -> Iterator[Event]:
-        """Yield the events of the scene as they come; each call is a pass as of `results`."""
+        """Yield the events of the scene as they occur; each call is a pass, as in `results`."""
         for moment in self.results():
             yield from moment.events
 
@@ -610,7 +610,7 @@ class Scene(OfThisProcess):
                 moment = way.step(at, frame)
                 if at == number and moment.values is None:
                     raise SceneError(
-                        f"Frame {number} is bad or a repeat, so the program does not run on it."
+                        f"Frame {number} is bad or repeated, so the program does not run on it."
                     )
                 if at == number:
                     return tuple(trace_steps(self.plan.schedule, moment.outputs))
@@ -650,7 +650,7 @@ class Scene(OfThisProcess):
         Raises
         ------
         SceneError
-            As `explain`.
+            As for `explain`.
         """
         kinds = explained_kinds(self.offered)
         if not kinds:
@@ -683,7 +683,7 @@ class Scene(OfThisProcess):
         return tuple(result)
 
     def weights(self) -> dict[str, float]:
-        """Return what weighs the other causes of a movement in `slip`, by its parameters."""
+        """Return the weights of other causes of movement in `slip`, by parameter."""
         defaults = inspect.signature(get_program("slip").function).parameters
         own = inspect.signature(program_of(self.spec).function).parameters
         given = {name: defaults[name].default for name in WEIGHTS}
@@ -743,12 +743,12 @@ def _range(spec: SceneSpec, driver: Driver, conversion: Conversion, precision: s
 
 
 def get_scene(name: str, *, engine: Engine | None = None) -> Scene:
-    """Return a packaged scene by its name; `load_scene` takes files as well.
+    """Return a packaged scene by its name; `load_scene` also accepts files.
 
     Raises
     ------
     UnknownNameError
-        If there is no such name.
+        If there is no packaged scene of that name.
     """
     if name not in scene_names():
         raise name_error("scene", name, scene_names())

@@ -376,7 +376,7 @@ class HeldWatch:
         self.said = True
         logging.getLogger("cnnum").warning(
             "The stream seems to begin with the object held: shear changes under a load that is "
-            "part of the rest, so loads, ratios, slips and twists miss what was held. Events have "
-            "the mark 'rest_held' until the object is let go, when the rest is learned again; "
-            "begin without contact, or tare once nothing touches."
+            "part of the rest, so loads, ratios, slips and twists miss what was held. Events "
+            "have the mark 'rest_held' until the object is let go, when the rest is learned "
+            "again; start without contact, or tare once nothing touches."
         )

@@ -332,8 +332,8 @@ def _refuse_code(spec: SceneSpec, scene: str | Path, changes: Mapping[str, objec
     ):
         if isinstance(name, str) and ":" in name and name not in named:
             raise SceneError(
-                f"Scene '{scene}': its {what} {shown(name)} in '{key}' is custom code, which "
-                "would run with your permissions: read that module, then give --trust (in Python "
+                f"Scene '{scene}': its {what} {shown(name)} in '{key}' is code that would run "
+                "with your permissions: read that module, then give --trust (in Python "
                 "trust=True)."
             )
 
@@ -512,8 +512,8 @@ def _limits(scene: str, value: object) -> Limits | None:
             limits_of(result, len(result) if several else 1)
     except (SceneError, ArrayError):
         raise SceneError(
-            f"Scene '{scene}': 'frames.limits' must be the least and the largest raw value of a "
-            f"sound taxel, as in [1, 65534], or one such pair per channel, got {value!r}."
+            f"Scene '{scene}': 'frames.limits' must be the smallest and largest raw values of a "
+            f"working taxel, as in [1, 65534], or one such pair per channel, got {value!r}."
         ) from None
     return result
 

@@ -244,7 +244,7 @@ class SceneRecord:
 
     @property
     def load_is_bound(self) -> np.ndarray:
-        """(frames,) whether a taxel stood at an end of its range: loads are lower bounds."""
+        """(frames,) whether a taxel was at an end of its range, so that loads are lower bounds."""
         return np.array(self._bound, dtype=bool)
 
     def __len__(self) -> int:
@@ -486,6 +486,6 @@ def refuse_no_fields(names: tuple[str, ...], outputs: Iterable[str]) -> None:
     if not names:
         some = ", ".join(list(outputs)[:12])
         raise SceneError(
-            f"The scene wants events and no field, so there is nothing to save: add a field to its "
-            f"'needs', as in {some}."
+            "The scene requests only events and no field, so there is nothing to save: add a "
+            f"field to its 'needs', as in {some}."
         )

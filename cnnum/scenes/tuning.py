@@ -67,7 +67,7 @@ COLUMNS = ("recording", "begin", "end")
 
 @dataclass(frozen=True, slots=True)
 class Label:
-    """Something that happened in a recording.
+    """Time span of an event in a recording.
 
     Attributes
     ----------
@@ -76,7 +76,8 @@ class Label:
     begin, end : float, s
         After the first frame.
     kind : str
-        Kind of the event; an event of another kind than the tuned one is neither quiet nor sought.
+        Kind of the event. Spans of other kinds than the tuned one count neither as quiet nor as
+        events.
     """
 
     recording: str
@@ -134,7 +135,7 @@ class Outcome:
         return float(gammaincinv(self.false + 1.0, CONFIDENCE)) * TEN_MINUTES / self.seconds
 
     def record(self) -> dict[str, object]:
-        """Return it as a JSON object."""
+        """Return a JSON object."""
         known = {"share": self.share, "delay_s": self.delay}
         return {
             "events": self.events, "found": self.found, "false": self.false,
@@ -202,7 +203,7 @@ Constants = tuple[tuple[str, float], ...]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Tuned:
-    """A level and constants, and what they are good for.
+    """Tuned level and constants of an event, with their performance.
 
     Attributes
     ----------
@@ -212,22 +213,23 @@ class Tuned:
     constants : mapping of str to float
         Those that differ from the shipped ones.
     asked : float
-        Accepted false reports in ten minutes.
+        Accepted false reports per ten minutes.
     extrapolated : bool
-        Whether the recordings are too short for that rate: the level then goes on along the
-        largest quiet strengths.
+        Whether the recordings are too short for that rate, so that the level is extrapolated from
+        the largest quiet strengths.
     shipped : Outcome
-        By the program as it is, on all recordings.
+        Outcome of the unchanged program on all recordings.
     left_out : Outcome or None
-        On each recording, by what was chosen without it; None of a single one.
+        Cross-validated outcome: on each recording, with the level chosen without it. None for a
+        single recording.
     seen : Outcome
-        On the recordings that the level was chosen on.
+        Outcome on the recordings from which the level was chosen.
     shipped_level : float
-        NaN where the program does not state it.
+        Level of the unchanged program; NaN if the program does not state it.
     curves : mapping of str to sequence of (float, Outcome)
-        Levels and their outcomes, of "shipped" and "tuned" constants.
+        Levels and their outcomes, for the "shipped" and the "tuned" constants.
     toml : str
-        The scene.
+        Text of the tuned scene file.
     """
 
     event: str
@@ -256,7 +258,7 @@ class Tuned:
         return Path(path)
 
     def record(self) -> dict[str, object]:
-        """Return it as a JSON object."""
+        """Return a JSON object."""
         known = {"shipped_level": self.shipped_level}
         return {
             "kind": "tuned", "event": self.event, "program": self.program,
@@ -271,7 +273,7 @@ class Tuned:
         return "\n".join(self.sentences())
 
     def sentences(self) -> Iterator[str]:
-        """Yield what was chosen, how sure its rate is, and what it finds."""
+        """Yield sentences on the choice, the confidence in its rate, and the events it finds."""
         changed = "".join(f", {name} = {value:.4g}" for name, value in self.constants.items())
         yield f"{self.event}: {self.parameter} = {self.level:.4g}{changed}."
         judged = self.seen if self.left_out is None else self.left_out
@@ -454,12 +456,13 @@ def tune(
     engine: Engine | None = None,
     trust: bool = False,
 ) -> Tuned:
-    """Learn the level of an event, and a few constants, from recordings of one's own.
+    """Tune the level of an event, and a few constants, on your own recordings.
 
     Parameters
     ----------
     recordings : sequence of str, Path or Recording
-        They begin at rest, as the scene expects. What no label covers is quiet.
+        Recordings that begin at rest, as the scene requires. Time outside all labels counts as
+        quiet.
     scene : str or Path
         A TOML file, or the name of a packaged scene, whose program and parameters are used.
     event : str
@@ -468,27 +471,27 @@ def tune(
         A CSV file with the columns recording, begin, end (s after the first frame) and kind, or the
         same as objects. Without labels only the level is learned.
     false_reports : float
-        Accepted false reports in ten minutes.
+        Accepted false reports per ten minutes.
     constants : mapping of str to sequence of float, optional
-        Parameters to try, one at a time; by default `look`, `still` and `floor`, as far as the
-        program has them.
+        Parameter values to try, one parameter at a time. The default is `look`, `still` and
+        `floor`, as far as the program has them.
     changes : mapping of str to object, optional
         Values that override those of the scene, by dotted key.
     engine : Engine, optional
-        The scene's own by default; "numba" builds the program of every constant faster.
+        The default is the scene's own; "numba" builds the program of every constant faster.
     trust : bool
         As in `load_scene`.
 
     Returns
     -------
     Tuned
-        `save` writes the scene, `str` says what it rests on.
+        Its `save` writes the scene, and `str` summarises the evidence.
 
     Raises
     ------
     SceneError
-        If nothing is quiet, a label is outside its recording, a recording states no rate, or the
-        program has no level of that event.
+        If no time is quiet, a label is outside its recording, a recording states no rate, or the
+        program has no level for that event.
     CnnumError
         If a recording or the scene has a fault.
     """
@@ -673,7 +676,7 @@ def _labels_of(
             known = ", ".join(str(_names(n, source)[-1]) for n, source in enumerate(sources))
             raise SceneError(
                 f"A label names the recording {shown(label.recording)}, which is "
-                f"{'ambiguous' if fitting else 'not there'}: expected one of {known}."
+                f"{'ambiguous' if fitting else 'unknown'}: expected one of {known}."
             )
         last = float(takes[fitting[0]].times[-1])
         if not 0.0 <= label.begin <= label.end <= last + SLACK:

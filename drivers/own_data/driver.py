@@ -209,7 +209,7 @@ class _Form:
         named = list(_framed(head) if framed else _recorded(head))
         if not named:
             raise CodecError(
-                f"'{head.path}', line {head.line}: expected columns as 'r0_c0_normal (count)'."
+                f"'{head.path}', line {head.line}: expected columns such as 'r0_c0_normal (count)'."
             )
         rows = max(place[0] for place, _ in named) + 1
         cols = max(place[1] for place, _ in named) + 1
@@ -456,8 +456,8 @@ def _times(
         more = f" (and {len(back) - 1} times more)" if len(back) > 1 else ""
         warnings.warn(
             f"'{path}', {_where(held, first)}: the clock goes back by "
-            f"{times[first - 1] - times[first]:.3g} s{more}: the frames "
-            "are kept in their order, each a period after the one before, and flagged.",
+            f"{times[first - 1] - times[first]:.3g} s{more}: the frames keep their order, each "
+            "one period after the previous one, and are flagged.",
             RecordingWarning,
             stacklevel=2,
         )

@@ -49,7 +49,7 @@ def of_parquet(file: Any, wanted: list[str], most: int) -> tuple[dict[str, Any],
         return {"names": names[:LISTED]}, []
     groups = [opened.metadata.row_group(n) for n in range(opened.metadata.num_row_groups)]
     if sum(int(group.total_byte_size) for group in groups) > most:
-        raise ValueError("it says to unpack to more bytes than the file can hold")
+        raise ValueError("it claims to unpack to more bytes than the file can contain")
     table: Any = opened.read(columns=wanted, use_threads=False)
     held: list[Any] = []
     for name in wanted:
@@ -68,7 +68,7 @@ def of_parquet(file: Any, wanted: list[str], most: int) -> tuple[dict[str, Any],
             column = inner
         array = np.asarray(column.to_numpy(zero_copy_only=False))
         if array.dtype.kind not in NUMBERS:
-            raise ValueError(f"the column '{name}' must hold numbers, got '{array.dtype}'")
+            raise ValueError(f"the column '{name}' must contain numbers, got '{array.dtype}'")
         held.append(array.reshape(shape) * scale)
     head = [[array.dtype.newbyteorder("<").str, list(array.shape)] for array in held]
     return {"names": names[:LISTED] + wanted, "arrays": head}, held
@@ -96,8 +96,7 @@ def answer(file: Any, wanted: list[str], most: int) -> tuple[dict[str, Any], lis
             total += _size(name, array)
         if total > most:
             raise ValueError(
-                f"its arrays say that they are {total:,} bytes large, which is more than the file "
-                "can hold"
+                f"its arrays claim to have {total:,} bytes, which is more than the file can contain"
             )
         held: list[Any] = [array[...] for array in arrays]
     head = [[array.dtype.newbyteorder("<").str, list(array.shape)] for array in held]
@@ -129,9 +128,9 @@ def _size(name: str, array: Any) -> int:
     if array.shape is None:
         raise ValueError(f"the array '{name}' is empty: it has neither a shape nor numbers")
     if array.external is not None or array.is_virtual:
-        raise ValueError(f"the numbers of the array '{name}' lie in other files")
+        raise ValueError(f"the numbers of the array '{name}' are in other files")
     if array.dtype.kind not in NUMBERS:
-        raise ValueError(f"the array '{name}' must hold numbers, got the type '{array.dtype}'")
+        raise ValueError(f"the array '{name}' must contain numbers, got the type '{array.dtype}'")
     cells = math.prod(int(n) for n in array.shape)
     chunk = math.prod(int(n) for n in array.chunks or ())
     return max(cells, chunk) * int(array.dtype.itemsize)

@@ -248,9 +248,9 @@ class DataLayout:
         if len(set(names)) != self.numbers:
             rows, cols = self.shape
             raise SceneError(
-                f"'values' must name {rows}×{cols}×{len(self.channels)} = {self.numbers} different "
-                f"columns, got {len(set(names))}: a pattern has {{row}} and {{col}}, or {{n}}, and "
-                "{channel}, as in 't{n}_{channel}'."
+                f"'values' must name {rows}×{cols}×{len(self.channels)} = {self.numbers} "
+                f"different columns, got {len(set(names))}: a pattern must contain {{row}} and "
+                "{col}, or {n}, and {channel}, as in 't{n}_{channel}'."
             )
         return names
 

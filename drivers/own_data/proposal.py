@@ -114,8 +114,8 @@ def propose(path: Path, topic: str = "", clock: str = "") -> Proposal:
         proposal = _sent(path, protocol_names())
         if proposal is None:
             raise CodecError(
-                f"'{path}' is neither a table in a text file, nor what an array of a known "
-                "protocol sent."
+                f"'{path}' is neither a table in a text file nor the output of an array with a "
+                "known protocol."
             )
         return proposal
     if suffix == ".log" and (proposal := _sent(path, protocol_names())) is not None:

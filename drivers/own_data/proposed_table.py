@@ -96,8 +96,9 @@ def of_text(path: Path, lines: list[str], asked: str) -> Proposal:
     content = [line for line in lines if line.strip() and not line.lstrip().startswith(comment)]
     if sum(MONITOR.match(line) is not None for line in content) > MOSTLY * len(content):
         raise CodecError(
-            f"'{path}' has lines as of Arduino's serial monitor ({content[0][:24].strip()!r}…): "
-            "replace ' -> ' by a comma, as \"sed 's/ -> /,/'\" does, so that times are a column."
+            f"'{path}' has lines in the format of Arduino's serial monitor "
+            f"({content[0][:24].strip()!r}…): replace ' -> ' by a comma, as \"sed 's/ -> /,/'\" "
+            "does, so that times are a column."
         )
     for separator in (",", *SEPARATORS):
         rows = [fields for fields in fields_of(content, TextForm(separator)) if any(fields)]
@@ -191,9 +192,9 @@ def _of_table(
             continue
         if len(rows) == 1 and len(fields) == len(_stripped(rows[0])) and not any(numbers):
             raise CodecError(
-                f"'{path}', line {number + 1}: names below names, as of columns of two levels in "
-                "pandas: give each column one name, as by df.columns = ['_'.join(map(str, c)) for "
-                "c in df.columns]."
+                f"'{path}', line {number + 1}: a second row of names, as for columns with two "
+                "levels in pandas: give each column one name, as by df.columns = "
+                "['_'.join(map(str, c)) for c in df.columns]."
             )
         if header and len(fields) == width and all(BRACKETS.fullmatch(text) for text in fields):
             raise CodecError(
@@ -231,8 +232,8 @@ def _of_table(
         texts = [fields[n] for fields in whole]
         if name and columns.get(name, texts) != texts:
             raise CodecError(
-                f"'{path}' has two columns of the name {name!r:.80} with other numbers: rename "
-                "one of them."
+                f"'{path}' has two different columns with the name {name!r:.80}: rename one of "
+                "them."
             )
         columns.setdefault(name, texts)
     _columns(proposal, columns, form, bool(header), asked)
@@ -276,10 +277,10 @@ def _refuse_long(
         if len(seen) > 1 and periodic and len(texts) >= TURNS * size:
             first = texts[0] if name in values else repr(texts[0])
             raise CodecError(
-                f"The table has several rows a frame: '{name}' goes through {len(seen)} values "
-                f"again and again; make it a row a frame, as by df.pivot(index='{clock or 'time'}',"
-                f" columns='{name}') in pandas, with one name a column, or keep the rows of one "
-                f"value, as by df[df['{name}'] == {first}]."
+                f"The table has several rows per frame: '{name}' repeats {len(seen)} values; "
+                "convert the table to one row per frame, as by "
+                f"df.pivot(index='{clock or 'time'}', columns='{name}') in pandas, with one name "
+                f"per column, or keep the rows of one value, as by df[df['{name}'] == {first}]."
             )
 
 

@@ -125,8 +125,8 @@ def message_fields(path: Path, layout: DataLayout) -> Arrays:
     held = field_arrays(path, layout.topic, wanted)
     if not held["order"]:
         warnings.warn(
-            f"The messages of '{path}' do not stand in the order in which they came: they are "
-            "sorted by their log times.",
+            f"The messages of '{path}' are not in the order of their arrival: they are sorted by "
+            "their log times.",
             RecordingWarning,
             stacklevel=2,
         )
@@ -159,8 +159,8 @@ def sent_scans(path: Path, layout: DataLayout) -> Arrays:
         raise CodecError(f"'{path}' holds {said}{f': {trouble}' if trouble else '.'}")
     if decoder.bad:
         warnings.warn(
-            f"'{path}': {decoder.bad} packets of the protocol '{layout.protocol}' are damaged, and "
-            "left out.",
+            f"'{path}': {decoder.bad} packets of the protocol '{layout.protocol}' are damaged and "
+            "were left out.",
             RecordingWarning,
             stacklevel=2,
         )
@@ -352,7 +352,7 @@ def shaped(path: Path, layout: DataLayout, held: NDArray[Any]) -> Floats:
         If they are no numbers, or of another shape than the layout says.
     """
     if held.dtype.kind not in NUMBERS:
-        raise CodecError(f"'{path}' must hold numbers, got the type '{held.dtype}'.")
+        raise CodecError(f"'{path}' must contain numbers, got the type '{held.dtype}'.")
     guessed = PADDED if layout.pads > 1 and held.ndim == len(AXES[2]) else GUESSED
     orders = (ORDERS.get(layout.order, layout.order),) if layout.order else guessed
     said = bool(layout.order)

@@ -112,7 +112,7 @@ def test_what_does_not_fit_is_one_sentence(tmp_path, monkeypatch):
     record = json.loads((tmp_path / "export.json").read_text())
     record["inputs"][0]["type"] = "int32_t"
     (tmp_path / "export.json").write_text(json.dumps(record))
-    with pytest.raises(ProgramError, match="other structures"):
+    with pytest.raises(ProgramError, match="structures in its header"):
         cnnum.load_export(tmp_path)
     (tmp_path / "mixed.c").write_text("int x = ;\n")
     with pytest.raises(ProgramError, match="cannot be compiled"):

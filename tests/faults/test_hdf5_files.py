@@ -80,15 +80,15 @@ def short_text(_, file):
 
 
 ATTACKS = {
-    external: "lie in other files",
-    pipe: "lie in other files",
-    virtual: "lie in other files",
+    external: "are in other files",
+    pipe: "are in other files",
+    virtual: "are in other files",
     link: "has no array 'values'",
     empty: "is empty",
-    large: "more than the file can hold",
-    large_chunk: "more than the file can hold",
-    text: "must hold numbers",
-    short_text: "must hold numbers",
+    large: "more than the file can contain",
+    large_chunk: "more than the file can contain",
+    text: "must contain numbers",
+    short_text: "must contain numbers",
 }
 
 

@@ -155,7 +155,7 @@ def test_limits_of_other_channels_are_refused(tmp_path, limits):
     (tmp_path / "scene.toml").write_text(
         'needs = ["contact"]\n[array]\ndriver = "npz"\n[program]\nname = "contact"\n'
     )
-    with pytest.raises(SceneError, match=r"'frames.limits'.* the least and the largest"):
+    with pytest.raises(SceneError, match=r"'frames.limits'.* the smallest and largest"):
         cnnum.load_scene(tmp_path / "scene.toml", changes={"array": array, **more})
 
 
@@ -165,7 +165,7 @@ def test_limits_are_the_scenes(tmp_path):
     values[LOST, :, 2] = np.random.default_rng(2).normal(300.0, 50.0, (60, 8, 3)).round()
     scene, events = played(tmp_path, values, more="[frames]\nlimits = [1000, 60000]\n")
     assert (events, scene.summary().dropouts) == ([], 8)
-    with pytest.raises(SceneError, match=r"'frames.limits' must be the least and the largest"):
+    with pytest.raises(SceneError, match=r"'frames.limits' must be the smallest and largest"):
         played(tmp_path, values, more="[frames]\nlimits = [60000, 1000]\n")
 
 

@@ -117,7 +117,8 @@ def test_loads_are_newtons_under_other_flat_covers(cover, caplog):
 def test_what_a_program_cannot_know_of_a_cover_is_said(changes, why, caplog):
     """Once, when the scene is loaded; slip and twist ask nothing of the cover, and nothing is."""
     assert (
-        told(caplog, "contact", **changes).count("and shapes by the program 'tactile' are not") == 1
+        told(caplog, "contact", **changes).count("and shapes from the program 'tactile' are not")
+        == 1
     )
     assert why in caplog.text
     assert not told(caplog, "slip", **changes)

@@ -56,7 +56,7 @@ class Exported:
         Raises
         ------
         ReportError
-            If one is there that `force` does not say to replace, or cannot be written.
+            If a file exists and `force` is false, or if one cannot be written.
         """
         write_files(Path(folder), self.files, force=force)
 
@@ -87,14 +87,14 @@ class Exported:
 
 @dataclass(frozen=True, slots=True)
 class Facts:
-    """What a header says of the frames that a program takes.
+    """Description of the frames of a program, for its header.
 
     Attributes
     ----------
     rate : float or None
-        Frames a second that its constants of time are for; None where it has none.
+        Frame rate for which the time constants hold, Hz; None if there are none.
     unit : str
-        Unit of the inputs; empty where it is not known.
+        Unit of the inputs; empty if it is not known.
     precision, method : str
     """
 
@@ -141,7 +141,7 @@ def in_the_way(folder: Path, program: str, package: str | None = None) -> str | 
 
 
 def is_export(folder: Path, program: str) -> bool:
-    """Return whether a folder holds an export of this program, with no link in a file's place."""
+    """Return whether a folder holds an export of this program, without symlinks for files."""
     makefile, name = folder / "Makefile", identifier(program)
     if any(place.is_symlink() for place in _places(folder, program)) or not makefile.is_file():
         return False

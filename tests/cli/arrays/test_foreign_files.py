@@ -108,7 +108,10 @@ WRONG = {
     "none.csv": (None, "There is no file"),
     "empty.csv": (b"", "no table of numbers"),
     "words.csv": (b"some, words\nand, more\n", "no table of numbers"),
-    "noise.bin": (bytes(range(256)) * 40, "neither a table in a text file, nor what an array"),
+    "noise.bin": (
+        bytes(range(256)) * 40,
+        "neither a table in a text file nor the output of an array",
+    ),
     "flat.npy": ("flat", "no array of frames"),
     "cut.mcap": (b"\x89MCAP0\r\n", "not an MCAP file, or has no complete message"),
     "bad.jsonl": (b"{not json\n", "line 1: expected JSON"),
@@ -353,15 +356,15 @@ def test_messages_with_stamps_lists_and_channels_before_four_columns(call, tmp_p
 REFUSED = {
     "a row a taxel": (
         ["time,taxel,x,y,z", *(f"{n / 100},{k},1,2,{n}" for n in range(20) for k in range(16))],
-        "several rows a frame: 'taxel' goes through 16 values again and again",
+        "several rows per frame: 'taxel' repeats 16 values",
     ),
     "a row a sensor": (
         ["t,side,x0,x1,x2", *(f"{n / 100},{k},1,2,{n}" for n in range(20) for k in ("l", "r"))],
-        "several rows a frame: 'side' goes through 2 values again and again",
+        "several rows per frame: 'side' repeats 2 values",
     ),
     "a row a taxel of a sensor": (
         ["t,side,taxel,z", *(f"{n / 9},{k // 4},{k % 4},{n}" for n in range(20) for k in range(8))],
-        "several rows a frame: 'side' goes through 2 values again and again",
+        "several rows per frame: 'side' repeats 2 values",
     ),
     "units below names": (
         ["t,P1,P2", "[s],[kPa],[kPa]", *(f"{n / 100},{n},3" for n in range(20))],
@@ -369,11 +372,11 @@ REFUSED = {
     ),
     "two levels of names": (
         ["taxel,0,0,0,1,1,1", "axis,x,y,z,x,y,z", *(f"{n / 100},1,2,3,4,5,6" for n in range(20))],
-        "line 2: names below names",
+        "line 2: a second row of names",
     ),
     "two columns of a name": (
         ["t,t0_x,t0_y,t0_y", *(f"{n / 100},{n % 3},2,{n}" for n in range(20))],
-        "two columns of the name 't0_y' with other numbers",
+        "two different columns with the name 't0_y'",
     ),
     "Arduino's monitor": (
         [f"12:00:00.{10 * n:03d} -> {n},2,3" for n in range(20)],

@@ -262,7 +262,7 @@ def test_places_that_make_no_grid_are_refused(call, tmp_path, what):
 def test_a_program_of_bumps_is_refused(tmp_path):
     recorded(tmp_path, "hexagons", (5.0, 5.0))
     changes = {"needs": ["bump"], "program": {"name": "localize"}}
-    with pytest.raises(SceneError, match="reads one bump a taxel"):
+    with pytest.raises(SceneError, match="reads one bump per taxel"):
         cnnum.load_scene(scene(tmp_path), changes=changes)
 
 

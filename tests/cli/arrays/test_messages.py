@@ -338,7 +338,7 @@ FAULTS = {
         'topic = "/skin"\nvalues = "dada"\n',
         r"no field 'dada'.*it has header, data",
     ),
-    "no numbers": ('topic = "/skin"\nvalues = "header.stamp.sec"\n', r"must hold"),
+    "no numbers": ('topic = "/skin"\nvalues = "header.stamp.sec"\n', r"must contain"),
 }
 
 

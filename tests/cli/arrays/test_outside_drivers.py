@@ -123,7 +123,7 @@ def test_no_scene_runs_code_unasked(command, name, place, tmp_path, call, monkey
     assert not {module for module in new if "evil" in module or module == "this"}
     replaced = place == "array" and command in ("run --set", "replay")  # by the user's own array
     assert result.exit_code == (0 if replaced else 2)
-    assert replaced or "is custom code" in result.stderr
+    assert replaced or "is code that would run" in result.stderr
 
 
 def test_a_name_that_the_user_gives_is_trusted(folder, call):

@@ -79,7 +79,7 @@ def test_json_has_a_record_a_field(call, records, scene, engine):
 @pytest.mark.parametrize(
     ("scene_name", "file", "said"),
     [
-        ("demo", "out.npz", "wants events and no field, so there is nothing to save"),
+        ("demo", "out.npz", "requests only events and no field, so there is nothing to save"),
         ("edges", "out.wav", "Unknown kind of file '.wav': expected one of '.npz', '.csv', '.nc'"),
         ("edges", "no/out.npz", "there is no folder 'no'"),
     ],

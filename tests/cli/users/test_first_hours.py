@@ -98,7 +98,7 @@ def test_a_tactile_researcher(hour, tmp_path):
     wrong("There is no recording 'grap.csv'", "replay", "grap.csv")
     wrong("There is no layout", "replay", "grip.csv")
     (tmp_path / "grip.toml").write_text(LAYOUT)
-    wrong("near is 'txl", "replay", "grip.csv", "--scene", "demo")  # they count from 1
+    wrong("a similar one is 'txl", "replay", "grip.csv", "--scene", "demo")  # they count from 1
     (tmp_path / "grip.toml").write_text(LAYOUT + "first = 1\n")
     write_counts(tmp_path / "semi.csv", ";")
     (tmp_path / "semi.toml").write_text(LAYOUT + "first = 1\n")
