@@ -52,18 +52,18 @@ class ChunkStore(Parts):
     ) -> Iterator[dict[str, NDArray[Any]]]:
         """Yield the results of all tasks, in their order.
 
-            Parameters
-            ----------
-            tasks : sequence of (first, last)
-            figures : collection of str
-                        Names of the arrays that every task has, with one number per run.
+        Parameters
+        ----------
+        tasks : sequence of (first, last)
+        figures : collection of str
+            Names of the arrays that every task has, with one number per run.
         sentence : str
             Name of the array of texts, with one per run.
 
-            Raises
-            ------
-            TemplateFileError
-                If a file of them is damaged.
+        Raises
+        ------
+        TemplateFileError
+            If one of the files is damaged.
         """
         for task in tasks:
             place = self.file(task)

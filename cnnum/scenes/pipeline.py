@@ -252,20 +252,20 @@ class Scene(OfThisProcess):
     ) -> "Scene":
         """Open the array of a scene and compile its program for the wanted events.
 
-            Parameters
-            ----------
-            spec : SceneSpec
-            engine : Engine, optional
-                        Engine to use instead of the scene's own.
+        Parameters
+        ----------
+        spec : SceneSpec
+        engine : Engine, optional
+            Engine to use instead of the scene's own.
         recording : Recording, optional
             Recording to run over instead of the array.
-            beside : sequence of Scene
-                Scenes whose engines, and plans where these are equal, it takes.
+        beside : sequence of Scene
+            Scenes whose engines, and equal plans, are shared.
 
-            Raises
-            ------
-            CnnumError
-                If the file, the array, the program or the device has a fault.
+        Raises
+        ------
+        CnnumError
+            If the file, the array, the program or the device has a fault.
         """
         how = {"device": spec.device, "precision": spec.precision, "fallback": spec.fallback}
         known = (scene.engine for scene in beside if _same_engine(scene.spec, spec))

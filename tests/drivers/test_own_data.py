@@ -229,7 +229,7 @@ WRONG = {
         "name 2×3×3 = 18 different columns, got 3",
     ),
     "missing column": ('rate = 1\nvalues = "q{n}_{channel}"\n', "'q0_x', found none of that name"),
-    "near column": ('rate = 1\nvalues = "t{n}_{channel}"\n', "found none of that name; near is 't"),
+    "near column": ('rate = 1\nvalues = "t{n}_{channel}"\n', "a similar one is 't"),
     "no such time": ('values = "t{n}_{channel}"\nfirst = 1\ntime = "when"\n', "a column 'when'"),
     "axis twice": ('rate = 1\nchannels = ["x", "x", "z"]\n', "name each of the 3 channels once"),
     "no TOML": ("rate = \n", "is not TOML"),
