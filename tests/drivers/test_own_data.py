@@ -330,7 +330,7 @@ def test_a_pointer_of_git_lfs_is_called_one_before_a_layout_is_asked_for(tmp_pat
     path.write_text(
         f"version https://git-lfs.github.com/spec/v1\noid sha256:{'4' * 64}\nsize 12345\n"
     )
-    with pytest.raises(cnnum.CnnumError, match="a pointer of Git LFS"):
+    with pytest.raises(cnnum.CnnumError, match="a Git LFS pointer"):
         cnnum.load_recording(path)
 
 

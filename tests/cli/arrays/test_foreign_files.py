@@ -116,7 +116,7 @@ WRONG = {
     "cut.mcap": (b"\x89MCAP0\r\n", "not an MCAP file, or has no complete message"),
     "bad.jsonl": (b"{not json\n", "line 1: expected JSON"),
     "page.html": (b"<!DOCTYPE html><html></html>", "no table of numbers"),
-    "pointer.npz": (b"version https://git-lfs.github.com/spec/v1\n", "a pointer of Git LFS"),
+    "pointer.npz": (b"version https://git-lfs.github.com/spec/v1\n", "a Git LFS pointer"),
 }
 
 
@@ -141,7 +141,7 @@ def test_a_pointer_of_git_lfs_is_called_one_in_every_kind_of_file(call, tmp_path
     asked = path.parent if "/" in name else path
     done = call("layout", asked)
     assert (done.exit_code, done.stderr.count("\n")) == (2, 1), done.stderr
-    assert "a pointer of Git LFS" in done.stderr
+    assert "a Git LFS pointer" in done.stderr
 
 
 DATES = {

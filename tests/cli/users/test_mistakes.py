@@ -169,7 +169,7 @@ def test_units_are_those_of_the_numbers():
 
 ON_THE_COMMAND_LINE = {
     "depth as a length": ("program.parameters.depth=1 stone", "'m', 'cm', 'mm', 'um'"),
-    "depth in metres": ("program.parameters.depth=1e-3", "in pitches of the array"),
+    "depth in metres": ("program.parameters.depth=1e-3", "counts pitches of the array"),
     "push=0": ("program.parameters.push=0", "−1 where a push lowers the values"),
     "push=100": ("program.parameters.push=100", "−1 where a push lowers the values"),
     "rate=-1": ("program.parameters.rate=-1", "frames a second"),
