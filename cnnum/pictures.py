@@ -17,10 +17,10 @@ from cnnum.safety.reading import open_regular
 from cnnum.safety.values import as_path
 
 WHITE = 255
-"""Of 8-bit pixels; 0 is black."""
+"""White among 8-bit pixels; 0 is black."""
 
 MOST_PIXELS = 1 << 26
-"""Of a picture file: more is beyond any array that an engine runs."""
+"""Largest number of pixels in a picture file, more than any engine can run."""
 
 
 LEAST_SIDE = 16

@@ -176,7 +176,7 @@ def _wrong(key: str, expected: str, value: object) -> SceneError:
 
 
 def require_limits(limits: Limits | None, channels: int) -> None:
-    """Refuse limits that are no pair of raw values, nor one a channel; raises as `require`."""
+    """Check that limits are a pair of raw values, or one per channel; errors as in `require`."""
     if limits is not None:
         try:
             limits_of(limits, channels)
@@ -185,7 +185,7 @@ def require_limits(limits: Limits | None, channels: int) -> None:
 
 
 def require(key: str, holds: bool, expected: str, value: object) -> None:
-    """Refuse an option's value unless `holds`: for the checks of a record's ``__post_init__``.
+    """Check an option's value in the ``__post_init__`` of a record: an error unless `holds`.
 
     Raises
     ------
@@ -197,7 +197,7 @@ def require(key: str, holds: bool, expected: str, value: object) -> None:
 
 
 def require_channels(channels: Sequence[str]) -> None:
-    """Refuse names that are no channels'.
+    """Check the names of channels.
 
     Raises
     ------

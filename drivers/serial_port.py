@@ -263,7 +263,7 @@ ENOUGH = 3
 """Scans that must come before a protocol is believed."""
 
 SHARE = 0.8
-"""Of the bytes that must belong to them."""
+"""Share of the bytes that must belong to packets."""
 
 
 @dataclass(frozen=True, slots=True)

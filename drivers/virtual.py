@@ -242,7 +242,7 @@ class Fitting:
     ----------
     form : Form
     frames : sequence of Frame
-        Of the whole run: the largest number of each channel becomes the form's strong load.
+        All frames of the run; the largest number of each channel sets the form's strong load.
     """
 
     def __init__(self, form: Form, frames: Sequence[Frame]) -> None:

@@ -93,7 +93,7 @@ class Root(click.Group):
     """Finds commands by the registry, and ends every one of them in the same way."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """Refuse arguments that no shell can pass on, then read the options."""
+        """Check that a shell can pass on the arguments, then read the options."""
         if any("\0" in argument for argument in args):
             raise click.UsageError("Arguments must not contain a NUL character.", ctx)
         return super().parse_args(ctx, args)

@@ -311,7 +311,7 @@ def _whole(part: str, value: Any) -> int:
 
 
 def _refuse_missing_weight(template: Template, name: str) -> None:
-    """Refuse an axis of weights that the template does not have."""
+    """Check that the template has the weights of an axis."""
     if name[0] not in "AB" or name[1:2] not in ("", "["):
         return
     kernels = template.A if name[0] == "A" else template.B

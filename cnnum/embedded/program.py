@@ -58,7 +58,7 @@ class Array:
     about : str
         In words.
     values : int or float array, optional
-        Of a table.
+        Values of a table.
     logic : bool
     places : bool
         Whether its numbers are places in another array.
@@ -116,7 +116,7 @@ class IntegerProgram:
     outputs : mapping of str to str
         From outputs to arrays.
     fractions : dict of str to int
-        Of variables: the bits of their whole numbers after the point.
+        Number of fractional bits of each variable.
     """
 
     name: str

@@ -361,11 +361,11 @@ class Graph:
     shared : int
         How often an operation was asked for that the graph already had.
     parent : Graph or None
-        Of a loop's body: the graph that the loop stands in, whose numbers go on here.
+        For a loop's body, the graph that contains the loop; node numbers continue from it.
     captured : dict
-        Of a loop's body: the parent's nodes that it reads, by the number of their parameter.
+        For a loop's body, the parent's nodes that it reads, by parameter number.
     traced : Graph or None
-        Of the outermost graph: the innermost body that is being traced.
+        For the outermost graph, the innermost body that is being traced.
     rate : float or None, Hz
         Frames a second of the streams that it is traced for; None where nothing says.
     timed : bool

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 FILES = ("studio.html", "studio.css", "studio.js")
 
 TIMES = 33
-"""Of a film, the start among them."""
+"""Number of times in a film, including the start."""
 
 STEPS, LONGEST_STEP = 128, 0.08
 """Of a film: the least number of steps, and the longest step in τ. On the 64×64 cells of `HOLE`,
@@ -293,7 +293,7 @@ class Studio(Door):
     ----------
     place : Place
     entry : Entry
-        Of the template that the page begins with.
+        Library entry of the template that the page shows first.
     """
 
     longest = 1 << 17

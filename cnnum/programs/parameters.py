@@ -118,7 +118,7 @@ def takes_pitch(known: Mapping[str, object]) -> bool:
 
 
 def refuse_out_of_range(program: str, parameters: Mapping[str, object]) -> None:
-    """Refuse physical parameters that no array has.
+    """Check that physical parameters are plausible for an array.
 
     Raises
     ------
@@ -218,7 +218,7 @@ def checked_parameters(
 
 
 def refuse_outside(**ranges: tuple[float, float, float]) -> None:
-    """Refuse parameters outside the range that a program can compute with.
+    """Check that parameters are within the range that a program can compute with.
 
     Parameters
     ----------

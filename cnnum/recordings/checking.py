@@ -64,7 +64,7 @@ class Order:
     channels : (int, int, int)
         Places of the shear to the right, the shear downwards and the normal load.
     signs : (float, float, float)
-        Of both shears and of the normal load.
+        Signs of the two shears and of the normal load.
     grid : tuple of str
         Axes of the numbers of a frame as they lie in it, from the slowest to the fastest.
     """

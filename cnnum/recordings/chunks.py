@@ -35,7 +35,7 @@ SCHEMA = Schema(
         b"bool[] saturated\n"
     ),
 )
-"""Of the messages: they are CDR, little-endian."""
+"""Encoding of the messages, which are little-endian CDR."""
 
 ENCODING = b"\x00\x01\x00\x00"
 """The first bytes of a CDR message: version 1, little-endian."""
@@ -335,7 +335,7 @@ INSIDE = RECORD // 4
 """Bytes that are read and summed in the time that one record of an unpacked chunk takes."""
 
 NO_FRAMES = np.dtype([("sequence", np.int64)])
-"""Of a chunk of raw bytes."""
+"""Type of the frames in a chunk of raw bytes, which has none."""
 
 
 @dataclass(frozen=True, slots=True)

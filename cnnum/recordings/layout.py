@@ -109,7 +109,7 @@ def records(held: Sequence[Held]) -> bytes:
 
 
 KIND = "cnnum recording 2"
-"""Of the MCAP recordings; the NumPy archives are of kind 1."""
+"""Kind of MCAP recordings; NumPy archives have kind 1."""
 
 MOST_VALUES = 1 << 22
 """Numbers of a frame, at most: 32 MiB, half of a chunk."""

@@ -18,7 +18,7 @@ LARGEST = 64 << 20
 """Bytes of a chunk, at most, packed or unpacked: the memory that reading may take."""
 
 PREFIX = struct.Struct("<BQ")
-"""Of every record: its opcode, and the bytes that follow."""
+"""Prefix of every record: its opcode, and the number of bytes that follow."""
 
 _CHUNK = struct.Struct("<BQQQQII")
 _SIZE = struct.Struct("<Q")

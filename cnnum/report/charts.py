@@ -19,9 +19,9 @@ class Scale:
     Attributes
     ----------
     low, high : float
-        Of the quantity.
+        Range of the quantity.
     start, end : float
-        Of the place.
+        Range of the position.
     log : bool
     """
 

@@ -33,7 +33,7 @@ class Card:
     ----------
     entry : Entry
     folder : str
-        Of the library.
+        Folder in the library.
     pictures : tuple of (caption, (rows, cols) float)
         Values from −1, white, to 1, black.
     result : CheckResult or None

@@ -170,7 +170,7 @@ KINDS = (".png", ".svg", ".pdf")
 
 
 def refuse_unknown_kind(path: Path) -> None:
-    """Refuse a file that is no picture.
+    """Check that a file has the suffix of a picture.
 
     Raises
     ------

@@ -43,9 +43,9 @@ class SceneRecord:
     pitch : float or None
         Between taxels, m; None where it is unknown, and then no circle can be drawn to scale.
     channels : tuple of str
-        Of `values`: the force axes that were read.
+        Channels of `values`: the force axes that were read.
     unit : str
-        Of `values`: "strain", "count", "N"…
+        Unit of `values`: "strain", "count", "N"…
     times : (frames,) float, s
     values : (frames, rows, cols, channels) float
         The program's input; NaN in frames that were not allowed to run.
@@ -196,7 +196,7 @@ class Lane:
     Attributes
     ----------
     kind, phase : str
-        Of the event that begins it; the phase is empty for all but slip.
+        Kind and phase of the event that begins it; only slip has a phase.
     want : str
         The wants of a scene that expects it.
     truth : str
@@ -245,7 +245,7 @@ class TrueEvent:
     direction : float or None
         rad; of a gross slip that of the sliding, of an incipient one that of the shear force.
     sense : int or None
-        Of a twist: +1 from x towards y, −1 the other way.
+        For a twist, +1 from x towards y and −1 the other way.
     """
 
     kind: str
@@ -475,7 +475,7 @@ FORMAT = 1
 LEVELS = 32_767
 MISSING = -32_768
 MAP_BYTES = 1_500_000
-"""Of all maps together, before base64: a longer recording keeps every second frame, or third…"""
+"""Size of all maps before base64; a longer recording keeps every second frame, or third…"""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -245,7 +245,7 @@ def write_trace_page(
     path : Path
     title : str
     steps : sequence of TraceStep
-        Of one frame: maps (rows, cols), stacks (maps, rows, cols) or numbers.
+        Results for one frame: maps (rows, cols), stacks (maps, rows, cols) or numbers.
     force : bool
         Whether a file that is there, and is no page of cnnum, is replaced.
 

@@ -510,7 +510,7 @@ def write_demo_report(
     checks : sequence of CheckResult
         Checks of the templates, on any number of engines.
     work_precision : sequence of WorkPrecision
-        Of a few templates, from `measure_work_precision`.
+        Results of `measure_work_precision` for a few templates.
     plans : sequence of PlanCost
         The scene's own first; the others are compared with it.
     force : bool

@@ -27,7 +27,7 @@ from cnnum.templating.numbers import with_numbers
 from cnnum.templating.template import Template
 
 ANGLES = 16
-"""Of waves on a torus, along each axis."""
+"""Number of wave numbers on a torus along each axis."""
 
 
 def fastest(batch: TemplateBatch, dt: float | None) -> float:
@@ -90,7 +90,7 @@ def growth(template: Template, numbers: Parts) -> Floats:
 
 
 MOST_CELLS = 256
-"""Of arrays whose frames lie in lanes."""
+"""Largest number of cells in arrays whose frames are processed in lanes."""
 
 LEAST = 1e-9
 """Numbers that stand for those of the frames: too small to change how fast an array is."""
@@ -287,7 +287,7 @@ def _rungs(template: Template, numbers: Parts) -> Floats:
 
 
 PARTS = ("output", "state", "time", "steps", "settled", "error")
-"""Of a result, with an axis of frames."""
+"""Attributes of a result that have an axis of frames."""
 
 OPTIONS = ("duration", "method", "rtol", "atol", "dt")
 

@@ -38,7 +38,7 @@ PART = 1.0 / 16.0
 bounds part of cells whose neighbours all turn against them."""
 
 HALVINGS = 10
-"""Of a step in which the slopes of some cells are not found."""
+"""Largest number of times that a step is halved if slopes of some cells are not found."""
 
 SPARE = 1.5
 """Of what the rates were found to fall by: the slopes that are less by it may fall a bit more."""

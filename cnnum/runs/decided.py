@@ -58,7 +58,7 @@ class Signs:
     ----------
     places : (couplings, 2) int
     weights : (couplings + 1,) float
-        Of the inputs around a cell, and of a state that is given apart from them.
+        Weights of the inputs around a cell, and of a separately given state.
     level : float
         θ.
     constant : float

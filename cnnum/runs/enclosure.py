@@ -39,7 +39,7 @@ SHORTEST = 1e-4
 """Of a step that ends at a corner: cells that pass corners within this time pass them together."""
 
 TERMS = 16
-"""Of the series by which r grows over a step."""
+"""Number of terms in the series for the growth of r over a step."""
 
 LARGE = 1e6
 """An r of which nothing can be said any more."""

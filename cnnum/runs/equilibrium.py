@@ -292,7 +292,7 @@ class Verdict:
     Attributes
     ----------
     stability : "stable", "unstable" or "unknown"
-        Of the equilibrium at the state; "unknown" also where there is none.
+        Stability of the equilibrium at the state; "unknown" also if there is none.
     state : (n,) float
         The equilibrium itself, where it is further away than the tolerance.
     error : float

@@ -64,7 +64,7 @@ MOST_HALVINGS = 10
 """Steps are no shorter than this power of a half of the first."""
 
 DELAY_SAFETY = 4.0
-"""Of an error that is known from differences: corners of an output make these irregular."""
+"""Safety factor of an error estimated from differences, which kinks of an output disturb."""
 
 GOAL = 0.5
 """Part of the tolerance at which such an error is taken for small enough."""
@@ -322,10 +322,10 @@ FINER = 0.1
 """Share of the tolerances in those of the finer run."""
 
 SAFETY = 1.5
-"""Of the distance of two runs."""
+"""Safety factor on the distance of two runs."""
 
 SMALLEST = 1e-30
-"""Of a tolerance: devices flush numbers not much smaller."""
+"""Smallest tolerance: devices flush numbers that are not much smaller."""
 
 Maps = Mapping[str, NDArray[np.floating]]
 Again = Callable[[RunSpec, NDArray[np.intp]], Result]

@@ -25,7 +25,7 @@ from cnnum.safety.values import refuse_on_host
 from cnnum.templating.template import Template
 
 BYTES = 8
-"""Of a number: results are counted as float64, in engines of either precision."""
+"""Bytes per number: results count as float64 in engines of either precision."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -92,7 +92,7 @@ class PreparedRun:
     one : OneFrame
         The plan's quick way of single frames.
     roles : sequence of str
-        Of its channels.
+        Roles of the channels.
     """
 
     __slots__ = (

@@ -39,7 +39,7 @@ LEAST_SQUARES = (PIXELS / 2) ** 2
 
 
 def refuse_pixels(template: Template, role: str, value: ArrayLike) -> None:
-    """Refuse bool and 8-bit pixels as an input or a state.
+    """Check that an input or a state does not consist of bool or 8-bit pixels.
 
     Raises
     ------
@@ -52,7 +52,7 @@ def refuse_pixels(template: Template, role: str, value: ArrayLike) -> None:
 
 
 def refuse_grey_levels(template: Template, role: str, array: NDArray[np.floating]) -> None:
-    """Refuse numbers that are 8-bit grey levels, where the cells saturate at −1 and 1.
+    """Check that numbers are not 8-bit grey levels, if the cells saturate at −1 and 1.
 
     Grey levels are whole numbers from 0 to 255, at least one of them 128 or more. Fractions in that
     range, and pictures of 0 and 1, only give a warning, as they may be meant.
@@ -121,7 +121,7 @@ def _say_of_colours(template: Template, role: str, array: NDArray[np.floating], 
 
 
 def refuse_signed_mask(array: NDArray[np.floating]) -> None:
-    """Refuse a fixed-state mask with numbers below 0, as other simulators draw theirs.
+    """Check that a fixed-state mask has no negative numbers, as in other simulators.
 
     Raises
     ------
@@ -288,7 +288,7 @@ class OpenEngine:
     prepared : dict
         By form.
     turn : RLock
-        Of the threads that keep something.
+        Lock for threads that store something.
     """
 
     __slots__ = ("backend", "plans", "precision", "prepared", "record", "turn", "whole")
@@ -352,7 +352,7 @@ class Ask:
     kept : PreparedRun or None
         The run of that form which is kept ready.
     ready : Result or None
-        Of the way to a rest, where it is known already.
+        Result of the run to equilibrium, if it is already known.
     """
 
     __slots__ = ("arrays", "at", "chip", "engine", "form", "kept", "options", "ready", "template")
@@ -409,7 +409,7 @@ class Request:
     form : tuple or None
         Under which the run is kept ready, if it can be.
     ready : Result or None
-        Of the way to a rest, where it is known already.
+        Result of the run to equilibrium, if it is already known.
     names : tuple of str
         Names of its maps: a role, and a number.
     lead : tuple of int

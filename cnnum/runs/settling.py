@@ -192,7 +192,7 @@ def lanes_at_rest(result: Result, template: Template, rtol: float, atol: float) 
     result : Result
         Result of a batch, along its first axis.
     template : Template
-        Of their form.
+        A template with the form of the batch.
     rtol, atol : float
     """
     error = np.full(result.error.shape, np.inf)

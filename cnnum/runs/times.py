@@ -38,7 +38,7 @@ MOST = 10_000
 """Times of one run."""
 
 ALMOST = 1e-9
-"""Of a step: a time that is beyond a whole number of steps by less is that number."""
+"""Share of a step by which a time may exceed a whole number of steps and still count as it."""
 
 Maps = Mapping[str, NDArray[np.floating]]
 
@@ -148,7 +148,7 @@ def looked_at(
     Parameters
     ----------
     plan : Plan
-        Of one transient.
+        Plan of one transient.
     given : mapping of str to (..., maps, rows, cols) float
     lead : tuple of int
         Leading axes of the batch.

@@ -56,10 +56,10 @@ class Monotone:
     centre : float
         Weight of a cell's own output.
     feedback : (rows, columns, weights), each (couplings,)
-        Of the couplings to other cells.
+        Offsets and weights of the couplings to other cells.
     control : tuple of Tap
     rim : (kind, value)
-        Of the state's boundary, as `cnnum.engines.numba.wavefront.front` takes it.
+        Boundary of the state, in the form for `cnnum.engines.numba.wavefront.front`.
     """
 
     centre: float

@@ -162,7 +162,7 @@ def write_files(
 def refuse_target(
     target: Path, *, error: type[CnnumError] = ReportError, force: bool = False
 ) -> None:
-    """Refuse a file that could not be put in its place, before the work is done.
+    """Check before the work that a file can be put in its place.
 
     Raises
     ------
@@ -363,7 +363,7 @@ def named_after(folder: Path, name: str, ending: str) -> Path:
     name : str
         One that is not empty.
     ending : str
-        Of the file: ".toml".
+        Suffix of the file, such as ".toml".
     """
     kept = "".join(sign if sign.isalnum() or sign in "-.,+=()" else "_" for sign in name.lower())
     return beside(folder / (f"_{kept[1:]}" if kept.startswith(".") else kept), ending)
@@ -452,7 +452,7 @@ def refuse_folder(
     force: bool = False,
     owns: Callable[[Path], bool] = lambda _: False,
 ) -> bool:
-    """Refuse a folder that could not be put in its place; arguments as of `written_folder`.
+    """Check that a folder can be put in its place; arguments are those of `written_folder`.
 
     Returns
     -------

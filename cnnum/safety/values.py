@@ -108,7 +108,7 @@ _REFUSED = ("//", "/*", "++", "--")
 def check_expression(
     what: str, text: object, variables: Iterable[str], error: type[CnnumError]
 ) -> None:
-    """Refuse a text that is not one expression of some variables.
+    """Check that a text is a single expression of given variables.
 
     Parameters
     ----------

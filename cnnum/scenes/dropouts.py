@@ -567,7 +567,7 @@ def _alone(steps: Floats, had: Floats, away: Floats, living: Mask, place: int | 
         Step, and distance from rest before and after it, over the noise.
     living : (rows, cols) bool
     place : int or None
-        Of the normal channel.
+        Index of the normal channel.
     """
     mask = np.zeros_like(living)
     ways = [tuple(np.abs(part).max(axis=2) for part in (steps, had, away))]

@@ -544,7 +544,7 @@ class EventDetector:
 
 
 SCORE = "score"
-"""Of slip and twist: a pure number, see `docs/events.md`."""
+"""Unit of the strength of slip and twist, a pure number: see `docs/events.md`."""
 
 LOADS: Mapping[str, Mapping[str, str]] = {
     "load_normal": {"": "unit"},

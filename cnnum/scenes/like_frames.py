@@ -52,7 +52,7 @@ def like_frames(
         Where the program reads which taxels stand at an end of their range, in one more channel:
         what marks them.
     grid : Grid or None
-        Of taxels at known places.
+        Grid for taxels at known positions.
 
     Returns
     -------

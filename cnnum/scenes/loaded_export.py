@@ -71,7 +71,7 @@ class Part:
     name, member : str
         The channel or output, and its name in C.
     type : str
-        Of C.
+        C type.
     shape : tuple of int
         (rows, cols) of a map, () of a number.
     fraction : int or None
@@ -103,7 +103,7 @@ class LoadedExport:
     program : str
     shape : (rows, cols)
     channels : tuple of str
-        Of a frame, in their order.
+        Channels of a frame, in order.
     rate : float or None
         Frames per second that the constants of time are for; None where the program has none.
     unit : str

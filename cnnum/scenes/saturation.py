@@ -38,7 +38,7 @@ class _Past:
     Attributes
     ----------
     frames : int
-        Of the rest.
+        Number of frames of the rest.
     began : float, s
         Time of the first of them.
     learned : bool

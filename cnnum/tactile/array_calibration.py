@@ -15,7 +15,7 @@ from cnnum.safety.reading import LARGEST, parse_toml, read_text
 from cnnum.safety.values import checked_name, shown
 
 KIND = "array calibration"
-"""Of a calibration file; bridge taxels have their own."""
+"""Kind of a calibration file; bridge taxels have another one."""
 
 KEYS = ("offset", "gain", "unit", "tare")
 

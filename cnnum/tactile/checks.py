@@ -1,4 +1,4 @@
-"""Refuse physical parameters that are outside the range of a closed form."""
+"""Checks that physical parameters are within the range of a closed form."""
 
 import inspect
 from collections.abc import Callable

@@ -89,7 +89,7 @@ def punch_pressure(outline: Outline, cells: int, finer: int = FINER) -> Floats:
     outline : Outline
         Lengths in pitches, from the middle of the array.
     cells : int
-        Of a side of the array.
+        Number of cells along a side of the array.
     finer : int
         Cells of the surface to a pitch, an odd number.
 

@@ -302,7 +302,7 @@ def readings(
     ----------
     touch : Touch
     cells : int
-        Of a side.
+        Number of cells along a side.
     depth : float
         Pitches.
     reads : "strain" or "stress"

@@ -78,7 +78,7 @@ def texture(signals: ArrayLike, *, window: int = WINDOW, threshold: float = 0.0)
     Returns
     -------
     Texture
-        Of the shape (frames, ...).
+        Results with the shape (frames, ...).
 
     Raises
     ------

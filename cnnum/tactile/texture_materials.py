@@ -297,7 +297,7 @@ def draw_samples(
     ----------
     materials : sequence of Material
     strokes : int
-        Of each material.
+        Number of strokes per material.
     per_stroke : int
         Samples of a stroke, each over a full window of 129 frames.
     indentation : (float, float) m

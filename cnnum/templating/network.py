@@ -144,7 +144,7 @@ def cells_seen(
     ----------
     kernels : (layers, sources, k, k) float
     boundary : Boundary
-        Of what the weights read.
+        Boundary of the map that the weights read.
     shape : (rows, cols)
 
     Yields

@@ -30,7 +30,7 @@ Record = TypeVar("Record")
 
 
 LEAST_TAU = 1e-150
-"""Of a time constant: rates below one over it, and their squares, are numbers."""
+"""Smallest time constant, for which rates up to its inverse and their squares are finite."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -75,7 +75,7 @@ CHECKS: Mapping[str, Check] = {
 
 CELLS = ("u8", "i8", "u16", "i16", "u32", "i32", "f32", "text")
 MOST_BYTES = 1 << 20
-"""Of a packet."""
+"""Largest number of bytes in a packet."""
 
 
 @dataclass(frozen=True, slots=True)

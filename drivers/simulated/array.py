@@ -43,7 +43,7 @@ def truth_of(
     turned : float, rad
         How far the sphere has turned about the normal since it touched.
     turn : float, rad
-        Of this since the scan before.
+        Rotation since the previous scan.
     rate : float, Hz
 
     Returns

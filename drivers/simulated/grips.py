@@ -53,7 +53,7 @@ class Trial:
     slid : (frames,) float, m
         Sliding from the start of the trial on.
     sense : (frames,) int
-        Of a twist that slips, +1 or −1; 0 elsewhere.
+        Sense of a slipping twist, +1 or −1; otherwise 0.
     direction : float, rad
         Direction of the slip; NaN without one or where it is not known.
     rows : (frames,) int
@@ -226,7 +226,7 @@ class Draw:
     speed : float, m/s
     direction : float, rad
     bounds : Bounds
-        Of the grip.
+        Bounds of the grip.
     """
 
     rng: np.random.Generator

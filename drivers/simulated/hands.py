@@ -132,7 +132,7 @@ def oblique(frequency: float) -> Make:
     Parameters
     ----------
     frequency : float, Hz
-        Of the touches.
+        Frequency of the touches.
     """
 
     def make(arrays: Arrays, family: str, seed: int) -> Trial:

@@ -48,7 +48,7 @@ class DemoReport(Closing):
     ----------
     scene : Scene
     path : Path
-        Of the report.
+        Path of the report.
     force : bool
         Whether a file that is there, and is no report of cnnum, is replaced.
     as_json : bool

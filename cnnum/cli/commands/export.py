@@ -166,7 +166,7 @@ def _names(text: str | None) -> tuple[str, ...] | None:
 
 
 def require_room(out: Path, program: str, package: str | None = None, *, force: bool) -> bool:
-    """Refuse a folder that cannot be made or written, before the work of a minute.
+    """Check before the work of a minute that a folder can be created and written.
 
     Returns
     -------

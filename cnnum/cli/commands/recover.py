@@ -58,7 +58,7 @@ def command(
 
 
 def _refuse_whole(file: Path) -> None:
-    """Refuse a recording of another format than MCAP that can be read as it is."""
+    """Raise an error for a recording in another format than MCAP that is readable as it is."""
     from cnnum.drivers.recording_file import load_recording
 
     if file.suffix.lower() == ".mcap" or not file.is_file():

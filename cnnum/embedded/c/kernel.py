@@ -24,7 +24,7 @@ def kernel_text(program: IntegerProgram, text: CText) -> str:
     Parameters
     ----------
     program : IntegerProgram
-        Of whole numbers.
+        Program in whole numbers.
     text : CText
         Its parts.
     """

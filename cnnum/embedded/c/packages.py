@@ -19,7 +19,7 @@ class Source:
     Attributes
     ----------
     name : str
-        Of its program in C.
+        Name of the program in C.
     about : str
         The program in words.
     math : bool

@@ -42,7 +42,7 @@ class Builder:
         Where statements go now.
     arrays : dict of str to Array
     fractions : dict of str to int
-        Of variables.
+        Number of fractional bits of each variable.
     """
 
     shape: Shape

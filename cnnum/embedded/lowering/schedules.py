@@ -50,7 +50,7 @@ class Carried:
     Attributes
     ----------
     array : Array
-        Of a number: its format, and its name.
+        The stored array; for a number, its format and name.
     scalar : bool
     """
 

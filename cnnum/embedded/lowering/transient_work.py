@@ -56,7 +56,7 @@ class TransientWork:
     )
 
     def check(self) -> None:
-        """Refuse templates, and answers of them, that cannot be exported."""
+        """Check that a template and the results that are read from it can be exported."""
         template = self.template
         for pick in self.picks.values():
             if pick.what not in ("output", "state"):

@@ -158,7 +158,7 @@ class BumpCover:
     pitch : float, m, or None
         From bump to bump; None for a single bump.
     origin : (x, y) float, m
-        Of one of the bumps.
+        Position of one of the bumps.
     rigid_base : bool
         False for taxels within a thick cover, as in the dissertation's model. True for taxels on
         the rigid base of a layer as thick as their depth, where ε_zz is zero.
@@ -287,7 +287,7 @@ class BumpCover:
 
 
 RADIUS = 0.2e-3
-"""Of the bump, m."""
+"""Radius of the bump, m."""
 
 MODULUS = 0.87e6
 """Young's modulus of the dissertation's rubber, Pa."""

@@ -28,7 +28,7 @@ REACH = 40.0
 """kz up to which waves count."""
 
 PANELS = 60
-"""Of 16 Gauss points each: eight to a swing of the fastest Bessel function."""
+"""Number of panels with 16 Gauss points each: eight per period of the fastest Bessel function."""
 
 Waves = Callable[[Array, float], tuple[Array, Array]]
 Curve = Callable[[Array], Array]

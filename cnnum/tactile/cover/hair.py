@@ -30,7 +30,7 @@ class HairCover:
     length : float, m
         Length of the rod: the lever of a shear force.
     above : float, m
-        Of cover over the rod's top: 150–500 µm in the dissertation.
+        Thickness of the cover above the rod: 150–500 µm in the dissertation.
     youngs_modulus : float, Pa
         Young's modulus of the cover, and of the seat under the rod.
     poisson : float

@@ -89,7 +89,7 @@ def inside_cone(
     force : (frames, 3) float
         Smallest load that fits, (Q, R, F).
     error : (frames, 3) float
-        Of it, by the noise alone.
+        Error of the estimate due to noise alone.
     line : (3,) float or None
         From `open_direction`, in units of the depth; None leaves everything as it is.
     spot : (frames, 2) float

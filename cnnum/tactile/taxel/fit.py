@@ -442,7 +442,7 @@ def _excited(scan: Scan, depth: float) -> tuple[bool, bool]:
 
 
 def _check(scan: Scan, depth: float, values: Floats) -> None:
-    """Refuse a scan that leaves a sensitivity open, or turns it round."""
+    """Check that a scan determines every sensitivity, with the right sign."""
     along_x, along_y = _excited(scan, depth)
     if not (along_x or along_y):
         raise CalibrationError(

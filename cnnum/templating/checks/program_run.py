@@ -118,7 +118,7 @@ class Compiler(Protocol):
 
     @property
     def precision(self) -> str:
-        """Of the arithmetic: "float32" or "float64"."""
+        """Precision of the arithmetic, "float32" or "float64"."""
         ...
 
     def compile(

@@ -59,7 +59,7 @@ class Flips:
     draws : int
         Templates whose runs came to an end.
     low, high : float
-        Of `flipped`, with 95 % confidence; a coarse template is one, and known.
+        Confidence interval of `flipped` (95 %). A coarse template is a single, exact case.
     failed : int
         Templates that no method ran, which says nothing of their cells.
     reason : str

@@ -272,7 +272,7 @@ def narrow_neighbourhoods(template: Template, rng: np.random.Generator) -> Bools
     Parameters
     ----------
     template : Template
-        Of one input, whose check is a rule of the input's neighbourhood.
+        A template with one input whose check is a rule on the input's neighbourhood.
     rng : numpy.random.Generator
         Draws weights of others, whose narrowest neighbourhoods are taken too.
 

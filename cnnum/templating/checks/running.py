@@ -66,7 +66,7 @@ class Engine(Protocol):
 
     @property
     def precision(self) -> str:
-        """Of the arithmetic: "float32" or "float64"."""
+        """Precision of the arithmetic, "float32" or "float64"."""
         ...
 
     def run(

@@ -32,7 +32,7 @@ class Measured:
     digest : str
         Digest of all numbers that change a run, so that none changes unseen.
     mean, rms : float
-        Of the states at the end of the check's run on 8×8 cells.
+        Mean and RMS of the final states of the check's run on 8×8 cells.
     settle : tuple of (cells along a side, time constants)
         When the outputs come within 0.01 of their end, on square arrays. It is empty where they
         never do within the longest run, or where the check stops before.
@@ -110,7 +110,7 @@ class FlipRate:
     rate : float
         Share of the drawn templates with a wrong cell.
     low, high : float
-        Of the rate, with 95 % confidence (Wilson).
+        Confidence interval of the rate (95 %, Wilson).
     draws : int
     """
 
@@ -152,7 +152,7 @@ class Proof:
         The mismatch that makes a cell wrong beyond it, as in "A[1, 1] larger, z smaller in size".
     flips : tuple of FlipRate
     area : float or None
-        Of a learned decision: the area under the curve on examples that it did not learn from.
+        For a learned decision, the area under the ROC curve on examples outside the training set.
     """
 
     digest: str

@@ -287,7 +287,7 @@ def _scaled(coupling: NonlinearCoupling, weight: float) -> Table:
 
 
 def _refuse(template: Template) -> None:
-    """Refuse features that the format has no words for."""
+    """Check that the format can express all features of a template."""
     steps = [c for c in template.nonlinear if c.reversed_sign]
     wrong = {
         "a time constant other than 1": bool((template.tau != 1.0).any()),
@@ -361,7 +361,7 @@ class Block:
         Layer or input that it reads, from 0.
     rows : list of list of Token
     argument : str
-        Of a D form.
+        Argument of a D form.
     """
 
     part: str

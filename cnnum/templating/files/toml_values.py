@@ -33,7 +33,7 @@ def read_table(kind: str, path: Path) -> dict[str, object]:
 
 
 def refuse_unknown(file: str, keys: Iterable[str], known: Iterable[str], place: str = "") -> None:
-    """Refuse keys of a table that are not known; `place` ends in a full stop where it has one."""
+    """Check the keys of a table; `place` is a prefix that ends in a full stop, or empty."""
     choices = tuple(known)
     for key in keys:
         if key not in choices:

@@ -166,7 +166,7 @@ class Body:
     free : (n,) int
         Unknowns that are not fixed.
     factors : SuperLU
-        Of the free part.
+        Factors of the matrix of the free unknowns.
     """
 
     space: Space

@@ -45,9 +45,9 @@ def regenerate(
     fineness, plane_fineness : int
         Cells along an eighth of the circle; a multiple of eight has a node at the rim of the patch.
     depths : sequence of float, bump radii
-        Of the taxels below the surface.
+        Depths of the taxels below the surface.
     growth : float
-        Of cells away from the bump.
+        Growth factor of cells away from the bump.
     force : bool
         Whether an existing file is replaced.
 

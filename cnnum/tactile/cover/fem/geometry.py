@@ -35,7 +35,7 @@ class Shape:
     Attributes
     ----------
     half_width, depth : float
-        Of the block, in bump radii.
+        Half the width and the depth of the block, in bump radii.
     fillet : float
         Height of the fillet, in bump radii: it takes the sharpness from the inner corner, as
         the additional element of the dissertation's model does.

@@ -59,7 +59,7 @@ class Movement:
     stiffness : float
         Force over displacement, over E R, or over E t in the plane.
     solution : (unknowns,) float
-        Of a unit displacement.
+        Solution for a unit displacement.
     forces : (n,) float
         That hold the patch, on `unknowns`, for the unit displacement.
     unknowns : (n,) int
@@ -105,7 +105,7 @@ def press(body: Body, indentations: Sequence[float]) -> Iterator[Contact]:
     Parameters
     ----------
     body : Body
-        Of two fields: sideways and down.
+        A body with two fields, sideways and downwards.
     indentations : sequence of float, bump radii
         Growing; the smaller the steps, the truer the place where each point got stuck.
 
@@ -191,9 +191,9 @@ class PlaneBump:
     ----------
     body : Body
     contacts : tuple of Contact
-        Of the pressed plate, at growing indentations.
+        Contacts of the pressed plate at increasing indentations.
     drag : Movement
-        Of the contact at the working indentation, sideways by one radius.
+        Sideways movement by one radius of the contact at the working indentation.
     """
 
     body: Body
@@ -268,7 +268,7 @@ class Bodies:
     pushed, dragged : Body
         Modes 0 and 1.
     press, drag : Movement
-        Of the patch, by one radius, down and sideways, without turning.
+        Movements of the patch by one radius, down and sideways, without rotation.
     """
 
     pushed: Body
