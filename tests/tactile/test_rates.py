@@ -33,7 +33,7 @@ COUNTED = {
     "templates/tactile/shared/rest.py:MANY": "readings of a frame",
     "templates/tactile/texture.py:SAMPLES": "T of (6.3), each of a time",
     "templates/tactile/texture.py:APART": "s, next to it",
-    "templates/tactile/edge_enhancement.py:SEEN": "taxels",
+    "cnnum/scenes/hand.py:DEPTH": "frames that wait in a queue",
     "cnnum/scenes/pipeline.py:EARLY": "frames of two steps",
     "cnnum/scenes/pipeline.py:TIMED": "frames of a median step",
     "cnnum/scenes/dropouts.py:JUMP": "a ratio",
@@ -381,7 +381,7 @@ def test_times_alone_at_long_steps_have_their_unit_said_at_once(tmp_path, caplog
     """With the rate, too, they are an honest slow recording, whose rest is no contact."""
     values, _ = counts(1.0, 50.0, shape=(8, 8))
     times = step * np.arange(50)
-    with pytest.warns(RecordingWarning, match=f"in {'ms' if step < 1000.0 else 'us'}, give"):
+    with pytest.warns(RecordingWarning, match=f"in {'ms' if step < 1000.0 else 'us'}, convert"):
         cnnum.Recording(values, times=times)
     with caplog.at_level(logging.WARNING, "cnnum"):
         _, found = played(tmp_path, values, 1.0 / step, times=times)
