@@ -1,8 +1,9 @@
 """The bench of a template: a page that shows it at work, and answers to what the page asks.
 
 A question is a JSON object with `do`, the number `id` and a template as the page holds it. The
-answer to "run" is a head of JSON, its length before it as u32, and the states of all times as
-little-endian float32; every other answer is JSON. A page has one question of a kind on its way.
+answer to "run" is a head of JSON, its length before it as u32, and the states of its `times` (2 are
+the start and the end) as little-endian float32; every other answer is JSON. A page has one question
+of a kind on its way.
 """
 
 import asyncio
@@ -26,7 +27,7 @@ from cnnum.errors import CnnumError, TemplateError
 from cnnum.integrators.stability import stability_bound
 from cnnum.live.server import Door, Place
 from cnnum.templating.batch import TemplateBatch
-from cnnum.templating.checks.robustness import Judge, flips, mismatched, wilson
+from cnnum.templating.checks.robustness import Judge, coarse, flips, mismatched, wilson
 from cnnum.templating.files.entry import Entry
 from cnnum.templating.files.toml_format import entry_to_toml
 from cnnum.templating.library import get_entry, template_names
@@ -62,6 +63,9 @@ NEAREST = 6
 
 DRAWS, COUPLED_DRAWS = 200, 20
 """Chips of one mismatch, on all neighbourhoods and on the picture where cells are coupled."""
+
+MOST_BITS = 16
+"""Of a number; more are as good as all."""
 
 AT_WORK = 8
 """Questions of a page that are worked on; more of them wait. A page has one of each kind."""
@@ -198,13 +202,15 @@ def runnable(given: Mapping[str, Any]) -> Template:
     return template
 
 
-def film(engine: Engine, template: Template, picture: Floats) -> tuple[dict[str, Any], Floats]:
-    """Return the head of a film, and its states (times, rows, cols).
+def film(
+    engine: Engine, template: Template, picture: Floats, count: int = TIMES
+) -> tuple[dict[str, Any], Floats]:
+    """Return the head of a film, and its states (times, rows, cols) at a count of times.
 
     Its steps are fixed, so that a film comes at once. The end is judged by `facts`.
     """
     end, steps = steps_of(template)
-    times = np.linspace(0.0, end, TIMES)
+    times = np.linspace(0.0, end, count)
     maps = maps_of(template, picture)
     run = engine.run(template, **maps, at=times[1:], method="rk4", dt=end / steps)
     start = picture if not template.inputs or template.initial == "input" else template.initial
@@ -361,7 +367,10 @@ class Studio(Door):
 
     def _run(self, asked: Mapping[str, Any]) -> bytes:
         template, picture = runnable(asked["template"]), picture_of(asked)
-        head, states = film(self._engine, template, picture)
+        count = int(asked.get("times") or TIMES)
+        if not 2 <= count <= TIMES:
+            raise TemplateError(f"A film has 2 to {TIMES} times, got {count}.")
+        head, states = film(self._engine, template, picture, count)
         shape = {"rows": picture.shape[0], "cols": picture.shape[1]}
         text = json.dumps(head | shape).encode()
         return LENGTH.pack(len(text)) + text + states.astype("<f4").tobytes()
@@ -385,23 +394,25 @@ class Studio(Door):
         return facts
 
     def _flips(self, asked: Mapping[str, Any]) -> dict[str, Any]:
-        """Return how many of many chips have a wrong cell."""
+        """Return how many of many chips have a wrong cell; their numbers have some bits."""
         template, width = runnable(asked["template"]), float(asked["mismatch"])
+        bits = int(asked.get("bits") or 0)
+        if bits and not 2 <= bits <= MOST_BITS:
+            raise TemplateError(f"Numbers have 2 to {MOST_BITS} bits, or 0 for all, got {bits}.")
+        made = coarse(template, bits) if bits else template
         if not 0.0 <= width <= 1.0:
             raise TemplateError(f"A mismatch is a share from 0 to 1, got {width:g}.")
         if template.check is not None:
-            (found,) = flips(template, self._slow, mismatches=[width], bits=(), draws=DRAWS)
+            (found,) = flips(made, self._slow, mismatches=[width], bits=(), draws=DRAWS)
             kept = ("flipped", "low", "high", "draws")
             return {key: asdict(found)[key] for key in kept} | {"of": "the rule"}
         if alone(template):
-            (right,), chips = margins_of(template), margins_of(template, width, DRAWS)
+            (right,), chips = margins_of(template), margins_of(made, width, DRAWS)
             wrong, of = (chips > 0.0) != (right > 0.0), "its own answers to all 512 neighbourhoods"
         else:
             picture, rng = picture_of(asked), np.random.default_rng(0)
             maps = maps_of(template, picture)
-            batch = TemplateBatch.of(
-                [mismatched(template, rng, width) for _ in range(COUPLED_DRAWS)]
-            )
+            batch = TemplateBatch.of([mismatched(made, rng, width) for _ in range(COUPLED_DRAWS)])
             outputs = [self._slow.run(each, **maps).output for each in (template, batch)]
             wrong, of = (outputs[1] > 0.0) != (outputs[0] > 0.0), "this picture"
         many = len(wrong)

@@ -5,6 +5,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+from cnnum.arrays import Floats
 from cnnum.design.sweeping import failures
 from cnnum.report.environment import Environment
 from cnnum.report.html import document, paragraph, section
@@ -112,7 +113,8 @@ def _lines(results: Any, axis: str) -> str:
 
 
 def _phases(results: Any, down: str, across: str) -> str:
-    """Return maps of the flip rate and of the share at rest over two axes."""
+    """Return the flip rate and the share at rest at the sampled points of two axes."""
+    import numpy as np
     from matplotlib.figure import Figure
 
     panels = list[str]()
@@ -123,15 +125,10 @@ def _phases(results: Any, down: str, across: str) -> str:
         plot = figure.add_subplot()
         others = [other for other in results[name].dims if other not in (down, across)]
         field = results[name].mean(others).transpose(down, across)
-        drawn = plot.pcolormesh(
-            field[across].values,
-            field[down].values,
-            field.values,
-            vmin=0.0,
-            vmax=1.0,
-            shading="nearest",
-            edgecolors="face",  # else viewers draw hairlines between the places
-        )
+        x: Floats = np.tile(field[across].values, (len(field[down]), 1))
+        y: Floats = np.tile(field[down].values, (len(field[across]), 1)).T
+        # the sampled points alone: a filled map would claim what lies between and around them
+        drawn = plot.scatter(x, y, c=field.values, s=60.0, marker="s", vmin=0.0, vmax=1.0)
         plot.set(xlabel=across, ylabel=down, title=dict(FIGURES)[name])
         figure.colorbar(drawn, ax=plot)
         title = f"{dict(FIGURES)[name]} over {across} and {down}"

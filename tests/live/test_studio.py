@@ -110,6 +110,9 @@ def test_a_film_is_the_solution_of_the_equation(studio: Studio, name: str) -> No
                     atol=1e-8, max_step=0.05)  # fmt: skip
     np.testing.assert_allclose(states.reshape(len(states), 64), way.y.T, atol=0.1)
     assert states.std() > 0.5
+    # while a slider moves, the end is asked for alone
+    _, ends = answer(studio, "run", template=page_of(template), times=2, **drawn(picture))
+    np.testing.assert_allclose(ends, states[[0, -1]], atol=1e-4)
 
 
 def test_a_film_of_64_by_64_cells_takes_less_than_50_ms(studio: Studio) -> None:
@@ -170,6 +173,15 @@ def test_flips_without_a_rule_are_those_of_512_neighbourhoods(studio: Studio) ->
     wrong = ((chips @ seen.T > 0.0) != (numbers @ seen.T > 0.0)).any(axis=1).mean()
     assert 0.05 < wrong < 0.95
     assert got["low"] <= wrong <= got["high"]
+    # numbers of 3 bits are multiples of a third of the largest of B
+    step = np.abs(template.B).max() / 3.0
+    rounded = np.append(step * np.round(template.B[0, 0] / step), template.z)
+    for share in (width, 0.0):
+        got = answer(studio, "flips", template=page_of(template), mismatch=share, bits=3,
+                     **drawn(random_picture(8)))  # fmt: skip
+        chips = rounded * (1.0 + share * rng.normal(size=(4000, 10)))
+        wrong = ((chips @ seen.T > 0.0) != (numbers @ seen.T > 0.0)).any(axis=1).mean()
+        assert got["low"] <= wrong <= got["high"]
     still = answer(studio, "flips", template=page_of(template), mismatch=0.0,
                    **drawn(random_picture(8)))  # fmt: skip
     assert still["flipped"] == 0.0

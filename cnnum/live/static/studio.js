@@ -49,23 +49,32 @@ const drawn = () => ({
 });
 
 let later = 0;
+const atEnd = () => !view.film || view.moment === view.film.times.length - 1;
+
+function askFilms(times) {
+  ask("run", () => ({ ...drawn(), times }));
+  if (view.other) ask("other", () => ({ ...drawn(), times, template: view.other, do: "run" }));
+}
+
 function changed() {
-  ask("run", drawn);
-  if (view.other) ask("other", () => ({ ...drawn(), template: view.other, do: "run" }));
+  askFilms(atEnd() ? 2 : 33); // the times between come once nothing changes
   clearTimeout(later);
   view.due = true;
   later = setTimeout(() => {
     view.due = false;
+    askFilms(33);
     ask("facts", drawn);
     countFlips();
     if (view.other) ask("compare", () => ({ template: view.template, other: view.other }));
   }, 200);
 }
 
+const bits = () => (Number(at("bits").value) > 16 ? 0 : Number(at("bits").value)); // 0 is all
+
 function countFlips() {
   view.flips = null;
   at("flips").textContent = "counting…";
-  ask("flips", () => ({ ...drawn(), mismatch: Number(at("mismatch").value) / 100 }));
+  ask("flips", () => ({ ...drawn(), mismatch: Number(at("mismatch").value) / 100, bits: bits() }));
 }
 
 function say(text) { at("said").textContent = text; }
@@ -96,8 +105,9 @@ function filmed(buffer) {
   if (kind === "other") view.otherFilm = film;
   else {
     say("");
+    view.moment = atEnd() ? film.times.length - 1 : Math.min(view.moment, film.times.length - 1);
     view.film = film;
-    view.moment = Math.min(view.moment, film.times.length - 1);
+    if (view.facts && film.times.length > 2) showFacts(view.facts);
     view.cell = [Math.min(view.cell[0], film.rows - 1), Math.min(view.cell[1], film.cols - 1)];
   }
   draw();
@@ -264,7 +274,7 @@ function showFacts(message) {
   const time = settled(), moving = time === view.film.times[view.film.times.length - 1];
   const list = [
     ["stability class", message.stability],
-    ["outputs rest from", moving ? "not in this film" : `${round(time)} ${view.template.tau === 1 ? "τ" : ""}`],
+    ["outputs rest from", view.film.times.length === 2 ? "…" : moving ? "not in this film" : `${round(time)} ${view.template.tau === 1 ? "τ" : ""}`],
     ["black cells at the end", `${message.black} of ${view.rows * view.cols}`],
     ["products per cell", `${message.products} a step, ${message.once} once`],
     ["steps of the film", `${Number(view.film.step.toPrecision(2))}${view.template.tau === 1 ? " τ" : ""}, Runge–Kutta`],
@@ -331,6 +341,7 @@ function draw() {
   at("one").textContent = view.other ? view.template.name : "";
   at("two").textContent = view.other ? view.other.name : "";
   document.querySelector("#compare .pair").hidden = !view.other;
+  at("scrub").max = film.times.length - 1;
   at("scrub").value = view.moment;
   at("when").textContent = `t = ${film.times[view.moment].toFixed(2)}${view.template.tau === 1 ? " τ" : ""}`;
   at("place").textContent = `row ${view.cell[0]}, column ${view.cell[1]}`;
@@ -556,6 +567,7 @@ function begin() {
     ask("design", () => ({ rule: view.template.rule, name: view.template.name }));
   });
   at("mismatch").addEventListener("input", () => { at("width").textContent = `${at("mismatch").value} %`; countFlips(); });
+  at("bits").addEventListener("input", () => { at("wide").textContent = bits() || "all"; countFlips(); });
   at("library").addEventListener("change", () => ask("load", () => ({ name: at("library").value })));
   at("second").addEventListener("change", () => {
     if (at("second").value) ask("second", () => ({ do: "load", name: at("second").value }));

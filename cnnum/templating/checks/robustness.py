@@ -118,7 +118,7 @@ def flips(
         shares = job.shares([mismatched(template, rng, width) for _ in range(draws)])
         result.append(_flips(f"mismatch {100.0 * width:g} %", shares, job))
     for bit in bits:
-        result.append(_flips(f"{bit} bits", [job.wrong(_coarse(template, bit))], job))
+        result.append(_flips(f"{bit} bits", [job.wrong(coarse(template, bit))], job))
     return tuple(result)
 
 
@@ -199,7 +199,9 @@ def mismatched(template: Template, rng: np.random.Generator, width: float) -> Te
     return with_numbers(template, {part: off[part] * array for part, array in weights.items()})
 
 
-def _coarse(template: Template, bits: int) -> Template:
+def coarse(template: Template, bits: int) -> Template:
+    """Return a template whose numbers have a count of bits, as `flips` says."""
+
     def rounded(array: Floats) -> Floats:
         step = max(float(np.abs(array).max(initial=0.0)), 1e-30) / (2 ** (bits - 1) - 1)
         return np.asarray(step * np.rint(array / step), dtype=np.float64)
