@@ -41,6 +41,7 @@ from .runs.result import Result as Result
 from .scenes.events import Event as Event
 from .scenes.exporting import export as export
 from .scenes.hand import Hand as Hand
+from .scenes.hand import HandResult as HandResult
 from .scenes.hand import load_hand as load_hand
 from .scenes.loaded_export import load_export as load_export
 from .scenes.pipeline import Scene as Scene

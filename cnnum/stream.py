@@ -253,15 +253,17 @@ class Abreast:
     Attributes
     ----------
     streams : tuple of Stream
+    shape : (rows, cols)
     """
 
-    __slots__ = ("_away", "_memory", "_plan", "_turn", "streams")
+    __slots__ = ("_away", "_memory", "_plan", "_turn", "shape", "streams")
 
     def __init__(self, plan: Plan, count: int) -> None:
         self.streams = tuple(plan.stream() for _ in range(count))
         self._plan, self._turn = plan, RLock()
         self._memory: object = None
         self._away = [False] * count
+        self.shape = plan.schedule.shape
 
     def warm_up(self) -> None:
         """Build the kernels; no memory changes."""

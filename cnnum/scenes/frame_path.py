@@ -206,6 +206,11 @@ class FramePath:
         events = (*silent, *events) if silent else events
         return FrameResult(number, frame, values, outputs, events, spent, None, at_end, masked)
 
+    @property
+    def idle(self) -> bool:
+        """Whether no taxel has been at an end of its range for as long as that counts."""
+        return self.saturation is None or self.saturation.idle
+
     def tare(self) -> None:
         """Restart with the next frame, from which rest and noise are learned again."""
         self.stream.tare()

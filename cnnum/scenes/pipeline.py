@@ -131,29 +131,30 @@ class Passage:
         SceneError
             If the times of a recording contradict the program's rate.
         """
-        self.begin(number, frame)
+        if self.tares(number, frame):
+            self.tare()
+        self.hold_times(frame)
         return self.end(self.path.step(number, frame))
 
-    def begin(self, number: int, frame: Frame) -> None:
-        """Learn rest again if it is time to, and hold the times of frames against the rate.
-
-        Raises
-        ------
-        SceneError
-            As `step`.
-        """
-        scene = self._scene
+    def tares(self, number: int, frame: Frame) -> bool:
+        """Return whether rest is to be learned again from this frame on."""
         self.first = self.first if number else frame.time
         while self._due and frame.time - self.first >= self._due[0] - SAME_TIME:
             self._due.pop(0)
-            scene.tare()
-        if scene.take_tare():
-            scene.push.begin()
-            scene.holds.begin()
-            self.path.tare()
+            self._scene.tare()
+        return self._scene.take_tare()
+
+    def tare(self) -> None:
+        """Let all learn rest again."""
+        self._scene.push.begin()
+        self._scene.holds.begin()
+        self.path.tare()
+
+    def hold_times(self, frame: Frame) -> None:
+        """Hold the times of the first frames against the rate; it raises as `step`."""
         if len(self._times) < TIMED:
             self._times.append(frame.time)
-            scene.check_times(self._times)
+            self._scene.check_times(self._times)
 
     def end(self, moment: FrameResult) -> FrameResult:
         """Let all that watches the scene see a result; return it, with the mark of a held rest."""

@@ -109,6 +109,12 @@ class Saturation:
         Whether the program is told which taxels they are, and leaves out what they would decide.
     quiet : bool
         Whether nothing is said on the logger "cnnum".
+
+    Attributes
+    ----------
+    limit : float
+    idle : bool
+        Whether a frame without a taxel at its end changes nothing.
     """
 
     def __init__(
@@ -122,7 +128,9 @@ class Saturation:
         marks: bool = False,
         quiet: bool = False,
     ) -> None:
-        self._limit, self._withheld = limit, tuple(dict.fromkeys(withheld))
+        self.limit = self._limit = limit
+        self.idle = False
+        self._withheld = tuple(dict.fromkeys(withheld))
         self._program, self._marks = program, marks
         self._looked_at = np.ones(shape, dtype=np.bool_)
         for row, col in dead:
@@ -142,7 +150,7 @@ class Saturation:
             A bound of the magnitudes of its values.
         """
         flagged = bool(frame.quality & Quality.SATURATED)
-        if not flagged and size < self._limit and self._past.idle:
+        if not flagged and size < self._limit and self.idle:
             return None
         at_end, known = self._at_end(frame, flagged)
         before, alone = self._past, self._alone(frame, at_end)
@@ -163,7 +171,7 @@ class Saturation:
         if seen is None:
             return
         settled = seen.past.learned and not self._past.learned
-        self._past = seen.past
+        self._past, self.idle = seen.past, seen.past.idle
         if self._quiet:
             return
         if settled:

@@ -225,7 +225,9 @@ class OpenCLExecutable:
 
     def queue_for(self, batch: int) -> cl.CommandQueue:
         """Return the place of a number of frames."""
-        few = self.lanes_for(batch) == 1 and batch * self.schedule.cells <= WIDE_CELLS
+        # one work item keeps one thread busy, and handing it over costs as much as it takes
+        small = batch * self.schedule.cells <= WIDE_CELLS
+        few = small and self.lanes_for(batch) in (1, batch)
         return self.own if few else self.queue
 
     def new_memory(self, batch: int) -> object:
