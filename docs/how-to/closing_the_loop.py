@@ -69,8 +69,9 @@ def packets(
         if key not in known:
             known[key] = list(scene.driver.frames())
         grasps[name] = known[key]
+    yield {name: replace(frames[-1], time=0.0) for name, frames in grasps.items()}
     begin = time.monotonic_ns() + 10_000_000
-    for number in range(int(seconds * rate * speed)):
+    for number in range(1, int(seconds * rate * speed)):
         due = begin + int(1e9 * number / (rate * speed))
         time.sleep(max(0.0, 1e-9 * (due - time.monotonic_ns())))
         yield {
@@ -138,6 +139,7 @@ def in_process(hand: cnnum.Hand, steps: Iterator[dict[str, cnnum.Frame]]) -> Gri
     done, ages = context.Event(), context.SimpleQueue()
     reader = context.Process(target=control, args=(memory.name, done, ages))
     reader.start()
+    ages.get()  # it has begun
     state = np.ndarray((), STATE, memory.buf)
     state[...] = 0
     for number, frames in enumerate(steps, 1):
@@ -161,6 +163,7 @@ def control(name: str, done: threading.Event, ages: "multiprocessing.SimpleQueue
     memory, last = SharedMemory(name), 0
     seen: list[float] = []
     state = np.ndarray((), STATE, memory.buf)
+    ages.put(None)
     while not done.is_set():
         ended = int(state["ended"])
         copy = state.copy()
