@@ -388,11 +388,11 @@ REFUSED = {
 REFUSED |= {
     "a row a taxel, by frames": (
         ["frame,taxel,x,y,z", *(f"{n},{k},1,2,{n}" for n in range(20) for k in range(16))],
-        "several rows a frame: 'taxel' goes through 16 values again and again",
+        "several rows per frame: 'taxel' repeats 16 values",
     ),
     "a row a taxel, without names": (
         [f"{n / 100},{k},1,2,{n}" for n in range(20) for k in range(16)],
-        "several rows a frame: '2' goes through 16 values again and again",
+        "several rows per frame: '2' repeats 16 values",
     ),
     "a column a frame": (
         [f"p{k}," + ",".join(f"{n}.5" for n in range(40)) for k in range(9)],
