@@ -7,7 +7,8 @@ Cases that each build kernels of their own are thinned by `@pytest.mark.one_in(n
 every n-th of a test's, `make test-full` all. Where parameters are crossed, n and the number of
 values of the inner ones have no common factor: then no value is always left out. Of other tests
 with many cases a short run takes the first and every sixth or tenth, and of those with few every
-third, drawn by their names.
+third, drawn by their names. The slowest are left to `make test-full`: `@pytest.mark.in_full(by)`
+names the tests that keep a part of their promise in a short run.
 
 Tests of faults on purpose keep an account of trials and losses. `make faults` runs them in full and
 prints it; `make test` runs a short version.
@@ -42,6 +43,7 @@ settings.load_profile("busy")
 
 def pytest_configure(config: pytest.Config) -> None:
     config.addinivalue_line("markers", "one_in(n): a short run takes every n-th case of the test")
+    config.addinivalue_line("markers", "in_full(by): a short run leaves it out, and has `by`")
     config.addinivalue_line(
         "markers", "promise(text): each case is a trial of that promise, or of the test's docstring"
     )
@@ -58,7 +60,9 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     cases = Counter(item.nodeid.partition("[")[0] for item in items)
     for item in items:
         mark, test = item.get_closest_marker("one_in"), item.nodeid.partition("[")[0]
-        if mark is not None:
+        if item.get_closest_marker("in_full"):
+            spared = True
+        elif mark is not None:
             spared = seen[test] % mark.args[0]
         else:  # drawn by name, so that no value of a crossed parameter is always left out
             often = 10 if cases[test] >= MANY else 6 if cases[test] >= SOME else 3

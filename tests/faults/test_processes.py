@@ -152,6 +152,7 @@ def test_children_after_opencl(faults):
     judged(faults, "opencl", judge)
 
 
+@pytest.mark.in_full("test_no_module_of_the_working_folder_runs")
 def test_children_after_numba(faults):
     """A child forked after the engine `numba` was used runs it, with the right numbers."""
 

@@ -115,6 +115,7 @@ def test_auto_takes_the_fewest_evaluations_or_few_more(runs):
     assert max(losses) <= 1.45
 
 
+@pytest.mark.in_full("test_auto_takes_the_fewest_evaluations_or_few_more")
 def test_where_rates_bend_auto_keeps_the_tolerance_more_often(runs):
     """Against the method of the fewest evaluations; the truth is a pair's at 1e-11."""
     engine, missed = Engine("numba", precision="float64"), []

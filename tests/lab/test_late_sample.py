@@ -12,6 +12,7 @@ def networks():
     return list(late_sample(3, 2))
 
 
+@pytest.mark.in_full("test_no_error_is_below_the_true_one")
 def test_networks_keep_the_tolerance_and_their_stated_error(networks):
     engine = cnnum.Engine("numba", precision="float64")
     for known in networks:

@@ -207,6 +207,7 @@ def test_events_are_those_of_the_scene_that_wants_everything(name, scenes, all_e
     assert thin == full
 
 
+@pytest.mark.in_full("test_events_are_those_of_the_scene_that_wants_everything")
 def test_cost_of_scenes_states_what_was_left_out_and_changes_no_answer(fast):
     """How much time that saves is the benchmark's to say: a busy machine may not decide a test."""
     measured = measure_scenes(fast, rounds=1, every=100)

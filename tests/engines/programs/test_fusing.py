@@ -95,6 +95,7 @@ def close(got, expected, scale, precision, name):
     seed=st.integers(0, 2**16),
     batch=st.sampled_from([(), (3,), (17,)]),
 )
+@pytest.mark.in_full("test_random_programs_agree_to_the_bit")
 def test_fused_chains_are_what_they_were(engines, reference, program, precision, seed, batch):
     """Numba's own dense products, one by one, are the truth; the reference solves one frame."""
     frames = np.random.default_rng(seed).normal(size=(*batch, *SHAPE, 2))

@@ -67,6 +67,7 @@ def test_frames_go_as_far_as_their_events(opencl, monkeypatch):
     assert row.first_us >= 2000.0
 
 
+@pytest.mark.in_full("test_frames_go_as_far_as_their_events")
 def test_all_that_the_scene_does_is_reported(opencl, simulated):
     """Once around: a contact and a release, a gross slip, and a twist."""
     frames = len(simulated)

@@ -9,6 +9,7 @@ from cnnum.lab.bench.samples import maps
 from cnnum.programs.library import get_program
 
 
+@pytest.mark.in_full("test_a_programs_stream_is_judged_by_the_truth_that_it_is_given")
 def test_cold_and_warm_starts_give_the_reference_engines_answer():
     *starts, row = compile_time.measure_compile(Engine(), repeats=1)
     assert starts == compile_time.STARTS * [None]
@@ -79,6 +80,7 @@ def test_the_truth_next_to_zero_is_that_of_steps_next_to_zero():
     np.testing.assert_allclose(least * near, stepped.state, rtol=1e-9)
 
 
+@pytest.mark.in_full("test_a_programs_stream_is_judged_by_the_truth_that_it_is_given")
 def test_a_program_next_to_zero_is_held_to_the_reference_engines():
     row = denormals.measure_program(Engine(), budget=0.01)
     # float32 through some hundred operations; strengths of slip are ratios of small differences

@@ -234,6 +234,7 @@ def test_shipped_plane_figures_come_from_this(plane):
         np.testing.assert_allclose(got, wanted, atol=0.04 * np.abs(wanted).max())
 
 
+@pytest.mark.in_full("test_reaction_is_the_integral_of_traction_at_any_depth")
 def test_a_coarse_regeneration_agrees_with_the_shipped_tables():
     coarse = regenerate(fineness=8, depths=(1.0, 2.0), growth=1.1, plane_fineness=4)
     assert set(coarse) == set(load_arrays())
