@@ -24,7 +24,7 @@ from cnnum.scenes.scene_record import Histogram, Summary
 from cnnum.values import OfThisProcess
 
 DEPTH = 256
-"""Frames of a live skin that may wait for their turn: a quarter of a second at 1 kHz."""
+"""Frames of a live skin that may wait for their turn: a bound on memory, at any rate."""
 
 TOGETHER = 0.5
 """Part of the shortest period within which frames of several skins are of one step."""
