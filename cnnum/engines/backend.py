@@ -1,4 +1,4 @@
-"""What an engine is: a record of what it can do, and the interfaces of what it opens and builds."""
+"""The engine interface: the record of an engine's capabilities, and the protocols it implements."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -21,11 +21,11 @@ if TYPE_CHECKING:
 
 
 class OneFrame(Protocol):
-    """The quick way of the single frames of one stream."""
+    """The fast path for single frames of one stream."""
 
     @property
     def packed(self) -> Floats:
-        """All numbers that the last frame gave, one after the other."""
+        """All output values of the last frame, concatenated."""
         ...
 
     def run(self, values: NDArray[np.floating], *, first: bool) -> dict[str, Floats]:
@@ -40,63 +40,63 @@ class OneFrame(Protocol):
         Returns
         -------
         dict of str to (rows, cols) or () float
-            Its own for every frame.
+            Newly allocated for every frame.
 
         Raises
         ------
         MethodError
-            If a transient did not reach its end within its steps.
+            If a transient did not finish within its maximum number of steps.
         """
         ...
 
 
 class Executable(Protocol):
-    """A schedule that is built and can run."""
+    """A compiled schedule, ready to run."""
 
     @property
     def source(self) -> str:
-        """The exact text of the kernels, or the operations in words."""
+        """The exact source of the kernels, or a description of the operations."""
         ...
 
     @property
     def launches(self) -> int:
-        """Kernel launches a batch."""
+        """Kernel launches per batch."""
         ...
 
     @property
     def private_bytes(self) -> int:
-        """Private memory of a work item that runs one frame; 0 where there is no such thing."""
+        """Bytes of private memory of a work item that runs one frame; 0 if there is no device."""
         ...
 
     @property
     def local_bytes(self) -> int:
-        """Local memory of a work group; 0 where there is no such thing, or none is used."""
+        """Bytes of local memory per work group; 0 if there is no device or none is used."""
         ...
 
     @property
     def scratch_bytes(self) -> int:
-        """Global memory that one frame works in, apart from its inputs and outputs."""
+        """Bytes of global working memory per frame, besides its inputs and outputs."""
         ...
 
     @property
     def strategies(self) -> Mapping[int, str]:
-        """How transients run, in words, by their nodes; empty where there is one way alone."""
+        """Description of how each transient runs, by node; empty if there is only one way."""
         ...
 
     def new_memory(self, batch: int) -> object:
-        """Return cleared memories for a batch of streams, in a form of the engine's own."""
+        """Return cleared memories for a batch of streams, in an engine-specific form."""
         ...
 
     def held(self, memory: object, batch: int) -> tuple[NDArray[np.floating], ...]:
-        """Return the numbers that memories of `batch` streams hold: to look at, or to copy."""
+        """Return the contents of the memories of `batch` streams, for inspection or copying."""
         ...
 
     def restore(self, memory: object, numbers: Sequence[NDArray[np.floating]], batch: int) -> None:
-        """Let memories hold a copy of the numbers that `held` gave before."""
+        """Restore the memories from values that `held` returned."""
         ...
 
     def one(self, memory: object) -> OneFrame | None:
-        """Return the quick way of single frames with these memories; None where there is none."""
+        """Return the fast path for single frames with these memories, or None if there is none."""
         ...
 
     def run(
@@ -108,8 +108,8 @@ class Executable(Protocol):
         ----------
         frames : (batch, rows, cols, channels read) float
         memory : object
-            The object from `new_memory`. It holds the values stored at the end of the frame before,
-            and is brought up to date in place.
+            The object from `new_memory`. It holds the values stored at the end of the previous
+            frame, and is updated in place.
         first : bool
             Whether this is the first frame of the streams.
 
@@ -120,37 +120,37 @@ class Executable(Protocol):
         Raises
         ------
         MethodError
-            If a transient did not reach its end within its steps.
+            If a transient did not finish within its maximum number of steps.
         """
         ...
 
     def run_large(
         self, maps: Sequence[NDArray[np.floating]], lead: tuple[int, ...]
     ) -> tuple[dict[str, Floats], bool] | None:
-        """Run a batch of large arrays, with cleared memories, on unchecked channels.
+        """Run a batch of large arrays with cleared memories, on channels not yet checked.
 
         Parameters
         ----------
         maps : sequence of (..., maps, rows, cols) float
-            Together the channels read, in their order; leading axes broadcast to `lead`.
+            The channels to read, in order; leading axes broadcast to `lead`.
         lead : tuple of int
 
         Returns
         -------
         (dict of str to (batch, rows, cols) or (batch,) float, bool), or None
-            And whether all of them are finite. None where there is no such way, or where something
-            in `maps` is not finite in the engine's precision.
+            The outputs, and whether all of them are finite. None if the engine has no such path, or
+            if `maps` are not all finite in its precision.
 
         Raises
         ------
         MethodError
-            If a transient did not reach its end within its steps.
+            If a transient did not finish within its maximum number of steps.
         """
         ...
 
 
 class Looking(Executable, Protocol):
-    """An executable that can also be looked at on its way."""
+    """An executable whose state can also be sampled during a run."""
 
     def look(
         self,
@@ -159,17 +159,17 @@ class Looking(Executable, Protocol):
         ends: Sequence[Stretch] = (),
         cuts: int = 1,
     ) -> Mapping[str, NDArray[np.floating[Any]]]:
-        """Return what a run of its only transient passes through.
+        """Return the states that a run of its only transient passes through.
 
         Parameters
         ----------
         frames : (batch, rows, cols, channels) float
         moments : sequence of float
-            Rising, none after the end of the run.
+            Increasing, none after the end of the run.
         ends : sequence of Stretch
-            They hold these times, where ends are known without steps.
+            The stretches that contain these times, if ends are known in closed form.
         cuts : int
-            Parts in which a piece of a step of fixed length is taken up to a moment.
+            Number of substeps into which a partial fixed step up to a moment is divided.
 
         Returns
         -------
@@ -181,7 +181,7 @@ class Looking(Executable, Protocol):
 
 
 class Runner(Protocol):
-    """Runs frames of one program in whole numbers."""
+    """Runs frames of one program in fixed-point arithmetic."""
 
     def run(
         self,
@@ -191,37 +191,37 @@ class Runner(Protocol):
         first: bool,
         batch: int = 1,
     ) -> dict[str, "Numbers"]:
-        """Run a frame of every stream and bring the state up to date."""
+        """Run one frame of every stream and update the state."""
         ...
 
 
 Solve = Callable[
     [Transient, dict[str, Floats], Callable[[Floats], Floats] | None], dict[str, Floats]
 ]
-"""Solves a template on one frame of maps by role, with a sum of A over outputs in place of its own
-unless that is None; returns its answers by name, maps as (layers, rows, cols)."""
+"""Solves a template on one frame of maps by role. A feedback sum over outputs, unless None,
+replaces the template's own. Returns the results by name, maps as (layers, rows, cols)."""
 
 
 class Analogue(Protocol):
-    """A model of an analogue array, which stands between a program and the cells that run it."""
+    """A model of an analogue array, between a program and the cells that run it."""
 
     def refuse(self, template: Template) -> None:
-        """Raise NotSupportedError if no such array runs the template."""
+        """Raise NotSupportedError if the array cannot run the template."""
         ...
 
     def answer(
         self, solve: Solve, operation: Transient, maps: dict[str, Floats], shape: Shape
     ) -> dict[str, Floats]:
-        """Return the answers of a template on one frame, (layers, rows, cols) maps by role."""
+        """Return the results of a template on one frame, (layers, rows, cols) maps by role."""
         ...
 
 
 class Backend(Protocol):
-    """An engine that is open: on one device, in one precision."""
+    """An open engine: on one device, in one precision."""
 
     @property
     def record(self) -> "EngineRecord":
-        """What the engine does."""
+        """Record of the engine's capabilities."""
         ...
 
     @property
@@ -235,7 +235,7 @@ class Backend(Protocol):
         ...
 
     def explained(self, template: Template, solver: Solver) -> Solver:
-        """Return the solver with a reason that also names this engine's own method."""
+        """Return the solver, its reason extended by this engine's own method, if any."""
         ...
 
     def build(self, schedule: Schedule, solvers: Solvers) -> Executable:
@@ -244,19 +244,19 @@ class Backend(Protocol):
         Raises
         ------
         NotSupportedError
-            If this engine does not do something in it; the sentence says why.
+            If this engine does not support part of it; the message says why.
         """
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class Limit:
-    """Something that an engine leaves out.
+    """A feature that an engine does not support.
 
     Attributes
     ----------
     what, why : str
-        As parts of a sentence.
+        The feature and the reason, as parts of a sentence.
     applies : callable
         Whether a transient and its solver need it.
     """
@@ -268,43 +268,43 @@ class Limit:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class EngineRecord:
-    """An engine: how it is opened, and what it can do.
+    """An engine: how to open it, and what it can do.
 
-    The rest of the package asks these fields and never an engine's name.
+    The rest of the package consults these fields, never an engine's name.
 
     Attributes
     ----------
     name : str
-        As the user says it.
+        Name by which users select it.
     open : callable
         Takes this record, a device's name or None, and a precision; returns a `Backend`.
     precisions : tuple of str
-        Real numbers that it counts in, the usual one first.
+        Supported floating-point precisions, the default first.
     whole : callable, optional
-        Opens it in whole numbers: takes a device's name or None; returns the device in words, a
-        function that makes the `Runner` of a program, and the launches a frame.
+        Opens it in fixed-point arithmetic: takes a device name or None; returns a description of
+        the device, a function that makes the `Runner` of a program, and the launches per frame.
     devices : bool
-        It runs on devices that are chosen by name and may be lost; others run on the host.
+        Whether it runs on devices that are chosen by name and may fail; others run on the host.
     missing : callable, optional
-        Makes the error of a module that cannot be imported.
+        Makes the error to raise if a module cannot be imported.
     stands_in : bool
-        It runs any plan of a device in the same precision, so that it can go on where one is lost.
+        Whether it can take over any plan of a failed device in the same precision.
     fuses : bool
-        Chains of linear operations are fused before it builds them.
+        Whether chains of linear operations are fused before it builds them.
     takes_steps : bool
-        It takes the steps of the method that was chosen. Another solves as finely as it can,
-        unless a method or a step was asked for.
+        Whether it takes the steps of the chosen method. Other engines solve as accurately as they
+        can unless a method or a step was requested.
     implicit : bool
-        It takes implicit steps; else these run on an engine of the host that does.
+        Whether it takes implicit steps; if not, a host engine that does runs them.
     lanes : bool
-        Frames of a batch can have templates of their own, side by side.
+        Whether each frame of a batch can have its own template.
     looks : bool
-        Its executables are `Looking`; else one of the host looks at times on the way of a run.
+        Whether its executables are `Looking`; if not, a host engine samples runs at given times.
     analogue : callable, optional
         Takes this record, and a function that makes the model of an analogue array for each
         program; returns the `Backend` that runs programs on it.
     limits : tuple of Limit
-        What it leaves out, and why.
+        Unsupported features, and why.
     """
 
     name: str
@@ -325,7 +325,7 @@ class EngineRecord:
     limits: tuple[Limit, ...] = ()
 
     def refuse_beyond(self, schedule: Schedule, solvers: Solvers) -> None:
-        """Raise if a schedule needs something that the engine leaves out.
+        """Raise if a schedule needs a feature that the engine does not support.
 
         Raises
         ------

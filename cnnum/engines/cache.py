@@ -1,13 +1,13 @@
-"""The cache folder of cnnum, and entries in it that show when they are damaged.
+"""The cache folder of cnnum, whose entries carry checksums so that damage is detected.
 
-Every entry is one file that holds the checksum of its own content. It is written whole or not at
-all. So processes share the folder without a lock. An entry that a fault of the disk or of a program
-has changed is never used: it is dropped, and made anew.
+Every entry is one file that holds a checksum of its content and is written atomically, so processes
+share the folder without a lock. An entry that has been corrupted is never used: it is dropped and
+rebuilt.
 
-Entries hold machine code, and Numba's are pickles of it: whoever writes one runs code as the user.
-The checksum has no key, so it finds damage, not malice. Against that stands who may write: the
-folders, all those above them, and each entry belong to the user (those above also to root), and no
-other may write to them. Else nothing is read.
+Entries hold machine code, and Numba's are pickles of it: whoever can write one can run code as the
+user. The checksum has no key, so it detects damage, not malice. The protection against malice is
+file ownership: the folders and each entry must belong to the user (parent folders may also belong
+to root), and nobody else may write to them. Otherwise nothing is read.
 """
 
 import hashlib
@@ -24,25 +24,25 @@ from cnnum.safety.files import draft
 from cnnum.safety.reading import open_regular
 
 VARIABLE = "CNNUM_CACHE"
-"""Names another folder; "off" means that nothing is kept."""
+"""Environment variable that names another folder; "off" disables the cache."""
 
 OFF = "off"
 
 MOST_ENTRIES = 20_000
-"""Entries of one kind, after which the oldest half goes: with 100 kB each they take 2 GB."""
+"""Number of entries of one kind above which the oldest half is deleted: 2 GB at 100 kB each."""
 
 _OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
 
 
 def cache_folder(variable: str = VARIABLE) -> Path | None:
-    """Return the cache folder, which is made if need be; None where none can be trusted or made.
+    """Return the cache folder, created if needed, or None if none can be trusted or created.
 
-    One sentence says why there is none, unless the user has switched it off.
+    A warning says why there is none, unless the user has disabled the cache.
 
     Parameters
     ----------
     variable : str
-        One that may name another folder instead.
+        Environment variable that may name another folder instead.
     """
     named = os.environ.get(VARIABLE, "")
     if named == OFF:
@@ -65,7 +65,7 @@ def cache_folder(variable: str = VARIABLE) -> Path | None:
 
 
 def _distrust(folder: Path) -> str:
-    """Return why a folder is not used; nothing where it is."""
+    """Return why a folder is not used, or an empty string if it is."""
     if not folder.is_absolute():
         return f"'{folder}' is not a full path"
     try:
@@ -83,7 +83,7 @@ def _distrust(folder: Path) -> str:
 
 
 def why_not_ours(folder: Path, status: os.stat_result) -> str:
-    """Return why a folder of some status is not the user's alone; nothing where it is."""
+    """Return why a folder with this status is not the user's alone, or an empty string if it is."""
     if not stat.S_ISDIR(status.st_mode):
         return f"'{folder}' is a link or a file, not a folder"
     if os.name != "posix":
@@ -96,7 +96,7 @@ def why_not_ours(folder: Path, status: os.stat_result) -> str:
 
 
 def _replaceable(above: os.stat_result) -> bool:
-    """Return whether a user who is neither this one nor root may replace what is in a folder."""
+    """Return whether a user other than this one or root may replace the contents of a folder."""
     if above.st_uid not in (0, os.getuid()):
         return True
     group = above.st_mode & stat.S_IWGRP and not _is_alone_in(above.st_gid)
@@ -104,7 +104,7 @@ def _replaceable(above: os.stat_result) -> bool:
 
 
 def _is_alone_in(group: int) -> bool:
-    """Return whether a group is root's, or the user's private one: of that name, with no other."""
+    """Return whether a group is root's or the user's private group, with no other member."""
     if group == 0 or group != os.getgid():
         return group == 0
     import grp
@@ -112,33 +112,33 @@ def _is_alone_in(group: int) -> bool:
 
     try:
         user, result = pwd.getpwuid(os.getuid()).pw_name, grp.getgrgid(group)
-    except KeyError:  # without a name nothing says whose it is
+    except KeyError:  # the owner of a nameless group is unknown
         return False
     return result.gr_name == user and set(result.gr_mem) <= {user}
 
 
 @dataclass(frozen=True, slots=True)
 class Shelf:
-    """Entries of one kind in a folder of their own.
+    """Cache entries of one kind, in their own folder.
 
     Attributes
     ----------
     kind : str
         Name of their folder.
     variable : str
-        One that may name another folder that theirs lies in.
+        Environment variable that may name another folder that theirs lies in.
     """
 
     kind: str
     variable: str = VARIABLE
 
     def get(self, name: str) -> bytes | None:
-        """Return the content of an entry; None where there is none, or none that is whole."""
+        """Return the content of an entry, or None if it is missing or damaged."""
         folder = self._folder()
         return None if folder is None else _read(folder / name)
 
     def put(self, name: str, content: bytes) -> None:
-        """Keep an entry, in place of the one of that name; one sentence says if it cannot be."""
+        """Write an entry, replacing any of that name; warn if it cannot be written."""
         folder = self._folder()
         if folder is None:
             return
@@ -151,13 +151,13 @@ class Shelf:
             )
 
     def drop(self, name: str) -> None:
-        """Remove an entry that proves to be of no use."""
+        """Remove an unusable entry."""
         folder = self._folder()
         if folder is not None:
             _remove(folder / name)
 
     def _folder(self) -> Path | None:
-        """Return the folder of the entries, which need not be there; None where it is not ours."""
+        """Return the folder of the entries, which need not exist, or None if it is not ours."""
         cache = cache_folder(self.variable)
         if cache is None:
             return None
@@ -188,7 +188,7 @@ def _read(place: Path) -> bytes | None:
 
 
 def _content(place: Path) -> bytes:
-    """Return the bytes of an entry; none of what is a link, or not the user's alone."""
+    """Return the bytes of an entry; empty for links and files not the user's alone."""
     if place.is_symlink() or place.parent.is_symlink():
         return b""
     with open_regular(place) as file:  # a pipe in the place of an entry would wait for ever
@@ -228,7 +228,7 @@ def _written(place: Path) -> float:
 
 
 def _remove(place: Path) -> None:
-    """Remove the file or link in the place of an entry, and no target of a link."""
+    """Remove the file or link in the place of an entry, never the target of a link."""
     try:
         if place.is_dir() and not place.is_symlink():
             shutil.rmtree(place, ignore_errors=True)

@@ -1,7 +1,7 @@
-"""A device with an engine of the host behind it, which goes on where the device does not.
+"""A device engine with a host engine as fallback, which takes over if the device fails.
 
-A plan whose device is lost, or out of memory, is built once more on the host, and stays there. A
-device that is lost serves no other plan of its engine either.
+A plan whose device fails or runs out of memory is rebuilt on the host, and stays there. Once a
+device has failed, no other plan of its engine uses it either.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -25,7 +25,7 @@ Numbers = tuple[NDArray[np.floating], ...]
 
 @dataclass(slots=True, eq=False)
 class FallbackBackend:
-    """A device's engine, and the one of the host that goes on.
+    """A device engine, and the host engine that takes over.
 
     Attributes
     ----------
@@ -33,7 +33,7 @@ class FallbackBackend:
     behind : str
         Name of the host's engine.
     why : str
-        Why the device is taken for lost, in words; empty while it is not.
+        Why the device counts as failed; empty while it works.
     """
 
     first: Backend
@@ -44,12 +44,12 @@ class FallbackBackend:
 
     @property
     def record(self) -> EngineRecord:
-        """What the device's engine does."""
+        """Record of the device engine's capabilities."""
         return self.first.record
 
     @property
     def device(self) -> str:
-        """The device in words; that of the host once the first is lost."""
+        """Description of the device, or of the host once the device has failed."""
         return f"{self.host().device} ({self.behind})" if self.why else self.first.device
 
     @property
@@ -65,7 +65,7 @@ class FallbackBackend:
             return self._host
 
     def explained(self, template: Template, solver: Solver) -> Solver:
-        """Return the solver with a reason that also names the engine's own method."""
+        """Return the solver, its reason extended by the engine's own method, if any."""
         return self.first.explained(template, solver)
 
     def build(self, schedule: Schedule, solvers: Solvers) -> Executable:
@@ -77,7 +77,7 @@ class FallbackBackend:
 
 @dataclass(slots=True, eq=False)
 class _Memory:
-    """Memories of a number of streams, and the executable whose they are."""
+    """Memories of several streams, and the executable they belong to."""
 
     batch: int
     of: Executable
@@ -94,7 +94,7 @@ class FallbackExecutable:
     make : callable
         Builds the schedule on an engine.
     why : str
-        Why it runs on the host; empty while it does not.
+        Why it runs on the host; empty while it runs on the device.
     """
 
     backend: FallbackBackend
@@ -104,7 +104,7 @@ class FallbackExecutable:
     _turn: RLock = field(default_factory=RLock)
 
     def open(self) -> Executable:
-        """Return the executable that runs, built on the device unless that is lost."""
+        """Return the executable to run, built on the device unless that has failed."""
         with self._turn:
             if self.backend.why and not self.why:
                 self.why, self._now = self.backend.why, None
@@ -128,7 +128,7 @@ class FallbackExecutable:
         say_once(f"The {self.backend.behind} engine goes on, as {cause[0].lower()}{cause[1:]}.")
 
     def fall(self, error: Exception, failed: Executable) -> Executable:
-        """Return the executable that goes on after an error; raise it where there is none."""
+        """Return the executable that takes over after an error; re-raise it if there is none."""
         with self._turn:
             if self._now is failed:
                 if self.why:
@@ -139,32 +139,32 @@ class FallbackExecutable:
 
     @property
     def source(self) -> str:
-        """The exact text of the kernels, or the operations in words."""
+        """The exact source of the kernels, or a description of the operations."""
         return self.open().source
 
     @property
     def launches(self) -> int:
-        """Kernel launches a batch."""
+        """Kernel launches per batch."""
         return self.open().launches
 
     @property
     def private_bytes(self) -> int:
-        """Private memory of a work item that runs one frame."""
+        """Bytes of private memory of a work item that runs one frame."""
         return self.open().private_bytes
 
     @property
     def local_bytes(self) -> int:
-        """Local memory of a work group."""
+        """Bytes of local memory per work group."""
         return self.open().local_bytes
 
     @property
     def scratch_bytes(self) -> int:
-        """Global memory that one frame works in."""
+        """Bytes of global working memory per frame."""
         return self.open().scratch_bytes
 
     @property
     def strategies(self) -> Mapping[int, str]:
-        """How transients run, in words, by their nodes."""
+        """Description of how each transient runs, by node."""
         return self.open().strategies
 
     def new_memory(self, batch: int) -> _Memory:
@@ -177,7 +177,7 @@ class FallbackExecutable:
             return _Memory(batch, now, now.new_memory(batch))
 
     def held(self, memory: object, batch: int) -> Numbers:
-        """Return the numbers that memories of `batch` streams hold."""
+        """Return the contents of the memories of `batch` streams."""
         assert isinstance(memory, _Memory)
         try:
             return memory.of.held(memory.numbers, batch)
@@ -186,7 +186,7 @@ class FallbackExecutable:
             return memory.of.held(memory.numbers, batch)
 
     def restore(self, memory: object, numbers: Sequence[NDArray[np.floating]], batch: int) -> None:
-        """Let memories hold a copy of numbers; those of the device are cleared on the host."""
+        """Restore the memories from a copy of values; memories of a failed device start cleared."""
         assert isinstance(memory, _Memory)
         fits = [own.shape for own in self.held(memory, batch)] == [own.shape for own in numbers]
         if fits:
@@ -198,7 +198,7 @@ class FallbackExecutable:
         memory.of, memory.numbers = now, now.new_memory(memory.batch)
 
     def one(self, memory: object) -> OneFrame | None:
-        """Return the quick way of single frames with these memories."""
+        """Return the fast path for single frames with these memories."""
         assert isinstance(memory, _Memory)
         try:
             quick = memory.of.one(memory.numbers)
@@ -210,7 +210,7 @@ class FallbackExecutable:
     def run(
         self, frames: NDArray[np.floating], memory: object, *, first: bool
     ) -> dict[str, Floats]:
-        """Run a batch; memories of a device that fails begin anew on the host."""
+        """Run a batch; if the device fails, memories start cleared on the host."""
         assert isinstance(memory, _Memory)
         if (now := self.open()) is not memory.of:
             self._anew(memory, now)
@@ -224,7 +224,7 @@ class FallbackExecutable:
     def run_large(
         self, maps: Sequence[NDArray[np.floating]], lead: tuple[int, ...]
     ) -> tuple[dict[str, Floats], bool] | None:
-        """Run a batch of large arrays, with cleared memories, on unchecked channels."""
+        """Run a batch of large arrays with cleared memories, on channels not yet checked."""
         now = self.open()
         try:
             return now.run_large(maps, lead)
@@ -234,7 +234,7 @@ class FallbackExecutable:
 
 @dataclass(slots=True, eq=False)
 class _FallbackFrame:
-    """The quick way of single frames, and the slower one of the host."""
+    """The fast path for single frames, and the slower one on the host."""
 
     executable: FallbackExecutable
     memory: _Memory
@@ -242,7 +242,7 @@ class _FallbackFrame:
     packed: Floats = field(default_factory=lambda: np.zeros(0))
 
     def run(self, values: NDArray[np.floating], *, first: bool) -> dict[str, Floats]:
-        """Run a frame; memories of a device that fails begin anew on the host."""
+        """Run a frame; if the device fails, memories start cleared on the host."""
         executable, memory = self.executable, self.memory
         if not executable.why and not executable.backend.why:
             try:
@@ -261,14 +261,14 @@ class _FallbackFrame:
 def opened(
     name: str | None, device: str | None, precision: str | None, fallback: str | None
 ) -> Backend:
-    """Return an engine, with another behind it where one is named.
+    """Open an engine, with a fallback engine if one is named.
 
     Raises
     ------
     UnknownNameError
-        If there is no such engine, or none of that name to fall back to.
+        If there is no such engine or fallback engine.
     DeviceError
-        If its device cannot be had; with a fallback, unless there is no OpenCL.
+        If its device is not available; with a fallback, only if OpenCL itself is present.
     """
     if fallback is None:
         return open_backend(name, device, precision)
@@ -282,7 +282,7 @@ def opened(
         say_once(f"The {fallback} engine runs because {error.reason}; {error.advice}.")
         return open_backend(fallback, None, precision)
     if not first.record.devices:
-        return first  # the host is not lost
+        return first  # the host does not fail
     backend = FallbackBackend(first, fallback)
-    backend.host()  # refuses a precision that it does not have
+    backend.host()  # raises for an unsupported precision
     return backend

@@ -1,7 +1,7 @@
-"""Processes that were forked from one in which an engine had run.
+"""Processes forked from one in which an engine had already run.
 
-A fork copies the memory of a process, and none of its threads. A driver of OpenCL, or OpenMP, then
-waits for threads that are not there, or ends the process.
+A fork copies the memory of a process but none of its threads. An OpenCL driver or OpenMP then waits
+for threads that do not exist, or ends the process.
 """
 
 import os
@@ -12,14 +12,14 @@ from cnnum.errors import NoOpenCLError
 
 @dataclass(slots=True)
 class Lost:
-    """The libraries that this process lost when it was forked.
+    """The libraries that became unusable in this process when it was forked.
 
     Attributes
     ----------
     opencl : bool
-        OpenCL had been used before: nothing of it can be used here.
+        OpenCL had been used before the fork, so it cannot be used here.
     threads : bool
-        Compiled functions had run before: here they run on one core for each frame.
+        Compiled functions had run before the fork; here each frame runs on one core.
     """
 
     opencl: bool = False
@@ -31,12 +31,12 @@ _USED = Lost()
 
 
 def note_opencl() -> None:
-    """Note that a driver is loaded: processes forked from here on have no OpenCL."""
+    """Record that a driver is loaded: processes forked from now on have no OpenCL."""
     _USED.opencl = True
 
 
 def note_threads() -> None:
-    """Note that compiled functions run: later forks have none of their threads."""
+    """Record that compiled functions have run: later forks have none of their threads."""
     _USED.threads = True
 
 
@@ -46,7 +46,7 @@ def refuse_after_fork() -> None:
     Raises
     ------
     NoOpenCLError
-        With the remedy.
+        The message says how to avoid it.
     """
     if LOST.opencl:
         raise NoOpenCLError(

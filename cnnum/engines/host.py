@@ -1,4 +1,4 @@
-"""The side of an executable that engines on the host share: memories, channels in, outputs back."""
+"""The part of an executable that host engines share: memories, input channels and outputs."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
@@ -29,37 +29,37 @@ Values = NDArray[np.floating[Any]]
 
 @dataclass(slots=True, eq=False)
 class HostMemory:
-    """Values of the memories of a batch of streams, by number."""
+    """Values of the memories of a batch of streams, by index."""
 
     values: dict[int, Values]
 
 
 class OnHost:
-    """An executable without a device: it has no memory of one, and one way for all frames."""
+    """An executable without a device: no device memory, and one path for all frames."""
 
     __slots__ = ()
 
     @property
     def private_bytes(self) -> int:
-        """There is no device with private memory."""
+        """Always 0: the host has no private memory."""
         return 0
 
     @property
     def local_bytes(self) -> int:
-        """There is no device with local memory."""
+        """Always 0: the host has no local memory."""
         return 0
 
     @property
     def strategies(self) -> Mapping[int, str]:
-        """Transients run in one way alone."""
+        """Always empty: transients run in only one way."""
         return {}
 
     def one(self, memory: object) -> OneFrame | None:
-        """A single frame goes the way of a batch."""
+        """Return None: a single frame runs like a batch."""
         return None
 
     def run_large(self, maps: Sequence[Values], lead: tuple[int, ...]) -> None:
-        """Large arrays go the way of others, and are looked at before."""
+        """Return None: large arrays run like others, on channels checked beforehand."""
         return
 
 
@@ -67,13 +67,13 @@ class OnHost:
 class HostExecutable(OnHost, ABC):
     """Walks a schedule operation by operation over a whole batch.
 
-    Every value is (batch, rows, cols), a stack (batch, maps · rows, cols), a number (batch, 1, 1).
+    Maps are (batch, rows, cols), stacks (batch, maps · rows, cols) and numbers (batch, 1, 1).
 
     Attributes
     ----------
     schedule : Schedule
     dtype : dtype
-        In which the engine holds numbers.
+        Data type of the engine's values.
     """
 
     schedule: Schedule
@@ -81,27 +81,27 @@ class HostExecutable(OnHost, ABC):
 
     @abstractmethod
     def evaluate(self, values: dict[int, Values], batch: int) -> None:
-        """Fill in the values of all nodes; those from outside the program are there.
+        """Compute the values of all nodes; those from outside the program are already present.
 
         Raises
         ------
         MethodError
-            If a transient or a loop does not reach its end.
+            If a transient or a loop does not finish.
         """
 
     @property
     def launches(self) -> int:
-        """There is no device to launch on."""
+        """Always 0: there is no device to launch on."""
         return 0
 
     @property
     def scratch_bytes(self) -> int:
-        """The host's memory is not counted."""
+        """Always 0: host memory is not counted."""
         return 0
 
     @property
     def source(self) -> str:
-        """The operations in words."""
+        """Return a description of the operations."""
         return "\n".join(
             f"{node.index}: {node.operation} of {[a.index for a in node.arguments]}"
             for node in self.schedule.nodes
@@ -126,7 +126,7 @@ class HostExecutable(OnHost, ABC):
         return tuple(memory.values.values())
 
     def restore(self, memory: object, numbers: Sequence[Values], batch: int) -> None:
-        """Let memories hold a copy of these numbers."""
+        """Restore the memories from a copy of these values."""
         assert isinstance(memory, HostMemory)
         copies = (values.copy() for values in numbers)
         memory.values = dict(zip(memory.values, copies, strict=True))
@@ -146,7 +146,7 @@ class HostExecutable(OnHost, ABC):
         }
 
     def _given(self, frames: Values, memory: HostMemory, first: bool) -> dict[int, Values]:
-        """Return the values that come from outside the frame's program."""
+        """Return the values that enter the frame's program from outside."""
         channels = self.schedule.channels_read
         values: dict[int, Values] = {}
         for node in self.schedule.nodes:
@@ -166,7 +166,7 @@ class HostExecutable(OnHost, ABC):
 
 
 def local(operation: object, arguments: Sequence[Values]) -> Values:
-    """Return the value of a constant, of arithmetic cell by cell, or of a read-out."""
+    """Return the value of a constant, cellwise arithmetic or a read-out."""
     if isinstance(operation, Constant):
         return np.full((1, 1, 1), operation.value)
     if isinstance(operation, ConstantMap):
@@ -179,12 +179,12 @@ def local(operation: object, arguments: Sequence[Values]) -> Values:
 
 
 def picks(node: Node, what: str, nodes: Sequence[Node]) -> bool:
-    """Return whether an operation among `nodes` reads this figure of a transient or a loop."""
+    """Return whether any of `nodes` reads this result of a transient or a loop."""
     return any(pick.what == what for _, pick in picks_of(node, nodes))
 
 
 def picked(operation: Pick, answer: Mapping[str, Values]) -> Values:
-    """Return the figure that is read of a transient or a loop, as a value of its own."""
+    """Return the selected result of a transient or a loop as a separate value."""
     if operation.what in ("output", "state"):
         return answer[operation.what][:, operation.layer]
     if operation.what == "carried":

@@ -1,4 +1,4 @@
-"""Sentences about engines: which is used instead, how to get OpenCL, and what went wrong."""
+"""Messages about engines: which is used instead, how to get OpenCL, and what went wrong."""
 
 import platform
 import sys
@@ -37,12 +37,12 @@ def how_to_get_opencl(system: str = sys.platform, machine: str = platform.machin
 
 
 def refuse_unfinished(unfinished: NDArray[Any]) -> None:
-    """Raise if any frame of a batch holds a transient or a loop that did not reach its end.
+    """Raise if a transient or a loop did not finish in any frame of a batch.
 
     Parameters
     ----------
     unfinished : (batch,) bool or float
-        Not 0 where one did not.
+        Nonzero for frames in which one did not finish.
 
     Raises
     ------
@@ -59,7 +59,7 @@ def refuse_unfinished(unfinished: NDArray[Any]) -> None:
 
 
 CPUINFO = Path("/proc/cpuinfo")
-"""Linux has it; other systems give a name alone."""
+"""Exists on Linux; other systems give only a name."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +70,7 @@ class Processor:
     ----------
     name : str
     family, model : str
-        Numbers of its maker; empty where the system does not give them.
+        The vendor's numbers; empty if the system does not provide them.
     flags : frozenset of str
         Instruction sets, by their names in Linux; empty elsewhere.
     """
@@ -92,7 +92,7 @@ def processor() -> Processor:
 
 
 def read_cpuinfo(text: str) -> Processor:
-    """Return the first processor that a text in the form of Linux's `/proc/cpuinfo` describes."""
+    """Return the first processor described by text in the format of Linux's `/proc/cpuinfo`."""
     facts = dict[str, str]()
     for line in text.split("\n\n")[0].splitlines():
         key, _, value = line.partition(":")

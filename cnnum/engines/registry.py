@@ -1,6 +1,6 @@
-"""The engines by name: those of this package, and those that other packages offer.
+"""The registry of engines: those of this package, and those that other packages provide.
 
-Nothing is imported of an engine before it is opened.
+An engine's modules are imported only when it is opened.
 """
 
 from collections.abc import Callable, Mapping
@@ -15,14 +15,14 @@ from cnnum.errors import DeviceError, NoOpenCLError, NotSupportedError, name_err
 from cnnum.safety.values import shown
 
 GROUP = "cnnum.engines"
-"""Entry points of other packages: name of an engine to its `EngineRecord`."""
+"""Entry-point group in which other packages register an `EngineRecord` by name."""
 
 PRECISIONS = ("float32", "float64", "q15", "q7")
-"""Names of precisions that a message offers; those of whole numbers are more."""
+"""Precisions that messages suggest; other integer formats exist as well."""
 
 
 def _in(place: str) -> Callable[..., Any]:
-    """Return a function of a module, "module:name", that is imported at its first call."""
+    """Return a proxy for the function "module:name", whose module is imported on the first call."""
     module, _, name = place.partition(":")
 
     def call(*arguments: object) -> Any:
@@ -64,16 +64,16 @@ PACKAGED: Mapping[str, EngineRecord] = {
         ),
     )
 }
-"""In the order in which they are tried where no name is given: those with devices first."""
+"""In the order in which they are tried if no name is given: engines with devices first."""
 
 
 def _offered() -> Mapping[str, EntryPoint]:
-    """Return the engines that installed packages offer, by name."""
+    """Return the engines that installed packages provide, by name."""
     return {point.name: point for point in entry_points(group=GROUP) if point.name not in PACKAGED}
 
 
 def backend_names() -> tuple[str, ...]:
-    """Return the names of the engines, those of other packages last."""
+    """Return the names of all engines, those of other packages last."""
     return (*PACKAGED, *_offered())
 
 
@@ -85,7 +85,7 @@ def record_named(name: str) -> EngineRecord:
     UnknownNameError
         If there is no such engine.
     NotSupportedError
-        If what another package offers is no engine, or cannot be imported.
+        If another package registers something that is not an engine or cannot be imported.
     """
     if not isinstance(cast(object, name), str):
         raise name_error("engine", name, backend_names())
@@ -110,24 +110,24 @@ def record_named(name: str) -> EngineRecord:
 
 
 def first_that(able: Callable[[EngineRecord], object]) -> EngineRecord:
-    """Return the first engine of this package that is able to do something."""
+    """Return the first engine of this package for which `able` is true."""
     return next(record for record in PACKAGED.values() if able(record))
 
 
 def device_for(name: str, device: str | None) -> str | None:
-    """Return a device's name for an engine that runs on devices, None for others."""
+    """Return the device name if the engine runs on devices, else None."""
     return device if record_named(name).devices else None
 
 
 def open_backend(name: str | None, device: str | None, precision: str | None) -> Backend:
-    """Return the engine of that name; without one, "opencl" where a device works, else "numba".
+    """Open an engine by name; the default is "opencl" if a device works, else "numba".
 
     Raises
     ------
     UnknownNameError
-        If there is no such engine, or the precision is no name.
+        If there is no such engine or precision.
     DeviceError
-        If its device cannot be had.
+        If its device is not available.
     """
     if not (precision is None or isinstance(cast(object, precision), str)):
         raise name_error("precision", precision, PRECISIONS)
@@ -136,7 +136,7 @@ def open_backend(name: str | None, device: str | None, precision: str | None) ->
     try:
         return open_record(first_that(lambda record: record.devices), device, precision)
     except NoOpenCLError as error:
-        if device is not None:  # who names a device wants no other
+        if device is not None:  # an explicit device has no substitute
             raise
         host = first_that(lambda record: record.stands_in)
         say_once(f"The {host.name} engine runs because {error.reason}; {error.advice}.")
@@ -144,7 +144,7 @@ def open_backend(name: str | None, device: str | None, precision: str | None) ->
 
 
 def open_record(record: EngineRecord, device: str | None, precision: str | None) -> Backend:
-    """Return an engine that is open; errors are those of `open_backend`."""
+    """Open an engine; raises the errors of `open_backend`."""
     if is_integer(precision):
         from cnnum.engines.whole import whole_backend
 

@@ -1,1 +1,1 @@
-"""OpenCL devices: a list of them, which of them work, and programs built for them."""
+"""OpenCL devices: listing, self-test and selection, and building programs for them."""

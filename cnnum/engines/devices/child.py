@@ -1,4 +1,4 @@
-"""Work on a device in a process of its own, and what went wrong with it in one sentence."""
+"""Running device work in a child process, and describing its failures."""
 
 import os
 import subprocess
@@ -16,7 +16,7 @@ OTHERWISE = "or take another device or Engine('numba')"
 
 
 def build_failure(source: str, error: cl.Error, device: cl.Device) -> NotSupportedError:
-    """Return the error of a kernel that a compiler refuses; its text and log go to a file.
+    """Return the error for a kernel that a compiler rejects; its source and log go to a file.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ def build_failure(source: str, error: cl.Error, device: cl.Device) -> NotSupport
 
 
 def run_failure(error: cl.Error, queue: cl.CommandQueue) -> CnnumError:
-    """Return the error of a run that a device did not end: of its memory, or of any other kind.
+    """Return the error for a run that a device did not complete, for lack of memory or otherwise.
 
     Parameters
     ----------
@@ -84,7 +84,7 @@ class Ended:
     complained : str
         Its standard error.
     code : int or None
-        Its exit code, less than 0 for a signal; None if it was late and was ended.
+        Its exit code, less than 0 for a signal, or None if it was late and was ended.
     """
 
     said: str
@@ -93,7 +93,7 @@ class Ended:
 
 
 def run_child(module: str, arguments: list[str], patience: float) -> Ended:
-    """Run a module of this package in a process of its own.
+    """Run a module of this package in a child process.
 
     Parameters
     ----------
@@ -119,7 +119,9 @@ def run_child(module: str, arguments: list[str], patience: float) -> Ended:
 
 @contextmanager
 def safe_path() -> Generator[None]:
-    """Let a process that starts find no module in the working folder, which may be another's."""
+    """Keep child processes from importing modules from the working folder, which may be
+    untrusted.
+    """
     before = os.environ.get(SAFE_PATH)
     os.environ[SAFE_PATH] = "1"
     try:

@@ -20,7 +20,7 @@ VENDORS = Path("/etc/OpenCL/vendors")
 
 
 def runtime() -> Path | None:
-    """Return the library of Intel's runtime; None where pip has not installed it."""
+    """Return the library of Intel's runtime, or None if pip has not installed it."""
     if sys.platform != "linux":
         return None
     try:

@@ -1,6 +1,6 @@
-"""OpenCL platforms and devices: which there are, and which one is used.
+"""Listing of OpenCL platforms and devices.
 
-A processor as a device that runs kernels in the thread that asks for them.
+CPU devices that run kernels in the calling thread are listed as partners.
 
 A launch on the usual device of a processor wakes a thread of its pool. The pool wakes the host
 again. That takes 20 to 60 µs on a virtual machine, more than the work of a small frame. Threads
@@ -47,7 +47,7 @@ def asked_for() -> Generator[None]:
 
 
 def partner_of(device: cl.Device) -> cl.Device | None:
-    """Return the device that runs the same processor's kernels in the thread that asks."""
+    """Return the device that runs the same CPU's kernels in the calling thread."""
     name = str(device.name)
     wanted = [own + name[len(usual) :] for usual, own in KINDS.items() if name.startswith(usual)]
     result = (other for other in device.platform.get_devices() if str(other.name) in wanted)
@@ -100,7 +100,7 @@ class Device:
 
     @property
     def promise(self) -> float:
-        """Arithmetic a second that its figures promise: units · clock · lanes.
+        """Nominal operations per second: units · clock · lanes.
 
         A GPU's unit issues whole warps, which its vector width (1) does not say.
         """

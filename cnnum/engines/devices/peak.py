@@ -101,12 +101,12 @@ class Bench:
         self._queue = cl.CommandQueue(self._context)
 
     def flops(self, arithmetic: Arithmetic, repeats: int = 5) -> float:
-        """Return operations a second, the best of several runs; a multiply-add is two."""
+        """Return operations per second, the best of several runs; a multiply-add is two."""
         rate = self.rate(arithmetic)
         return max(rate() for _ in range(repeats))
 
     def rate(self, arithmetic: Arithmetic) -> Callable[[], float]:
-        """Return a function that runs the kernel about `RUN_S`, for operations a second."""
+        """Return a function that runs the kernel about `RUN_S`, for operations per second."""
         kernel = self._kernel(arithmetic, "arithmetic")
         items, group = self._items(arithmetic.width)
         start = np.repeat(np.array([0.999, 0.001, 0.5], np.float32), arithmetic.width)
@@ -122,7 +122,7 @@ class Bench:
         return lambda: operations / self._seconds(partial(run, rounds))
 
     def bandwidth(self, width: int, repeats: int = 5) -> float:
-        """Return bytes a second, read and written together, of a copy of such vectors."""
+        """Return bytes per second, read and written together, of a copy of such vectors."""
         kernel = self._kernel(Arithmetic(width, 1), "copy")
         handle = self._device.handle
         room = min(COPIED_BYTES, handle.max_mem_alloc_size, handle.global_mem_size // 8)
@@ -164,7 +164,7 @@ class Bench:
 
 
 PATIENCE_S = 60.0
-"""s after which a device that answers nothing is given up."""
+"""Timeout, s, after which an unresponsive device is given up."""
 
 COPY_WIDTHS = (4, 16)
 
@@ -176,7 +176,7 @@ class Figures:
     Attributes
     ----------
     flops : float
-        Single-precision operations a second; a multiply-add counts as two.
+        Single-precision operations per second; a multiply-add counts as two.
     bandwidth : float
         B/s, bytes read and bytes written together.
     kernel : str

@@ -114,7 +114,7 @@ def given_a_folder() -> Generator[None]:
 
 
 def work_folder() -> Path | None:
-    """Return the folder that PoCL was given; None where it has another one, or is not asked yet."""
+    """Return the folder that PoCL was given, or None if it has another one, or is not asked yet."""
     work = _OPENED[0] if _OPENED else None
     return work.path if work is not None and work.ours else None
 
@@ -219,14 +219,14 @@ _NAMES = {name: ctypes.create_string_buffer(name.encode()) for name in (*TARGETS
 
 
 def remedy_for(device: cl.Device) -> str | None:
-    """Return the name that a device of the wheel should have; None where its own is right."""
+    """Return the name that a device of the wheel should have, or None if its own is right."""
     if not is_wheel(device):
         return None
     return target_for(_string(device, NAME_AT).decode(), processor())
 
 
 def target_for(name: str, of: Processor) -> str | None:
-    """Return the name for a processor that LLVM 14 knows by one; None where that is right."""
+    """Return the name for a processor that LLVM 14 knows by one, or None if that is right."""
     wider = name == NARROWER and of.flags >= AVX512
     return best_target(of) if name == UNKNOWN or wider else None
 

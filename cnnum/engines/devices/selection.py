@@ -1,4 +1,4 @@
-"""Which device is used: the fastest processor that has shown that it works, or the one asked for.
+"""Device selection: the fastest CPU device that passes a self-test, or the one requested.
 
 A small kernel with a known answer: a device is used only after it has shown that it works.
 
@@ -37,7 +37,7 @@ from cnnum.errors import DeviceError, NoOpenCLError, say_once
 from cnnum.version import __version__
 
 PATIENCE_S = 120.0
-"""s after which a device that gives no answer counts as broken: a first build takes under ten."""
+"""Timeout, s, after which a silent device counts as broken: a first build takes under ten."""
 
 ROUNDS, ITEMS = 23, 5
 
@@ -46,7 +46,7 @@ LONGEST = 160
 
 
 def try_in_child(device: Device, target: str | None) -> tuple[str, bool]:
-    """Try a device in a process of its own.
+    """Test a device in a child process.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ def try_in_child(device: Device, target: str | None) -> tuple[str, bool]:
     Returns
     -------
     str
-        Why it does not work; empty where it does.
+        Why it does not work; empty if it does.
     bool
         Whether the device is the cause. One that was late may do better another time. An error of
         Python, as with a cache folder that is damaged, is no word of the device.
@@ -174,9 +174,9 @@ class Verdict:
     Attributes
     ----------
     why : str
-        Why it does not; empty where it does.
+        Why it does not; empty if it does.
     target : str or None
-        Name that its processor is given first (`pocl.py`); None where it needs none.
+        Name that its processor is given first (`pocl.py`), or None if it needs none.
     """
 
     why: str
@@ -217,7 +217,7 @@ def _name(subject: Mapping[str, str]) -> str:
 
 
 def kept_verdict(subject: Mapping[str, str]) -> Verdict | None:
-    """Return the verdict that was kept; None where there is none, or none that can be read."""
+    """Return the verdict that was kept, or None if there is none, or none that can be read."""
     text = SHELF.get(_name(subject))
     try:
         record = cast(object, None if text is None else json.loads(text))

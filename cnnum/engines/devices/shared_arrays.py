@@ -20,7 +20,7 @@ class SharedArray:
     argument : SVM or Buffer
         The argument of a kernel.
     copied : Buffer or None
-        None where the memory is the same, so that nothing has to be copied.
+        None if the memory is the same, so that nothing has to be copied.
     """
 
     host: NDArray[np.floating]

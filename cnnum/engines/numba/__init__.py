@@ -1,9 +1,9 @@
 """The numba engine, for machines without OpenCL.
 
-The program of a small array is printed as one compiled function, from the records that the OpenCL
-engine prints too. Other programs are walked operation by operation, and share no neighbourhood code
-with other engines: local arithmetic runs in NumPy over a whole batch, transients in compiled
-functions. These take any template as lists of taps, so that nothing is compiled for a template.
+The program of a small array is compiled as one function, from the same records that the OpenCL
+engine prints. Other programs are evaluated operation by operation, and share no neighbourhood code
+with other engines: cellwise arithmetic runs in NumPy over a whole batch, transients in compiled
+functions. These take any template as lists of taps, so no template needs its own compilation.
 """
 
 import numpy as np
@@ -35,11 +35,11 @@ class NumbaBackend:
         return f"{cores()} core(s) of the host"
 
     def explained(self, template: Template, solver: Solver) -> Solver:
-        """Return the solver as it is: its scheme runs."""
+        """Return the solver unchanged: its scheme runs."""
         return solver
 
     def build(self, schedule: Schedule, solvers: Solvers) -> NumbaExecutable | PrintedExecutable:
-        """Return the schedule ready to run: printed as one function, or walked."""
+        """Return the schedule ready to run: compiled as one function, or evaluated by operation."""
         if not why_walked(schedule):
             return PrintedExecutable(schedule, solvers, _TYPES[self.precision])
         return NumbaExecutable.of(schedule, solvers, _TYPES[self.precision])

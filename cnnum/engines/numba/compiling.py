@@ -1,12 +1,12 @@
-"""How the functions of this room are compiled, and kept from one process to the next.
+"""Compilation of this package's functions, with a cache that persists between processes.
 
-Numba's own cache trusts its files: a damaged file of it ends every run, and two processes that
-compile at once can mix up their files. Here each compiled form of a function is an entry of the
-cache of cnnum. It is found by all that it depends on, and used only if it is whole.
+Numba's own cache trusts its files: a damaged file breaks every run, and two processes that compile
+at once can mix up their files. Here each compiled specialisation is an entry of the cache of cnnum,
+keyed by everything it depends on and used only if its checksum is right.
 
-Only functions that Python calls are kept, each with all that it calls in it. Their last parameter
-has the default `ROOM`, a number of the contents of this room: their callees may lie in another
-file. Calls leave it out, so that its value, and not its type alone, is part of their key.
+Only functions called from Python are cached, each including its callees. Their last parameter has
+the default `ROOM`, a checksum of this package's sources, since callees may be in another file.
+Calls omit it, so that its value, and not only its type, is part of the key.
 """
 
 import hashlib
@@ -46,7 +46,7 @@ class KeptForms(NullCache):
         self._about = (*name, numba.__version__, sys.implementation.cache_tag)
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """Return the form for a signature; None where it is not kept."""
+        """Return the form for a signature, or None if it is not kept."""
         target_context.refresh()
         key = self._key(sig, target_context.codegen())
         name = _name(key)
@@ -82,7 +82,7 @@ _R = TypeVar("_R")
 _FILES = sorted(Path(__file__).parent.glob("*.py"))
 
 ROOM = zlib.crc32(b"".join(file.read_bytes() for file in _FILES))
-"""Another number for other contents of the files of this room."""
+"""Checksum of the source files of this package."""
 
 
 _INNER = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
@@ -96,20 +96,20 @@ def _compile(function: Callable[..., Any], **options: Any) -> Callable[..., Any]
 
 
 def inlined(function: Callable[_P, _R]) -> Callable[_P, _R]:
-    """Compile a function into each of its callers, which pays where it works on few cells."""
+    """Inline a function into each of its callers, which pays if it works on few cells."""
     return cast(Callable[_P, _R], _compile(function, forceinline=True, **_INNER))
 
 
 def merged(function: Callable[_P, _R]) -> Callable[_P, _R]:
-    """Take a function into the text of its callers, which pays where there is one or it is short.
+    """Inline a function at source level, which pays if it is short or has only one caller.
 
-    Every function that is compiled on its own goes through the compiler with all that it calls.
+    Every separately compiled function is compiled together with all its callees.
     """
     return cast(Callable[_P, _R], _compile(function, inline="always"))
 
 
 def compiled(function: Callable[_P, _R]) -> Callable[_P, _R]:
-    """Compile a function when one that calls it is, even one that is inlined itself."""
+    """Compile a function together with its callers, even with those that are inlined."""
     return cast(Callable[_P, _R], _compile(function, forceinline=False, **_INNER))
 
 
@@ -119,7 +119,7 @@ def compiled_parallel(function: Callable[_P, _R]) -> Callable[_P, _R]:
 
 
 def kept(function: Callable[_P, _R]) -> Callable[_P, _R]:
-    """Compile a function when it is first called, and keep it: its last default is `ROOM`."""
+    """Compile a function on its first call and cache it: its last default is `ROOM`."""
     assert (function.__defaults__ or (None,))[-1] == ROOM
     form: Any = _compile(function)
     form._cache = KeptForms(function)

@@ -1,6 +1,6 @@
-"""A schedule, walked operation by operation over a whole batch.
+"""Evaluation of a schedule, operation by operation over a whole batch.
 
-Operations of a program on a whole batch: local arithmetic in NumPy, transients compiled.
+Cellwise arithmetic runs in NumPy, transients in compiled functions.
 
 Maps are (batch, rows, cols), stacks (batch, maps · rows, cols) and numbers (batch, 1, 1). The batch
 is 1 where all frames share the value.
@@ -62,8 +62,8 @@ def products(columns: Floats, values: Reals, totals: Floats, room: int = ROOM) -
 
 
 ORDERED: Mapping[str, Callable[[Reals], Floats]] = {"sum": sums}
-"""Read-outs whose rounding depends on the order of the cells: NumPy may order a batch otherwise
-than a frame."""
+"""Reductions whose rounding depends on the order of the cells: NumPy may sum a batch in a different
+order than a single frame."""
 
 Answers = dict[str, Reals]
 """Results of a transient or a loop, by the name in a `Pick`."""
@@ -71,7 +71,7 @@ Answers = dict[str, Reals]
 
 @dataclass(slots=True, eq=False)
 class Evaluation:
-    """One batch on its way through a schedule.
+    """The evaluation of a schedule for one batch.
 
     Attributes
     ----------
@@ -82,15 +82,15 @@ class Evaluation:
     moments : sequence of float
         Times at which the transient of a run is looked at on its way.
     ends : sequence of Stretch
-        They hold these times, where ends are known without steps.
+        The stretches that contain these times, if ends are known in closed form.
     cuts : int
         Parts in which a piece of its fixed steps is taken up to a look.
     seen : dict of str to array
         The findings there, as `TransientRunner.run` has them.
     running : (batch, 1, 1) bool
-        Frames whose results count: inside a loop, those that have not stopped.
+        Active frames: inside a loop, those that have not stopped.
     unfinished : (batch,) bool
-        Frames in which a transient or a loop did not reach its end.
+        Frames in which a transient or a loop did not finish.
     """
 
     batch: int
@@ -160,7 +160,7 @@ class Evaluation:
         return answer
 
     def _loop(self, loop: Loop, arguments: Sequence[Reals]) -> Answers:
-        """Run a loop's body on all frames; those that have stopped keep their values."""
+        """Run a loop's body on all frames; stopped frames keep their values."""
         start, *rest = arguments
         count, outside = len(loop.results), self.running
         self.running = outside & np.broadcast_to(start != 0.0, outside.shape)
@@ -214,7 +214,7 @@ def _product(operation: Product, arguments: Sequence[Reals]) -> Floats:
 
 
 def why_walked(schedule: Schedule) -> str:
-    """Return why a schedule is walked operation by operation; empty where it is printed."""
+    """Return why a schedule is evaluated operation by operation; empty if it is compiled whole."""
     if schedule.cells > PRIVATE_CELLS:
         return f"an array of more than {PRIVATE_CELLS} cells is shared by all cores"
     done = (Apply, Reduce, Product, Loop, Transient)
@@ -279,7 +279,7 @@ class NumbaExecutable(HostExecutable):
         moments : sequence of float
             Rising, none after the end.
         ends : sequence of Stretch
-            They hold these times, where ends are known without steps.
+            The stretches that contain these times, if ends are known in closed form.
         cuts : int
             Parts in which a piece of a step of fixed length is taken up to a look.
 

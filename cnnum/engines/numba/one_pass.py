@@ -1,6 +1,6 @@
-"""Pictures that one pass over their input gives, row by row, with no transient.
+"""Binary outputs that one pass over the input determines, row by row, without a transient.
 
-`cnnum.runs.decided` says why these are the outputs that the transients come to.
+`cnnum.runs.decided` explains why the transients end at these outputs.
 """
 
 from collections.abc import Callable
@@ -19,13 +19,14 @@ from cnnum.engines.numba.records import Ints
 Real = TypeVar("Real", np.float32, np.float64)
 
 BLOCK = 32
-"""Rows that are copied before they are looked at: they stay in a core's cache."""
+"""Rows that are copied before they are processed, so that they stay in a core's cache."""
 
 GROUP = 768
 """Numbers of rows that are taken together, since a row may be short; eight such fit a cache."""
 
 SHARED = 1 << 17
-"""Cells from which all cores take part; to start a thread takes as long as some ten thousand."""
+"""Cells from which all cores are used; starting a thread takes as long as some ten thousand
+cells."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,7 +75,7 @@ def signs(
     Returns
     -------
     (frames, rows, cols) float64, and the input
-        None where a sum is neither, or a number of a map is beyond 1.
+        None if a sum is neither, or a number of a map is beyond 1.
     """
     # three or nine neighbours at a time, so that sums are seldom read and written
     spare = -len(places) % (THREE if len(places) <= THREE else NINE)
@@ -120,7 +121,7 @@ def ranks(
     Returns
     -------
     (frames, rows, cols) float64, within −1 and 1, and the input
-        None where a number of the input is beyond 1.
+        None if a number of the input is beyond 1.
     """
     seen, out = _around(u, places), np.empty(u.shape)
     begun = (0.0, 0) if start is None else (start, 1)

@@ -1,4 +1,4 @@
-"""A small array's program as one compiled function, printed from the records of its kernel.
+"""A small array's program as one compiled function, generated from the records of its kernel.
 
 The records are those that the OpenCL engine prints as well. LLVM, which comes with Numba, compiles
 the function; Numba's own way from Python to LLVM would take minutes for a program of many
@@ -41,7 +41,7 @@ _LLVM: Any = import_module("llvmlite.binding")  # it has no types
 FUNCTION = "frames"
 
 FRAMES_A_THREAD = 256
-"""Fewest frames that are worth a thread of their own: fewer take less than it takes to start."""
+"""Minimum number of frames per thread: fewer take less time than starting a thread."""
 
 HEAD = struct.Struct("<qq")
 """The numbers of both kinds of scratch, which stand before the machine code in the cache."""
@@ -85,7 +85,7 @@ def machine_code(text: str) -> bytes:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PrintedFunction:
-    """A compiled function of frames.
+    """A compiled function that runs frames.
 
     Attributes
     ----------
@@ -127,7 +127,7 @@ class PrintedMemory:
 
 @dataclass(slots=True, eq=False)
 class PrintedFrame:
-    """The quick way of the single frames of one stream: nothing is made anew but the outputs.
+    """The fast path for single frames of one stream, which allocates nothing but the outputs.
 
     Attributes
     ----------
@@ -157,7 +157,7 @@ class PrintedFrame:
         Raises
         ------
         MethodError
-            If a transient or a loop did not reach its end.
+            If a transient or a loop did not finish.
         """
         self.given[...] = values
         self.function.call(*self.arguments, 0, 1, first)
@@ -220,7 +220,7 @@ class PrintedExecutable(OnHost):
 
     @property
     def source(self) -> str:
-        """The exact text that was compiled, as LLVM's intermediate code."""
+        """The exact LLVM intermediate code that was compiled."""
         return self._printed[0]
 
     @property
@@ -257,7 +257,7 @@ class PrintedExecutable(OnHost):
         (memory.numbers[:],) = numbers
 
     def one(self, memory: object) -> PrintedFrame:
-        """Return the quick way of single frames."""
+        """Return the fast path for single frames."""
         assert isinstance(memory, PrintedMemory)
         given = np.zeros((*self.schedule.shape, len(self.schedule.channels_read)), self.dtype)
         taken, function = np.zeros(self._plan.output_size, self.dtype), self._function
@@ -270,7 +270,7 @@ class PrintedExecutable(OnHost):
         return PrintedFrame(given, taken, function, addresses, places, held)
 
     def run(self, frames: Reals, memory: object, *, first: bool) -> dict[str, Floats]:
-        """Run the function on every frame; many frames are shared by all cores."""
+        """Run the function on every frame, distributed over all cores if there are many."""
         assert isinstance(memory, PrintedMemory)
         batch, size = len(frames), self._plan.output_size
         given = np.ascontiguousarray(frames, dtype=self.dtype)

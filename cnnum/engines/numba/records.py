@@ -17,7 +17,7 @@ from cnnum.arrays import Shape
 from cnnum.templating.boundary import Boundary, rim_copies
 
 KNOWN, FIXED, ADAPTIVE, CHEBYSHEV = range(4)
-"""How a transient is brought to its end."""
+"""How a transient is run."""
 
 CLAMP, IDENTITY, TANH, SIGN, EXPRESSION = range(5)
 """Output functions."""
@@ -139,7 +139,7 @@ def _steps(node: ast.AST, words: dict[str, float], variables: Mapping[str, int])
 
 
 Reals = NDArray[np.floating[Any]]
-"""Numbers of the engine's own type, float32 or float64."""
+"""Numbers in the engine's precision, float32 or float64."""
 
 Ints = NDArray[np.int64]
 
@@ -243,7 +243,7 @@ class Plan(NamedTuple):
         Arguments and values of the function tables.
     gains : (gains,) GAIN
     pieces : (pieces, 3) float64
-        Stretches of time within which no gain jumps or bends: the number of the first step, the
+        Intervals within which no gain has a jump or a kink: the number of the first step, the
         start, and the length of fixed steps.
     rim : (2, rim cells) int
         Where a rim's cells lie in a map, and which cell each copies; none of a constant rim.
@@ -321,7 +321,7 @@ class Frame(NamedTuple):
         Of every band: error in units of the tolerance, a step's share in the error of the state.
         Then change in units of the tolerance, largest rate.
     kept : (2, n) float
-        State and rates that a look between the ends of steps has to leave as they were.
+        State and rates to restore after sampling within a step.
     moments, seen, marks, parts : arrays
         Of the frame, as in a batch.
     """
@@ -337,8 +337,7 @@ class Frame(NamedTuple):
 
 
 BAND = 2048
-"""Cells that are worked on at a time: the rows of numbers that a step reads of them stay in the
-first-level cache."""
+"""Cells processed at a time: the rows that a step reads for them stay in the L1 cache."""
 
 
 @dataclass(frozen=True, slots=True)

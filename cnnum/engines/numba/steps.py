@@ -293,7 +293,7 @@ def _slope(plan: Plan, work: Reals, gains: Reals, layer: Any, stage: Any, lo: An
 
 @compiled
 def speed(plan: Plan, state: Reals, slope: Reals) -> Any:
-    """Return the largest |dx/dt|, each by how much its cell passes an error on."""
+    """Return the largest |dx/dt|, weighted by each cell's error propagation factor."""
     real, largest = state.dtype.type, state.dtype.type(0)
     if plan.settings[0].slopes_count == 0:
         for i in range(slope.size):
@@ -424,7 +424,7 @@ def _fill_rims(plan: Plan, maps: Reals) -> None:
 def _set_gains(plan: Plan, gains: Reals, time: Any, begin: Any, step: Any) -> None:
     """Set the gains at a time; those that jump are the ones of the middle of its step.
 
-    Steps with a delay may hold jumps and bends: there gains count by their means.
+    Steps with a delay may contain jumps and kinks, so gains are averaged over them.
     """
     middle = begin + 0.5 * step
     for g in range(plan.gains.size):
@@ -617,7 +617,7 @@ def _look(
     before: Any,
     spread: bool,
 ) -> Any:
-    """Look at the moments within a step that was accepted, as runs do that end there.
+    """Sample the moments within an accepted step, as runs that end there would.
 
     Each takes the step's part up to the moment. State, end and rates are left as they were.
     """
@@ -649,7 +649,7 @@ def _look(
 
 @merged
 def adaptive(plan: Plan, now: Frame, spread: bool, figures: Reals) -> None:
-    """Take steps that keep the error estimate within the tolerance."""
+    """Take adaptive steps that keep the error estimate within the tolerance."""
     taken, time, error, settled, settings = records.NONE, 0.0, 0.0, 0.0, plan.settings[0]
     step, end = settings.step, settings.duration * (1.0 - 1e-6)
     evaluate_once(plan, now, time, spread)
@@ -734,7 +734,7 @@ def _drive(plan: Plan, kind: Any, gains: Reals, work: Reals, total: Reals) -> No
 def run_frames(
     plan: Plan, batch: Batch, start: Any, end: Any, spread: bool, room: int = ROOM
 ) -> None:
-    """Run frames one after the other; with `spread` the bands of each lie on all cores.
+    """Run frames in sequence; with `spread` the bands of each are distributed over all cores.
 
     Frames of a scheme without steps are at their end before, and learn whether all is at rest.
     """

@@ -1,4 +1,4 @@
-"""A transient of a batch: exact where it can be, else compiled functions.
+"""A transient of a batch: in closed form if possible, else by compiled functions.
 
 Ends that are known without a step, of a whole batch in NumPy.
 
@@ -211,17 +211,17 @@ def _control(template: Template) -> float:
 
 
 SPREAD_CELLS = 128 * 128
-"""Smallest array whose frame lies on all cores. Below it, the cores wait for each other longer than
-they work."""
+"""Smallest array whose frame is distributed over all cores. Below it, synchronisation takes longer
+than the work."""
 
 _CORES = threading.Lock()
 """Numba's simplest pool of threads, the only one on some systems, serves one caller at a time."""
 
 FRAMES_A_THREAD = 8
-"""Fewest frames that are worth a thread of their own where they are stepped."""
+"""Minimum number of frames per thread if they take time steps."""
 
 CELLS_A_THREAD = 512 * 512
-"""Fewest cells that are where the end is known: fewer take less than the threads to start."""
+"""Minimum number of cells per thread if the end is known: fewer take less time than a start."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -367,7 +367,7 @@ class TransientRunner:
                 done.result()
 
     def _worth(self, batch: int) -> int:
-        """Return how many threads a batch is worth."""
+        """Return the number of threads to use for a batch."""
         if self.end is None:
             return -(-batch // FRAMES_A_THREAD)
         rows, cols = self.layout.shape

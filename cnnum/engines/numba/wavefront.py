@@ -1,4 +1,4 @@
-"""Where a saturated array ends whose cells only pull each other along, cell after cell.
+"""The final state of a saturated array whose cells only pull each other along, one by one.
 
 A cell falls once what it sees no longer holds it; then its neighbours see less. In which order
 cells are looked at does not change which of them fall, so a list of those that have to is worked

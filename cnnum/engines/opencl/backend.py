@@ -40,7 +40,7 @@ class OpenCLBackend:
         return self._device.label
 
     def explained(self, template: Template, solver: Solver) -> Solver:
-        """Return the solver as it is: its scheme runs."""
+        """Return the solver unchanged: its scheme runs."""
         return solver
 
     def build(self, schedule: Schedule, solvers: Solvers) -> OpenCLExecutable:

@@ -1,4 +1,4 @@
-"""A built plan on an OpenCL device: kernels by number of lanes, buffers by batch, single frames."""
+"""A built plan on an OpenCL device: kernels per lane count, buffers per batch, single frames."""
 
 import math
 from collections.abc import Generator, Mapping, Sequence
@@ -36,21 +36,21 @@ ONE_ITEM = (1,)
 
 @dataclass(slots=True, eq=False)
 class OneFrame:
-    """A kernel with its own arrays, whose arguments stay set from one frame to the next.
+    """A kernel with its own arrays, whose arguments remain set between frames.
 
     Attributes
     ----------
     queue : CommandQueue
     kernel : Kernel
-        No other object sets its arguments.
+        Owned by this object: nothing else sets its arguments.
     input, output : SharedArray
     arguments : tuple
-        The kernel's, but for the number of frames and whether it is the first.
+        The kernel's arguments except the number of frames and the first-frame flag.
     given : (rows, cols, channels) float
-        The numbers of `input` that travel to the device.
+        The part of `input` that is copied to the device.
     places : Places
-        Of the outputs in the numbers that come back. The last of them says whether a transient or a
-        loop did not reach its end.
+        Places of the outputs among the returned values. The last value says whether a transient or
+        a loop did not finish.
     """
 
     queue: cl.CommandQueue
@@ -76,7 +76,7 @@ class OneFrame:
         Raises
         ------
         MethodError
-            If a transient or a loop did not reach its end.
+            If a transient or a loop did not finish.
         NoOpenCLError
             If this process was forked after the engine was made.
         """
@@ -93,7 +93,7 @@ class OneFrame:
         except cl.Error as error:
             raise run_failure(error, self.queue) from error
         except BaseException:
-            self.queue.finish()  # after Ctrl-C no memory is freed that a kernel still writes to
+            self.queue.finish()  # after Ctrl-C, do not free memory that a kernel still writes to
             raise
         self.packed = packed = self.output.host.astype(np.float64)
         if packed[-1] != 0.0:
@@ -105,24 +105,24 @@ class OneFrame:
 
 
 WIDE_CELLS = 256
-"""Largest array whose frames lie side by side in lanes. The compiler vectorises along the columns
-of larger ones, whose lanes would no longer fit the cache."""
+"""Largest array, in cells, whose frames are interleaved in vector lanes. Lanes of larger arrays
+would no longer fit the cache, so the compiler vectorises along their columns."""
 
 MOST_LANES = 16
 
 LEAST_WIDTH = 4
-"""Cells side by side in a vector where a device says that it has none: its compiler splits them."""
+"""Vector width used if a device reports none: its compiler splits the vectors."""
 
 QUIET = "-w"
-"""Compilers warn of how vectors of this width are handed to built-in functions, which is theirs."""
+"""Suppresses compiler warnings about how vectors of this width are passed to built-ins."""
 
 FLUSH = "-cl-denorms-are-zero"
-"""A state that has decayed below 1e-38, or 1e-308 in float64, is 0, and costs no more than others:
-on Intel's processors steps of float64 between denormals take 20 to 100 times as long."""
+"""Flushes states that have decayed below 1e-38, or 1e-308 in float64, to 0: on Intel processors,
+float64 steps with denormals take 20 to 100 times as long."""
 
 
 _Site = tuple[int, cl.CommandQueue]
-"""Where frames run: how many side by side in a work item, and the queue."""
+"""Where frames run: the number of frames per work item, and the queue."""
 
 
 @dataclass(slots=True, eq=False)
@@ -143,16 +143,16 @@ class _Arrays:
     scratch: cl.Buffer
 
     def arguments(self, memory: SharedArray, data: cl.Buffer) -> tuple[Any, ...]:
-        """Return the first arguments of a plan's kernels."""
+        """Return the leading arguments of a plan's kernels."""
         own = (self.input.argument, self.output.argument, memory.argument)
         return (*own, data, self.scratch)
 
 
 @dataclass(slots=True, eq=False)
 class OpenCLExecutable:
-    """Runs a schedule as one kernel launch a batch; large arrays as a row of launches.
+    """Runs a schedule as one kernel launch per batch, or several launches for large arrays.
 
-    Threads take turns: the buffers of a launch belong to the plan.
+    Threads run one at a time, because the plan owns the buffers of a launch.
 
     Attributes
     ----------
@@ -160,13 +160,13 @@ class OpenCLExecutable:
     solvers : mapping of int to Solver
     queue : CommandQueue
     own : CommandQueue
-        Of a device that runs kernels in the thread that asks: few small frames go there. Without
-        one it is `queue`.
+        Queue of a device that runs kernels in the calling thread, used for a few small frames;
+        `queue` if there is no such device.
     dtype : dtype
     wide_lanes : int
-        Frames that lie side by side in one work item of a large batch.
+        Frames interleaved in one work item of a large batch.
     near_bytes : int
-        Cache of a core that keeps up with its arithmetic.
+        Bytes of cache per core that keep up with its arithmetic.
     """
 
     schedule: Schedule
@@ -185,53 +185,53 @@ class OpenCLExecutable:
 
     @property
     def launches(self) -> int:
-        """Kernel launches a frame; of loops that frames end by themselves, one round counts."""
+        """Kernel launches per frame, counting one iteration of loops with data-dependent length."""
         parts = self._text(1).parts
         return 1 if parts is None else parts.launches(self.queue.device.max_compute_units)
 
     @property
     def private_bytes(self) -> int:
-        """Private memory of a work item that runs one frame, in arrays."""
+        """Bytes of private arrays of a work item that runs one frame."""
         return self._text(1).private * self.dtype.itemsize
 
     @property
     def local_bytes(self) -> int:
-        """None: a work item runs whole frames, or a piece that no other one writes to."""
+        """Always 0: a work item runs whole frames, or a part that no other work item writes to."""
         return 0
 
     @property
     def scratch_bytes(self) -> int:
-        """Global memory that one frame works in where its array is too large to be private."""
+        """Bytes of global working memory per frame, if its array is too large to be private."""
         return self._text(1).scratch * self.dtype.itemsize
 
     @property
     def source(self) -> str:
-        """The exact text that was built, the widest kernel that has run (or would for a frame)."""
+        """The exact source of the widest kernel that has run, or that one frame would run."""
         return self._text(max((lanes for lanes, _ in self._built), default=1)).source
 
     @property
     def strategies(self) -> Mapping[int, str]:
-        """How each transient of a single frame runs, in words, by its node."""
+        """Description of how each transient of a single frame runs, by node."""
         return self._text(1).strategies
 
     def lanes_for(self, batch: int) -> int:
-        """Return how many frames of a batch lie side by side in one work item."""
+        """Return how many frames of a batch are interleaved in one work item."""
         wide = batch >= self.wide_lanes and self._stays_private(self.wide_lanes)
         return self.wide_lanes if wide else 1
 
     def _stays_private(self, lanes: int) -> bool:
-        """Whether a work item keeps all arrays of so many frames in private memory."""
+        """Return whether a work item keeps all arrays of `lanes` frames in private memory."""
         return self.schedule.cells <= WIDE_CELLS and not self._text(lanes).scratch
 
     def queue_for(self, batch: int) -> cl.CommandQueue:
-        """Return the place of a number of frames."""
-        # one work item keeps one thread busy, and handing it over costs as much as it takes
+        """Return the queue on which a batch runs."""
+        # one work item keeps one thread busy, and handing it over costs as much as running it
         small = batch * self.schedule.cells <= WIDE_CELLS
         few = small and self.lanes_for(batch) in (1, batch)
         return self.own if few else self.queue
 
     def new_memory(self, batch: int) -> object:
-        """Return cleared memories on the device; the same for all where a plan has none."""
+        """Return cleared memories on the device, shared by all streams if a plan has none."""
         with self._guarded():
             site = lanes, queue = self.lanes_for(batch), self.queue_for(batch)
             size = batch * self._text(lanes).memory_size
@@ -242,21 +242,21 @@ class OpenCLExecutable:
             return self._no_memory[site]
 
     def held(self, memory: object, batch: int) -> tuple[NDArray[np.floating], ...]:
-        """Return the values of memories, as the host sees it."""
+        """Return a host view of the memories."""
         assert isinstance(memory, SharedArray)
         with self._guarded():
             memory.pull(self.queue_for(batch))
             return (memory.host,)
 
     def restore(self, memory: object, numbers: Sequence[NDArray[np.floating]], batch: int) -> None:
-        """Let memories hold a copy of these numbers."""
+        """Restore the memories from a copy of these values."""
         assert isinstance(memory, SharedArray)
         with self._guarded():
             (memory.host[:],) = numbers
             memory.push(self.queue_for(batch))
 
     def one(self, memory: object) -> OneFrame | None:
-        """Return the quick way for the single frames of a stream; None where there is none."""
+        """Return the fast path for single frames of a stream, or None if there is none."""
         assert isinstance(memory, SharedArray)
         with self._guarded():
             if not self._stays_private(1):
@@ -273,13 +273,13 @@ class OpenCLExecutable:
     def run(
         self, frames: NDArray[np.floating], memory: object, *, first: bool
     ) -> dict[str, Floats]:
-        """Hand frames over, launch once, read the wanted outputs."""
+        """Copy frames to the device, launch once and read the requested outputs."""
         with self._guarded():
             batch = frames.shape[0]
             built, arrays = self._ready(batch)
             queue = built.kernels.queue
             if frames.size:
-                # large arrays go channel by channel
+                # large arrays are copied channel by channel
                 given = np.moveaxis(frames, -1, 1) if built.text.scratch else frames
                 np.copyto(arrays.input.host.reshape(given.shape), given, casting="same_kind")
                 arrays.input.push(queue)
@@ -295,7 +295,7 @@ class OpenCLExecutable:
     def run_large(
         self, maps: Sequence[NDArray[np.floating]], lead: tuple[int, ...]
     ) -> tuple[dict[str, Floats], bool] | None:
-        """Let kernels read and write the host's arrays where the device can, None elsewhere."""
+        """Let kernels access host arrays directly, or return None if the device cannot."""
         with self._guarded():
             if self._text(1).parts is None or not exchanges(self.queue.device):
                 return None
@@ -310,15 +310,15 @@ class OpenCLExecutable:
 
     @contextmanager
     def _guarded(self) -> Generator[None]:
-        """Take a turn; trouble with the device is an error of this package."""
-        refuse_after_fork()  # before a lock that another thread held then
+        """Hold the lock, and translate device failures to errors of this package."""
+        refuse_after_fork()  # before a lock that another thread held at the fork
         with self._turn:
             try:
                 yield
             except cl.Error as error:
                 raise run_failure(error, self.queue) from error
             except BaseException:
-                # after Ctrl-C no memory is freed that a kernel still writes to
+                # after Ctrl-C, do not free memory that a kernel still writes to
                 self.own.finish()
                 self.queue.finish()
                 raise
@@ -326,7 +326,7 @@ class OpenCLExecutable:
     def _launch(
         self, built: _Built, arrays: _Arrays, memory: object, batch: int, *, first: bool
     ) -> None:
-        """Launch the kernels, whose arguments are set unless they are the same as before."""
+        """Launch the kernels, setting their arguments unless they are unchanged."""
         assert isinstance(memory, SharedArray)
         bound = (built, arrays, memory, batch, first)
         if bound != self._bound:
@@ -343,15 +343,15 @@ class OpenCLExecutable:
         return self._texts[lanes]
 
     def _ready(self, batch: int) -> tuple[_Built, _Arrays]:
-        """Return the kernels and the arrays for a number of frames."""
+        """Return the kernels and arrays for a batch size."""
         built = self._build(batch)
         if batch not in self._arrays:
-            self._arrays.clear()  # one batch size at a time: large ones would pile up
+            self._arrays.clear()  # keep one batch size only: large ones would accumulate
             self._arrays[batch] = self._new_arrays(batch, built)
         return built, self._arrays[batch]
 
     def _build(self, batch: int) -> _Built:
-        """Return the kernels for a number of frames."""
+        """Return the kernels for a batch size."""
         site = lanes, queue = self.lanes_for(batch), self.queue_for(batch)
         if site not in self._built:
             text = self._text(lanes)
@@ -373,7 +373,7 @@ class OpenCLExecutable:
         queue, itemsize = built.kernels.queue, self.dtype.itemsize
         given = batch * self.schedule.cells * len(self.schedule.channels_read)
         taken = batch * built.text.output_size
-        # a vector may be read over the end
+        # vector reads may extend past the end
         scratch = batch * built.text.scratch + MOST_LANES
         refuse_beyond(
             f"A batch of {batch} frame(s)",

@@ -1,9 +1,7 @@
-"""Running a plan on a device: its kernels, their launches, and arrays from and to the host.
+"""Running a plan on a device: its kernels, their launches, and transfers from and to the host.
 
-How large arrays come from the host and go back: its own memory is read and written in place.
-
-Kernels convert, on all cores, and look at every number while they have it. The host would take a
-sweep for each.
+Large arrays are read from and written to host memory in place. Kernels convert them on all cores
+and check every number in the same pass; the host would need one pass for each.
 """
 
 import math
@@ -25,7 +23,7 @@ from cnnum.kernels.launch_plan import Launch, LaunchPlan, LaunchStep, Rounds, St
 
 @dataclass(slots=True, eq=False)
 class PlanKernels:
-    """Makes each kernel once, and launches it; the program is kept, or Intel's is lost.
+    """Creates each kernel once and launches it. Holds the program, which Intel's runtime needs.
 
     Attributes
     ----------
@@ -43,11 +41,11 @@ class PlanKernels:
         return self._made[name]
 
     def separate(self, name: str) -> cl.Kernel:
-        """Return a kernel that keeps arguments of its own."""
+        """Return a separate kernel object with its own arguments."""
         return cl.Kernel(self.program, name)
 
     def launch(self, name: str, items: tuple[int, ...], *arguments: Any) -> None:
-        """Launch a kernel in groups of one item; without arguments, those set before stay."""
+        """Launch a kernel in work groups of one; without arguments, those set before remain."""
         kernel = self[name]
         if arguments:
             kernel.set_args(*arguments)
@@ -55,7 +53,7 @@ class PlanKernels:
 
 
 Arguments = Sequence["cl.Buffer | cl.SVM[Any]"]
-"""The plan's own arrays, which come first among the arguments of its kernels: scratch is last."""
+"""The plan's own arrays, the leading arguments of its kernels; scratch is the last of them."""
 
 
 @dataclass(slots=True, eq=False)
@@ -66,7 +64,7 @@ class WholeRunner:
     ----------
     kernels : PlanKernels
     lanes : int
-        Frames a work item.
+        Frames per work item.
     """
 
     kernels: PlanKernels
@@ -87,7 +85,7 @@ class WholeRunner:
 class LaunchRunner:
     """Runs a plan for large arrays in parts.
 
-    Registers, (registers, batch) numbers, and unfinished sums are state that its parts share.
+    The parts share registers, shaped (registers, batch), and incomplete sums.
 
     Attributes
     ----------
@@ -143,12 +141,12 @@ class LaunchRunner:
             self._play(rounds.parts)
 
     def _register(self, place: int) -> np.ndarray[tuple[int, ...], np.dtype[np.floating]]:
-        """Return the value of a register in each frame, once all before it is done."""
+        """Return the value of a register in each frame, once all previous launches are done."""
         self._registers.pull(self.kernels.queue)
         return self._registers.host[place * self._batch : (place + 1) * self._batch]
 
     def _steps(self, steps: Steps) -> None:
-        """Set out, take the levels strip by strip, and bring the states back."""
+        """Load the states, run the levels strip by strip, and store the states back."""
         strips, levels = steps.strips, self._levels(steps)
         if steps.levels is not None and levels == 0:
             return
@@ -166,7 +164,7 @@ class LaunchRunner:
             self._phase(steps, pieces, 3)
 
     def _levels(self, steps: Steps) -> int:
-        """Return the levels of the frame that takes most."""
+        """Return the largest number of levels of any frame."""
         if steps.levels is None:
             return steps.strips.count
         taken = self._register(steps.levels)
@@ -182,11 +180,11 @@ class LaunchRunner:
 
 
 Runner = WholeRunner | LaunchRunner
-"""Both bind the plan's own arrays, for a number of frames, and run."""
+"""Both bind the plan's own arrays for a batch size, and run."""
 
 
 def _launched(parts: Iterable[LaunchStep]) -> Iterator[str]:
-    """Yield the kernels of the parts, and of those that are repeated."""
+    """Yield the kernels of the parts, including repeated ones."""
     for part in parts:
         if isinstance(part, Launch):
             yield part.kernel
@@ -195,21 +193,21 @@ def _launched(parts: Iterable[LaunchStep]) -> Iterator[str]:
 
 
 OWN = 2
-"""References to a block without an array: its keeper's, and the one that asks."""
+"""Reference count of a block that no array uses: its owner's, and the query's."""
 
 
 @dataclass(slots=True, eq=False)
 class KeptBlock:
-    """Hands out numbers for results; arrays made of them keep them as long as they live.
+    """Allocates memory for results, reused once no array refers to it.
 
-    The system clears memory page by page when it is touched for the first time: of results of
-    1024×1024 cells that takes longer than to write them.
+    The operating system clears new memory page by page on first touch, which for results of
+    1024×1024 cells takes longer than writing them.
     """
 
     _block: Floats | None = None
 
     def take(self, size: int) -> Floats:
-        """Return a number of uninitialised numbers that no other array shares."""
+        """Return an uninitialised array of this size that shares memory with no other."""
         kept = self._block
         if kept is not None and kept.size == size:
             del kept
@@ -221,23 +219,23 @@ class KeptBlock:
 
 
 PIECES = 32
-"""Work items that share an array."""
+"""Work items among which an array is divided."""
 
 
 def exchanges(device: cl.Device) -> bool:
-    """Return whether a device reads and writes the host's arrays of doubles where they are."""
+    """Return whether a device can access host arrays of doubles in place."""
     return shares_memory(device) and bool(device.double_fp_config)
 
 
 @dataclass(slots=True, eq=False)
 class Exchange:
-    """Carries the maps of a plan.
+    """Transfers the maps of a plan.
 
     Attributes
     ----------
     kernels : PlanKernels
     dtype : dtype
-        Of the plan's numbers.
+        Data type of the plan's numbers.
     """
 
     kernels: PlanKernels
@@ -248,7 +246,7 @@ class Exchange:
     def take(
         self, maps: Sequence[NDArray[np.floating]], lead: tuple[int, ...], input: SharedArray
     ) -> bool:
-        """Bring maps to the device, side by side in each frame; return whether all are finite.
+        """Copy maps to the device, interleaved in each frame; return whether all are finite.
 
         Parameters
         ----------
@@ -283,7 +281,7 @@ class Exchange:
         ----------
         output : SharedArray
         places : Places
-            Of the results in a frame's numbers.
+            Places of the results among a frame's numbers.
         batch : int
         """
         seen = self._unseen(batch)
@@ -297,7 +295,7 @@ class Exchange:
                 numbers[name] = where
                 continue
             count = math.prod(shape)
-            # a block each: who keeps one result does not keep the others
+            # one block per result, so that keeping one does not keep the others alive
             block = self._results.setdefault(name, KeptBlock()).take(batch * count)
             results[name] = block.reshape(batch, *shape)
             del block
@@ -313,7 +311,7 @@ class Exchange:
         return results | read, finite and not seen.host.any()
 
     def _unseen(self, batch: int) -> SharedArray:
-        """Return the counts of numbers that are not finite, each 0 as yet."""
+        """Return the counters of non-finite numbers, initialised to 0."""
         if batch not in self._seen:
             self._seen.clear()
             self._seen[batch] = shared_array(self.kernels.queue, batch * PIECES, self.dtype)
@@ -325,7 +323,7 @@ class Exchange:
         return cl.Buffer(self.kernels.queue.context, shared, hostbuf=array)
 
     def _let_see(self, buffer: cl.Buffer) -> None:
-        """Let the host see writes to its memory: nothing is copied where it is one."""
+        """Make writes visible to the host; nothing is copied if the memory is shared."""
         queue, all_of_it = self.kernels.queue, (0, (buffer.size,), np.dtype(np.uint8))
         seen, _ = cl.enqueue_map_buffer(
             queue, buffer, cl.map_flags.READ, *all_of_it, is_blocking=False
@@ -334,7 +332,7 @@ class Exchange:
 
 
 def _as_it_lies(array: NDArray[np.floating], lead: tuple[int, ...]) -> NDArray[np.floating]:
-    """Return the numbers of one frame, or of all of a batch, side by side in memory."""
+    """Return the numbers of one frame, or of a whole batch, contiguous in memory."""
     alone = array.size == math.prod(array.shape[-3:])
     whole = array if alone else np.broadcast_to(array, (*lead, *array.shape[-3:]))
     plain = whole.dtype if whole.dtype.name in TAKEN else np.dtype(np.float64)

@@ -1,4 +1,4 @@
-"""Filling kernel texts: real OpenCL C in `kernels/*.cl` with `$names`, filled strictly."""
+"""Kernel templates: OpenCL C in `kernels/*.cl` with `$names`, substituted strictly."""
 
 import re
 from collections.abc import Iterable, Sequence
@@ -9,7 +9,7 @@ from string import Template as Text
 from cnnum import kernels as ir
 
 WIDE_BYTES = 64
-"""Vectors from this size on have no built-ins that every compiler can handle."""
+"""Vector size in bytes from which not every compiler can handle the built-ins."""
 
 
 @cache
@@ -18,7 +18,7 @@ def _kernel_text(name: str) -> Text:
 
 
 def names_of(name: str) -> set[str]:
-    """Return the names that the kernel text of that file has."""
+    """Return the names that the kernel template in this file contains."""
     return set(_kernel_text(name).get_identifiers())
 
 
@@ -26,14 +26,14 @@ Value = str | int | ir.Expression | Sequence[ir.Statement]
 
 
 def filled(name: str, **values: Value) -> ir.Verbatim:
-    """Return the kernel text of that file with records in the places of its names.
+    """Return the kernel template in this file with records substituted for its names.
 
     Raises
     ------
     KeyError
-        If a name of the text gets no value.
+        If a name in the template has no value.
     ValueError
-        If a value has no place in the text.
+        If a value has no name in the template.
     """
     text, at = _kernel_text(name), 0
     unused = set(values) - names_of(name)
@@ -52,12 +52,12 @@ def filled(name: str, **values: Value) -> ir.Verbatim:
 
 
 def fill(name: str, **values: str | int) -> str:
-    """Return the kernel text of that file with its names filled in; errors as of `filled`."""
+    """Return the kernel template in this file with names substituted; raises as `filled` does."""
     return "".join(map(str, filled(name, **values).pieces))
 
 
 def comment(words: str) -> ir.Note:
-    """Return a comment: a line of signs that do not end it."""
+    """Return a one-line comment, without characters that would end it."""
     return ir.Note(f"// {re.sub('[^A-Za-z0-9 _.,:+*=-]', '_', words)}")
 
 
@@ -68,5 +68,5 @@ def indented(lines: Iterable[str], depth: int) -> str:
 
 
 def owned(text: str, names: Iterable[str], suffix: str) -> str:
-    """Return a text in which some names end with a suffix, so that they are its own."""
+    """Return a text with a suffix appended to some names, to make them unique."""
     return re.sub(rf"\b({'|'.join(names)})\b", rf"\1_{suffix}", text)

@@ -134,7 +134,7 @@ class ReferenceExecutable(HostExecutable):
         ends: Sequence[Stretch] = (),
         cuts: int = 1,
     ) -> dict[str, Floats]:
-        """Return the findings at times of a run whose only transient this is.
+        """Return the samples at given times of a run with a single transient.
 
         Of runs that are solved finely, by implicit steps, or without any: `Looking` says the rest.
         """
@@ -249,7 +249,7 @@ class ReferenceBackend:
         Raises
         ------
         NotSupportedError
-            If a template is none that the analogue array runs.
+            If the analogue array cannot run a template.
         """
         analogue = None
         if self._model is not None:

@@ -1,4 +1,4 @@
-"""Steps that follow their own error estimate, in NumPy: pairs, and Chebyshev's stages.
+"""Adaptive steps in NumPy: embedded pairs and Chebyshev methods.
 
 The control is that of the other engines, so that the steps are too: each as long as the estimate
 of the one before allows. See Hairer, Nørsett & Wanner, Solving ODEs I, section II.4, and Sommeijer,
@@ -33,7 +33,7 @@ from cnnum.templating.network import gains_jump
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Trial:
-    """A step that may be taken: its end, the rate there, and by how much it is off.
+    """A trial step: its end, the rate there, and its error estimate.
 
     Attributes
     ----------
@@ -43,7 +43,7 @@ class Trial:
     off : (layers, rows, cols) float
         The method's own estimate, which sets the length of steps.
     added : (layers, rows, cols) float
-        Its share in the error of the run.
+        Its contribution to the error of the run.
     """
 
     state: Floats
@@ -85,7 +85,7 @@ class _Pair:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Chebyshev:
-    """Steps of as many of Chebyshev's stages as their length needs."""
+    """Steps of a Chebyshev method, with as many stages as their length needs."""
 
     equation: StateEquation
     drive: Floats
@@ -152,7 +152,7 @@ def march_adaptive(
 
 
 def _speed(equation: StateEquation, x: Floats, rate: Floats) -> float:
-    """Return the largest rate, each by how much its cell passes an error on."""
+    """Return the largest rate, weighted by each cell's error propagation factor."""
     if not slopes_count(equation.template):
         return float(np.abs(rate).max())
     rise = equation.outputs(x + AROUND) - equation.outputs(x - AROUND)
@@ -161,7 +161,7 @@ def _speed(equation: StateEquation, x: Floats, rate: Floats) -> float:
 
 
 def _grown(error: float, exponent: float, faster: float, trial: Trial, later: float) -> float:
-    """Return the error of a run after a step, as `cnnum.integrators.estimate` has it."""
+    """Return the error of a run after a step, as in `cnnum.integrators.estimate`."""
     rounding = ROUNDINGS * float(np.finfo(np.float64).eps)
     added = float((trial.added + rounding * np.abs(trial.state)).max())
     # e^80 is more than `LOST`

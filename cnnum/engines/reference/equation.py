@@ -129,8 +129,8 @@ class StateEquation:
         """Return dx/dt of the states `x`; `past` are the outputs a delay ago.
 
         Gains in time that jump are those of the `middle` of a step, whose ends may be at a jump.
-        `within` is the length of a step that may hold jumps: then gains count by their means.
-        At a limit of the state a rate is 0 that leads `outwards`, unless these are asked for.
+        `within` is the length of a step that may hold jumps: then gains count by their means. At a
+        limit of the state, rates that lead outwards are 0 unless `outwards` is set.
         """
         template = self.template
         y = self.outputs(x)

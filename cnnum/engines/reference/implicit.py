@@ -1,10 +1,10 @@
-"""Implicit steps that follow their own error estimate, with sparse solves of the array.
+"""Adaptive implicit steps, with sparse solves for the array.
 
-A run is solved three times, to ten times the tolerance, to the tolerance and to a tenth of it. The
-error that is stated of the last is how far the one before is off. The first says what that would
-be if the two were off alike by chance. Steps are no longer than the growth of the array allows: an
-implicit method damps modes that it steps over, and would hold an array on a saddle. Finer runs take
-shorter ones there, too.
+A run is solved three times: to ten times the tolerance, to the tolerance, and to a tenth of it. The
+stated error of the last is its difference from the second; the first guards against the two being
+wrong alike by chance. Steps are limited by the growth rate of the array, since an implicit method
+damps unstable modes that it steps over and would hold an array on a saddle. Finer runs take shorter
+steps there, too.
 """
 
 import math
@@ -25,7 +25,7 @@ from cnnum.templating.network import cells_seen
 from cnnum.templating.template import Template
 
 FINER = 0.1
-"""Part of the tolerance to which the run is solved the last time."""
+"""Fraction of the tolerance to which the last run is solved."""
 
 ROUNDINGS = 8.0
 """Of the end: those of its last steps, as parts of the largest state."""
@@ -37,7 +37,7 @@ LOOKED_AT = 5000
 """Steps after which a run gives up whose end would take more than `MOST_STEPS` at that pace."""
 
 NEARBY = 1e-6
-"""Half of the stretch over which the slope of an output is taken."""
+"""Half the interval of the difference quotient for the slope of an output."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,9 +1,8 @@
 """One transient in float64: SciPy's Dormand–Prince 8(5,3) far below the tolerance asked for.
 
-A coarser solution takes other steps: how far it is off is the error that is stated. A delay is
-solved by the method of steps: each stretch of one delay sees the dense output of the stretch
-before. Where rates jump fixed steps are taken. A method or a step that was asked for is taken as it
-is.
+The stated error is the difference from a coarser solution with other steps. A delay is solved by
+the method of steps: each interval of one delay reads the dense output of the previous interval. If
+rates jump, fixed steps are taken. A method or step that was requested is used unchanged.
 """
 
 import math
@@ -35,7 +34,7 @@ PRECISION = 1e-10
 costs accuracy, up to 1e-3 of it."""
 
 COARSER = 1e-8
-"""Tolerance of a second solution, whose steps lie elsewhere: how far it is off is the error."""
+"""Tolerance of a second solution with other steps; the difference is the error estimate."""
 
 FINEST = 1e-13
 """Smallest tolerance that is tried where the two do not agree."""
@@ -44,7 +43,7 @@ LOOKED_AT = 0.1
 """Share of the tolerances in those of solutions that are looked at on their way."""
 
 SAFETY = 2.0
-"""Of how far two solutions are apart: a kink may let the finer one be off by as much."""
+"""Safety factor on the difference of two solutions: near a kink the finer one may be as far off."""
 
 AGREED = 1e-6
 """Of the largest state or 1: solutions that differ by more have missed a kink."""
@@ -119,7 +118,7 @@ class Budgeted(StateEquation):
         return counted
 
     def spend(self, work: float) -> None:
-        """Take work from what is left.
+        """Subtract work from the remaining budget.
 
         Raises
         ------
@@ -192,7 +191,7 @@ def solve(
 
 
 def instead(template: Template, solver: Solver) -> str:
-    """Return in words the method in place of the solver's scheme; empty where it runs."""
+    """Return in words the method in place of the solver's scheme; empty if it runs."""
     if isinstance(solver.scheme, Decay) or _stepped(template, solver):
         return ""
     if jumps(template) and isinstance(solver.scheme, FixedSteps):
@@ -345,7 +344,7 @@ def _smooth_stretch(
     precision: float,
     track: Track,
 ) -> tuple[Floats, int, OdeSolution | None]:
-    """Return the same of a stretch within which no gain in time jumps or bends."""
+    """Return the same for an interval within which no gain has a jump or a kink."""
     middle = time + 0.5 * length
 
     def right(t: float, flat: Floats) -> Floats:

@@ -1,7 +1,7 @@
-"""Whole numbers as a precision of engines: the program of `cnnum.embedded`, run where an engine is.
+"""Fixed-point precisions of engines: programs of `cnnum.embedded`, run by an engine.
 
-The reference engine runs its statements in NumPy, and OpenCL devices the text that is also exported
-as C99: both give the same bits.
+The reference engine runs its statements in NumPy, OpenCL devices run the code that is also exported
+as C99; both give bit-identical results.
 """
 
 from collections.abc import Callable, Sequence
@@ -24,7 +24,7 @@ from cnnum.templating.template import Template
 
 @dataclass(frozen=True, slots=True, eq=False)
 class WholeBackend:
-    """An engine that counts in whole numbers.
+    """An engine in fixed-point arithmetic.
 
     Attributes
     ----------
@@ -35,9 +35,9 @@ class WholeBackend:
     runner : callable
         Makes the function that runs a program's frames.
     launches : int
-        A frame.
+        Kernel launches per frame.
     like : (frames, batch, rows, cols, channels) float or None
-        Streams whose ranges decide on formats; those of a batch itself unless given.
+        Streams whose ranges determine the formats; by default those of the batch itself.
     """
 
     record: EngineRecord
@@ -57,7 +57,7 @@ class WholeBackend:
         return solver
 
     def measuring(self, like: Floats) -> "WholeBackend":
-        """Return the engine with ranges measured on other streams."""
+        """Return the engine, with ranges measured on other streams."""
         return replace(self, like=like)
 
     def build(self, schedule: Schedule, solvers: Solvers) -> WholeExecutable:
@@ -66,7 +66,7 @@ class WholeBackend:
         Raises
         ------
         NotSupportedError
-            If something in it has no form in whole numbers.
+            If part of it has no fixed-point form.
         """
         return WholeExecutable(schedule, solvers, self.kind, self.runner, self.launches, self.like)
 
@@ -74,7 +74,7 @@ class WholeBackend:
 def whole_backend(
     record: EngineRecord, device: str | None, precision: str, able: Sequence[str]
 ) -> WholeBackend:
-    """Return an engine in whole numbers.
+    """Open an engine in fixed-point arithmetic.
 
     Parameters
     ----------
@@ -82,14 +82,14 @@ def whole_backend(
     device : str or None
     precision : str
     able : sequence of str
-        Engines that count in whole numbers, for the message where this one does not.
+        Engines with fixed-point arithmetic, for the error message if this one has none.
 
     Raises
     ------
     UnknownNameError
         If the engine has no such precision.
     DeviceError
-        If its device cannot be had.
+        If its device is not available.
     """
     kind = precision_named(precision)
     if record.whole is None:
@@ -105,7 +105,7 @@ def whole_backend(
 
 
 def emulated(device: None) -> tuple[str, Callable[[IntegerProgram], Runner], int]:
-    """Return how frames run on the host: in words, the maker of a program's runner, launches."""
+    """Return a description of the host, a function that makes a program's runner, and launches."""
     return "NumPy on the host", Emulator, 0
 
 
@@ -114,7 +114,7 @@ if TYPE_CHECKING:
 
 
 def measuring(backend: Backend, like: ArrayLike, trailing: "Sequence[int]") -> Backend:
-    """Return an engine that measures ranges on streams.
+    """Return an engine that measures ranges on given streams.
 
     Parameters
     ----------
@@ -125,9 +125,9 @@ def measuring(backend: Backend, like: ArrayLike, trailing: "Sequence[int]") -> B
     Raises
     ------
     ProgramError
-        If the engine counts in real numbers.
+        If the engine uses floating point.
     ArrayError
-        If the streams have another shape, or no frame.
+        If the streams have another shape or no frames.
     """
     if not isinstance(backend, WholeBackend):
         raise ProgramError(

@@ -1,4 +1,4 @@
-"""Frames of a program in whole numbers on an OpenCL device: a work item runs a stream's frame."""
+"""Frames of a fixed-point program on an OpenCL device, one work item per stream."""
 
 from collections.abc import Callable, Mapping
 
@@ -16,7 +16,7 @@ from cnnum.engines.forks import refuse_after_fork
 
 
 def opened(device: str | None) -> tuple[str, "Callable[[IntegerProgram], DeviceFrames]", int]:
-    """Return how frames run on a device: in words, the maker of a program's runner, launches.
+    """Return a description of the device, a function that makes a program's runner, and launches.
 
     Raises
     ------
@@ -42,7 +42,7 @@ class DeviceFrames:
     Raises
     ------
     NotSupportedError
-        If the device's compiler refuses the text.
+        If the device's compiler rejects the kernel.
     """
 
     def __init__(self, program: IntegerProgram, queue: cl.CommandQueue) -> None:
@@ -64,7 +64,7 @@ class DeviceFrames:
         first: bool,
         batch: int = 1,
     ) -> dict[str, Numbers]:
-        """Run a frame of every stream and bring the state up to date, as the emulator does.
+        """Run one frame of every stream and update the state, as the emulator does.
 
         Parameters
         ----------
@@ -72,7 +72,7 @@ class DeviceFrames:
         state : mapping of str to (batch, length) int
         first : bool
         batch : int
-            Streams side by side, of a program that reads no channel and keeps nothing.
+            Number of streams, for a program that reads no channel and has no memory.
 
         Returns
         -------
@@ -82,7 +82,7 @@ class DeviceFrames:
         Raises
         ------
         DeviceError
-            If the device does not end the run.
+            If the device does not complete the run.
         """
         refuse_after_fork()
         batch = max([batch, *(len(part) for part in (*inputs.values(), *state.values()))])

@@ -1,4 +1,4 @@
-"""A schedule in whole numbers: measured, lowered, and run frame by frame."""
+"""A schedule in fixed-point arithmetic: measured, lowered and run frame by frame."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
@@ -24,14 +24,14 @@ from cnnum.integrators.solver import Solvers
 
 @dataclass(slots=True, eq=False)
 class WholeMemory:
-    """The memory of streams between frames; None before the first one."""
+    """Memory of streams between frames; None before the first frame."""
 
     state: dict[str, Numbers] | None = None
 
 
 @dataclass(slots=True, eq=False)
 class WholeExecutable(OnHost):
-    """Runs a schedule in whole numbers.
+    """Runs a schedule in fixed-point arithmetic.
 
     Attributes
     ----------
@@ -60,7 +60,7 @@ class WholeExecutable(OnHost):
 
     @property
     def source(self) -> str:
-        """The text of one frame, as C."""
+        """The C source of one frame."""
         from cnnum.embedded.c.program import c_text
 
         if self._made is None:
@@ -69,7 +69,7 @@ class WholeExecutable(OnHost):
 
     @property
     def scratch_bytes(self) -> int:
-        """Bytes that a frame is worked in; 0 while formats are not known."""
+        """Bytes of working memory per frame; 0 while formats are unknown."""
         return 0 if self._made is None else self._made.memory_bytes
 
     def new_memory(self, batch: int) -> object:
@@ -78,12 +78,12 @@ class WholeExecutable(OnHost):
         return WholeMemory(None if made is None else cleared(made.program, batch))
 
     def held(self, memory: object, batch: int) -> tuple[NDArray[np.floating], ...]:
-        """Return the whole numbers of memories."""
+        """Return the integer contents of the memories."""
         assert isinstance(memory, WholeMemory)
         return tuple(state.astype(np.float64) for state in (memory.state or {}).values())
 
     def restore(self, memory: object, numbers: Sequence[NDArray[np.floating]], batch: int) -> None:
-        """Let memories hold a copy of these numbers."""
+        """Restore the memories from a copy of these values."""
         assert isinstance(memory, WholeMemory)
         names = memory.state or {}
         memory.state = {
@@ -98,10 +98,10 @@ class WholeExecutable(OnHost):
         Raises
         ------
         MethodError
-            If a loop comes to its limit in a frame, and the program does not ask whether it did.
-            Memories are then as they were.
+            If a loop reaches its iteration limit in a frame and the program does not check for it.
+            The memories are then unchanged.
         ProgramError
-            If frames follow each other, and no streams were given to measure ranges on.
+            If frames form a sequence and no streams were given to measure ranges on.
         """
         assert isinstance(memory, WholeMemory)
         made = self._made
@@ -131,7 +131,7 @@ class WholeExecutable(OnHost):
         return {name: result.get(name, lost.get(name)) for name in self.schedule.outputs}  # type: ignore[misc]
 
     def _errors(self) -> list[str]:
-        """Return the outputs that are errors of runs, which are not followed."""
+        """Return the outputs that are error estimates, which are not tracked here."""
         return [name for name, node in self.schedule.outputs.items() if _is_error(node.operation)]
 
     def _measured(self, streams: Floats) -> Made:
@@ -146,9 +146,9 @@ class WholeExecutable(OnHost):
         return make_with("plan", schedule, self.solvers, self.kind, seen)
 
     def _runner(self, program: IntegerProgram) -> Runner:
-        """Return the runner of a program; the last one again if that is it."""
+        """Return the runner of a program, reusing the last one if possible."""
         if self._ran is not program:
-            # the ranges of another batch may give the same text, which is long to compare
+            # the ranges of another batch may give the same source, which is slow to compare
             key = str((program.body, list(program.arrays)))
             if key not in self._runners:
                 self._runners.clear()

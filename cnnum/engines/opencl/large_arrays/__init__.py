@@ -1,1 +1,1 @@
-"""Large arrays: rows as vectors, and steps by strips of rows that stay in the cache."""
+"""Large arrays: rows stored as vectors, and time steps on strips of rows that fit the cache."""

@@ -1,8 +1,8 @@
-"""How the rows of a large array's strips lie in memory, so that vectors of cells can be loaded.
+"""Memory layout of rows in strips of a large array, for aligned vector loads.
 
-A row is cut into as many pieces as a vector has lanes, and a lane takes a piece: neighbours left
-and right of a vector of cells are the vectors before and after it. So every vector that is loaded
-is aligned. Only at the ends of a row do lanes need values of the next lane.
+A row is cut into as many pieces as a vector has lanes, and each lane holds one piece. The left and
+right neighbours of a vector of cells are then the vectors before and after it, so every load is
+aligned. Only at the ends of a row do lanes need values of the next lane.
 """
 
 from dataclasses import dataclass
@@ -13,8 +13,8 @@ from cnnum.engines.opencl.transients.builder import NOW, TransientBuilder
 from cnnum.templating.boundary import Boundary, line_sources
 
 LEAST_VECTORS = 3
-"""Vectors of a row, at least, by narrower ones: a row's ends cost two moves of lanes. A step of
-rows of 20 numbers took a fourth longer in two vectors of 16."""
+"""Minimum number of vectors per row; shorter rows use narrower vectors, since a row's ends cost two
+lane shifts. A step with rows of 20 numbers took a fourth longer in two vectors of 16."""
 
 LEAST_WIDTH = 4
 """Lanes of the narrowest vector."""
@@ -24,23 +24,23 @@ DIGITS = "0123456789abcdef"
 NUMBERS = (
     "rows", "cols", "layers", "radius", "width", "length", "last", "head", "span", "pitch",
 )  # fmt: skip
-"""Attributes of a layout that kernel texts name."""
+"""Attributes of a layout that kernel templates refer to."""
 
 
 @dataclass(frozen=True, slots=True)
 class RowLayout:
-    """Where the cells of a row are.
+    """The memory layout of a row's cells.
 
     Attributes
     ----------
     rows, cols : int
     radius : int
-        Virtual cells on either side.
+        Virtual cells on each side.
     lanes : int
-        Of the device's vectors.
+        Lanes of the device's vectors.
     boundary : Boundary
     layers : int
-        Rows of each stand side by side.
+        Number of layers, whose rows are interleaved.
     """
 
     rows: int
@@ -52,7 +52,7 @@ class RowLayout:
 
     @property
     def width(self) -> int:
-        """Lanes of a vector, which are the pieces of a row."""
+        """Lanes of a vector, which is also the number of pieces of a row."""
         width, least = self.lanes, max(LEAST_VECTORS, self.radius)
         while width > LEAST_WIDTH and -(-self.cols // width) < least:
             width //= 2
@@ -60,58 +60,58 @@ class RowLayout:
 
     @property
     def length(self) -> int:
-        """Vectors that hold a row: the cells of a piece."""
+        """Vectors per row, which is also the number of cells in a piece."""
         return -(-self.cols // self.width)
 
     @property
     def head(self) -> int:
-        """Numbers before the first cell of a row: virtual cells."""
+        """Numbers before the first cell of a row, for virtual cells."""
         return self.radius * self.width
 
     @property
     def span(self) -> int:
-        """Numbers from a row of a layer to that of the next."""
+        """Numbers from a row of one layer to that of the next layer."""
         return (self.length + 2 * self.radius) * self.width
 
     @property
     def pitch(self) -> int:
-        """Numbers from a row to the next.
+        """Numbers from one row to the next.
 
-        An odd number of vectors: 1024 columns took a third longer with an even one, whose rows
-        stand in a page where other rows do.
+        An odd number of vectors: 1024 columns took a third longer with an even number, which aligns
+        rows at the same page offsets.
         """
         return (self.layers * self.span // self.width | 1) * self.width
 
     @property
     def size(self) -> int:
-        """Numbers of an array that holds all rows."""
+        """Size of an array that holds all rows."""
         return (self.rows + 2 * self.radius) * self.pitch
 
     @property
     def last(self) -> int:
-        """The vector of a row that the last square of vectors begins with."""
+        """Index in a row of the vector at which its last square block begins."""
         return max(0, self.length - self.width)
 
     def numbers(self, text: str) -> dict[str, int]:
-        """Return the attributes that are names of the kernel text of a file."""
+        """Return the attributes that the kernel template in a file refers to."""
         return {name: getattr(self, name) for name in NUMBERS if name in names_of(text)}
 
     def loaded(
         self, array: ir.Expression, source: int, row: int, col: int, start: ir.Name
     ) -> ir.Load:
-        """Return the cells some rows and columns from those at `start`."""
+        """Return the cells at a row and column offset from those at `start`."""
         offsets = row * self.pitch + source * self.span + col * self.width
         return ir.Load(array + offsets + start)
 
     def place(self, col: int) -> int:
-        """Return the place of a cell, or a virtual one, counted from the row's first."""
+        """Return the index of a real or virtual cell relative to the row's first cell."""
         piece = min(max(col // self.length, 0), self.width - 1)
         return (col - piece * self.length) * self.width + piece
 
     def sides(self, constant: str | None) -> list[str]:
-        """Return the text that sets the virtual cells of the row `y` that begins at `p`.
+        """Return the code that sets the virtual cells of the row `y` that begins at `p`.
 
-        Where the boundary is fixed they are all `constant`.
+        With a fixed boundary they are all `constant`.
         """
         # the last piece may have room for some; lanes of vectors beyond are copies of these, too.
         # Where pieces are short, they are copies even of vectors beyond
@@ -123,13 +123,13 @@ class RowLayout:
         return lines
 
     def beyond(self, rows: range, constant: str | None) -> list[str]:
-        """Return the text that sets virtual rows above or below the array; see `sides`."""
+        """Return the code that sets virtual rows above or below the array; see `sides`."""
         if constant is not None:
             return [f"fill_row(y, {row}, {constant});" for row in rows]
         return [f"copy_row(y, {row}, {self._source(self.rows, row)});" for row in rows]
 
     def _ends(self, n: int) -> list[str]:
-        """Return the text that makes the n-th vectors before and after a row's of the next lanes.
+        """Return the code that fills the n-th vectors before and after a row from adjacent lanes.
 
         The first lane before, and the last one after, have none.
         """
@@ -145,44 +145,44 @@ class RowLayout:
         ]
 
     def _virtual(self, col: int, constant: str | None) -> str:
-        """Return the text that sets a virtual cell left or right of the row."""
+        """Return the code that sets a virtual cell left or right of the row."""
         value = constant or f"y[p + {self.place(self._source(self.cols, col))}]"
         return f"y[p + {self.place(col)}] = {value};"
 
     def _source(self, count: int, at: int) -> int:
-        """Return the row or column, of a number of them, that a virtual one is a copy of."""
+        """Return the row or column, out of `count`, that a virtual one copies."""
         return int(line_sources(self.boundary, count, self.radius)[at + self.radius])
 
 
 BLOCK_ROWS = 4
-"""Rows that are taken at once."""
+"""Rows processed at once."""
 
 OWN = (
     "vec", "ROW", "between", "turned", "part_of", "keep_lanes", "keep_cells", "to_lanes",
     "from_lanes", "fill_lanes", "copy_lanes", "copy_row", "fill_row",
     "sides", "all_sides", "upper", "lower",
 )  # fmt: skip
-"""Names that the text has to itself: a plan may have several."""
+"""Names to make unique, since a plan may contain this code several times."""
 
 
 def lanes_fit(text: TransientBuilder) -> bool:
-    """Return whether rows in lanes are for an array: for large ones whose cells have neighbours."""
+    """Return whether the lane layout suits an array: a large one whose cells have neighbours."""
     return text.radius > 0 and not text.arena.private
 
 
 def row_layout(text: TransientBuilder, boundary: Boundary | None = None) -> RowLayout:
-    """Return how rows lie that end at a boundary: that of the states if no other is given."""
+    """Return the layout of rows with a boundary, by default that of the states."""
     ends = boundary or text.template.boundary
     return RowLayout(*text.shape, text.radius, text.tables.width, ends, text.layers)
 
 
 def lane_text(text: TransientBuilder, layout: RowLayout) -> str:
-    """Return the types and functions of rows in lanes."""
+    """Return the types and functions of the lane layout."""
     return fill("lanes", **layout.numbers("lanes"), bytes=text.tables.dtype.itemsize)
 
 
 def rim_text(text: TransientBuilder, layout: RowLayout, suffix: str, fixed: float | None) -> str:
-    """Return the functions that set virtual cells; those of a fixed boundary hold a number."""
+    """Return the functions that set virtual cells; `fixed` is the value at a fixed boundary."""
     rows, constant = layout.rows, None if fixed is None else text.literal(fixed)
     return fill(
         "strip_rims",
@@ -200,7 +200,7 @@ def inputs_of(source: int) -> str:
 
 
 def keep_rows(text: TransientBuilder, number: int) -> None:
-    """Append the array of an input, and the sweep of its rows to their lanes, for strips."""
+    """Append the array of an input, and the sweep that copies its rows to the lane layout."""
     boundary = text.template.input_boundary
     layout, array = row_layout(text, boundary), ir.Name(inputs_of(number))
     text.array(array, layout.size)

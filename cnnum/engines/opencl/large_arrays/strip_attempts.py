@@ -1,18 +1,19 @@
-"""Steps of large arrays that may be refused, strip by strip: pairs, and Chebyshev steps.
+"""Adaptive steps of large arrays, strip by strip: embedded pairs and Chebyshev steps.
 
-Every strip finds the largest of each figure in its cells. The plan's body makes one number of them.
+Every strip finds the maximum of each error figure over its cells; the plan's body reduces them.
 
-One step of a pair that estimates its own error: its stages, and the estimate.
+A step of an embedded pair consists of its stages and the error estimate.
 
-The first stage takes over the step before, if it was accepted, and makes the first state. The last
-one finds the worst of the error in a strip, and leaves the step to be judged.
+The first stage applies the previous step, if it was accepted, and computes the first state. The
+last stage finds the largest error in a strip, from which the step is judged.
 
-One of Chebyshev's steps, strip by strip: as many levels as its length needs.
+A Chebyshev step takes as many levels as its length needs.
 
-Level 0 makes Y₁ of Y₀ = x. Level j makes Y_{j+1} in the place of Y_{j−1}. Level s judges Y_s, and
-leaves its rates in the place of Y_{s−1}. So two arrays hold the states of the stages of even and of
-odd number. Two more hold the begin of a step. A step that is taken over changes which array is
-which. An array that the plan's body sets holds that, the number of stages and their coefficients.
+Level 0 computes Y₁ from Y₀ = x. Level j computes Y_{j+1} in place of Y_{j−1}. Level s estimates the
+error of Y_s and leaves its rates in place of Y_{s−1}. Thus two arrays hold the states of even and
+odd stages, and two more hold the start of a step. Accepting a step permutes the roles of the
+arrays. An array set by the plan's body holds these roles, the number of stages and their
+coefficients.
 """
 
 from collections.abc import Sequence
@@ -41,16 +42,16 @@ from cnnum.integrators.schemes import AdaptiveSteps, ChebyshevSteps
 from cnnum.integrators.tableau import MAX_STAGES, Pair, Row, coefficients
 
 FIGURES = ("worst", "added", "speed", "change")
-"""The findings of a step: the largest of each in all cells."""
+"""Results of a step, each a maximum over all cells."""
 
 FOUND = {name: n for n, name in enumerate(FIGURES)}
-"""Their numbers among the findings of a strip."""
+"""Their indices among the results of a strip."""
 
 STRIP_ATTEMPT_A, STRIP_ATTEMPT_B = ir.names("a b")
 
 
 def attempt_rows(text: TransientBuilder, arrays: tuple[str, ...], registers: int) -> Rows:
-    """Return the rows of arrays, and declare a number of registers.
+    """Return the rows of arrays, and declare the given number of registers.
 
     The first two arrays hold the states and the rates at the start.
     """
@@ -69,18 +70,18 @@ def attempt(
     advance: Sequence[ir.Statement],
     counted: ir.Name | None = None,
 ) -> Attempt:
-    """Return the statements of steps, and keep their kernel with the tables.
+    """Return the statements of steps, and add their kernel to the tables.
 
     Parameters
     ----------
     rows : Rows
     own : StripText
     levels : int
-        Of a step, at most.
+        Maximum number of levels per step.
     settings, begin, advance : sequence of Statement
         Statements that set the registers before each step, before all of them, and after each.
     counted : Name, optional
-        The number of the plan's body that says how many levels a frame takes.
+        Variable of the plan's body that holds the number of levels of a frame.
     """
     _, rates, *_ = rows.offsets
     rest = [rows.brought(rates, K0.text)]
@@ -106,17 +107,17 @@ def figures(
     rate: ir.Name,
     states: tuple[ir.Expression, ir.Expression],
 ) -> list[ir.Statement]:
-    """Return the statements that take the cells of a row into the figures.
+    """Return the statements that update the error figures by the cells of a row.
 
     Parameters
     ----------
     rows : Rows
     error, left_out : Expression
-        The step's estimate, and its share in the error that is followed.
+        The step's error estimate, and its contribution to the tracked error.
     rate : Name
         The rates at the step's end.
     states : (Expression, Expression)
-        Those before the step and at its end.
+        States before the step and at its end.
     """
     text, empty = rows.text, rows.empty
     tau = ir.Number(float(text.template.tau.max()))
@@ -142,7 +143,9 @@ def figures(
 
 
 def _passed_on(rows: Rows, rate: ir.Name) -> ir.Expression:
-    """Return |dx/dt| by how much a cell passes an error on; outputs of strips are odd functions."""
+    """Return |dx/dt| times a cell's error propagation factor; outputs of strips are odd
+    functions.
+    """
     size = ir.call("magnitude", rate)
     if not slopes_count(rows.text.template):
         return size
@@ -155,15 +158,15 @@ def _passed_on(rows: Rows, rate: ir.Name) -> ir.Expression:
 
 
 LENGTH, MOVED, BEGINS = range(3)
-"""Registers: h, whether the step before was accepted, when this one begins."""
+"""Registers: h, whether the previous step was accepted, and when this one begins."""
 
 MOVED_NOW, STRIP_PAIR_A, STRIP_PAIR_B = ir.names("moved a b")
 OFF = ir.Name("off")
-"""The estimate of a pair."""
+"""The error estimate of a pair."""
 
 
 def pair_attempts(text: TransientBuilder, scheme: AdaptiveSteps) -> Attempt:
-    """Return the statements of a pair's steps, and keep their kernel with the tables."""
+    """Return the statements of a pair's steps, and add their kernel to the tables."""
     stages = scheme.tableau.stages
     later_rates = (f"strip_k{n}" for n in range(1, stages))
     rows = attempt_rows(text, ("strip_x", "strip_k0", "strip_xs", *later_rates), 3)
@@ -183,7 +186,7 @@ def pair_attempts(text: TransientBuilder, scheme: AdaptiveSteps) -> Attempt:
 
 
 def _pair_cases(rows: Rows, scheme: AdaptiveSteps) -> list[ir.Case]:
-    """Return all stages of a number of rows."""
+    """Return all stages for a block of rows."""
     last, length = scheme.tableau.stages - 1, rows.register(LENGTH)
     head = [f"const vec h = (vec)({length});"]
     first = [_first(rows, scheme.of(at.layer), at) for at in rows.block]
@@ -222,13 +225,13 @@ def _strip_pair_next(rows: Rows, scheme: AdaptiveSteps, stage: int, at: At) -> i
 
 
 def _moved(rows: Rows, tableau: Pair, stage: int, at: At) -> list[ir.Statement]:
-    """Return the statements that make the state of a stage, and its outputs."""
+    """Return the statements that compute the state of a stage and its outputs."""
     state = vector(STRIP_PAIR_B, STRIP_PAIR_A + H * _combination(tableau.a[stage]))
     return [state, *rows.show(at, STRIP_PAIR_B), rows.store("strip_xs", at, STRIP_PAIR_B)]
 
 
 def _rates(rows: Rows, weights: list[Row], stage: int, at: At) -> list[ir.Statement]:
-    """Return the statements that keep the stage's own rate, and load the weighted ones before."""
+    """Return the statements that store the stage's rate and load the weighted earlier ones."""
     rate: ir.Expression = at.sum
     if rows.text.template.output.limited:
         rate = ir.call("inwards", at.sum, rows.array("strip_xs", at), ONES)
@@ -247,7 +250,7 @@ def _combination(weights: Row) -> ir.Expression:
 
 
 def _strip_pair_judge(rows: Rows, scheme: AdaptiveSteps, last: int, at: At) -> ir.Block:
-    """Return the statements that take a row into the worst error of a step, and its end."""
+    """Return the statements that update the largest error of a step by a row, and its end."""
     tableau = scheme.of(at.layer)
     *parts, error = (
         ir.call("magnitude", H * _combination(weights))
@@ -281,19 +284,19 @@ PLACES = {"state": STATE, "rates": RATES, "even": EVEN, "odd": ODD}
 """Variables that hold which arrays these are, and then how far they are from the first."""
 
 STAGE_PLACES = ("now", "old", "before")
-"""The same for the stages before one: the last, the one before it, and the one that it reads."""
+"""The same for earlier stages: the last, the one before it, and the one that it reads."""
 
 STRIP_CHEBYSHEV_A, STRIP_CHEBYSHEV_B, RATE, ERROR = ir.names("a b k1 e")
 OWN, BACK1, BACK2, WEIGHT = ir.names("own back1 back2 weight")
 START_WEIGHT, BEGIN = ir.names("start_weight begin")
-"""Variables that hold a stage's weights in all lanes."""
+"""Variables that hold a stage's weights, broadcast to all lanes."""
 
 LEVELS, AT = ir.names("levels at")
 """Levels of a step; a variable of loops."""
 
 
 def chebyshev_attempts(text: TransientBuilder, scheme: ChebyshevSteps) -> Attempt:
-    """Return the statements of Chebyshev's steps, and keep their kernel with the tables."""
+    """Return the statements of Chebyshev steps, and add their kernel to the tables."""
     table = text.tables.data(coefficients())
     rows, size = attempt_rows(text, ARRAYS, SIZE), SIZE - ROWS
     stages = f"(int){rows.register(STAGES_AT)}"
@@ -309,7 +312,7 @@ def chebyshev_attempts(text: TransientBuilder, scheme: ChebyshevSteps) -> Attemp
         *count_stages(scheme),
         ir.Assign(CONTROL[STEP], H),
         ir.Assign(CONTROL[STAGES_AT], ir.Cast("real", STAGES)),
-        # a loop of this kind is no sweep, which would be a launch of its own
+        # a loop of this kind is not a sweep, which would be a separate launch
         ir.declare(AT, 0, of="int"),
         ir.While(AT < size, (next_row, ir.Assign(AT, ir.Integer(1), "+="))),
         ir.fixed(LEVELS, STAGES + 1, of="int"),
@@ -326,7 +329,7 @@ def chebyshev_attempts(text: TransientBuilder, scheme: ChebyshevSteps) -> Attemp
 
 
 def _changed_places() -> list[ir.Statement]:
-    """Return the statements that take a step over: its end is the begin of the next."""
+    """Return the statements that accept a step: its end becomes the start of the next."""
     state, rates, even, odd = map(ir.Name, PLACES)
     changed = (STAGES % 2).differs(0)
     places = tuple((ir.Name(name), CONTROL[at]) for name, at in PLACES.items())
@@ -341,7 +344,7 @@ def _changed_places() -> list[ir.Statement]:
 
 
 def _chebyshev_cases(rows: Rows) -> list[ir.Case]:
-    """Return all levels of a number of rows."""
+    """Return all levels for a block of rows."""
     offsets, far = rows.offsets, rows.at(ARRAYS[1])
     rows = replace(rows, offsets=offsets | {name: name for name in (*PLACES, *STAGE_PLACES)})
     head = [

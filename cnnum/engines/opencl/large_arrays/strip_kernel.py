@@ -1,4 +1,4 @@
-"""The kernel that takes a large array's steps: strips of rows, several stages a launch."""
+"""The kernel that steps a large array: strips of rows, several stages per launch."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -46,7 +46,7 @@ _OWN = (
     "rims_at_ends", "rims_above", "rims_below", "finding", "one_row", "more_rows", "take_level",
     "strip",
 )  # fmt: skip
-"""Names that the kernel has to itself: a plan may have several."""
+"""Names to make unique, since a plan may contain several such kernels."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,19 +56,19 @@ class StripText:
     Attributes
     ----------
     case : str
-        The expression of the case that is the level `number`.
+        Expression that selects the case for level `number`.
     cases : callable
         All cases of rows.
     rest : list of str
-        Settings in a row with its states.
+        Code that sets further values of a row along with its states.
     findings : int
-        That a strip keeps.
+        Number of results per strip.
     outputs : str
         The expression of the outputs after `level` levels.
     again : list of str
-        Steps that take a row back to the begin of the levels, if any.
+        Code that resets a row to the start of the levels, if any.
     end : str
-        Where the states are in the end, from where they were.
+        Offset of the final states from the initial ones.
     count : str
         Levels that a frame takes of at most `most` after those that are `done`.
     ahead : str
@@ -90,7 +90,7 @@ class StripText:
 
 
 def strip_kernel(rows: Rows, own: StripText, count: int) -> Strips:
-    """Return the kernel that takes `count` levels, and keep it with the tables."""
+    """Return the kernel that takes `count` levels, and add it to the tables."""
     text, layout, places = rows.text, rows.layout, rows.text.arena.places
     periodic = text.template.boundary.pad_mode == "wrap"
     name = f"advance_{len(text.tables.strips)}"
@@ -121,7 +121,7 @@ def strip_kernel(rows: Rows, own: StripText, count: int) -> Strips:
 
 
 def apart(strips: Strips) -> tuple[ir.StripSteps, Strips, ir.StripSteps]:
-    """Return the way into the strips, their levels without both ways, and the way out of them."""
+    """Return the copy into strips, the levels alone, and the copy out of strips."""
     return (
         ir.StripSteps(replace(strips, count=0, ends=False)),
         replace(strips, begins=False, ends=False),
@@ -130,12 +130,12 @@ def apart(strips: Strips) -> tuple[ir.StripSteps, Strips, ir.StripSteps]:
 
 
 def first_states(text: TransientBuilder) -> list[str]:
-    """Return the text that sets, for a row, the states that couplings read first."""
+    """Return the code that initialises a row of the states that couplings read."""
     return ["copy_lanes(states_of(x, 0) + p, x + p);"] if reads_states(text.template) else []
 
 
 def _shown(text: TransientBuilder, layout: RowLayout) -> str:
-    """Return the outputs of a vector of states; built-ins of wide vectors go by halves."""
+    """Return the outputs of a vector of states; built-ins of wide vectors are split in halves."""
     name = text.template.output.name
     wide = layout.width * text.tables.dtype.itemsize >= WIDE_BYTES
     return "(vec)(tanh(x.lo), tanh(x.hi))" if wide and name == "tanh" else SHOWN[name]

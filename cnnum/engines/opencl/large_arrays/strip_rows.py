@@ -1,13 +1,13 @@
-"""The rows of strips: their levels in time, reads and stores, and sums over neighbourhoods.
+"""Rows of strips: time levels, loads and stores, and neighbourhood sums.
 
-The neighbourhood sums in a strip's rows.
+Neighbourhood sums in a strip's rows.
 
-An output that is loaded serves all the cells of the block that it is a neighbour of.
+A loaded output is used for all cells of the block that it is a neighbour of.
 
-When the levels of large arrays' steps are, and their reads of earlier ones.
+Times of the levels, and reads of earlier levels.
 
-Couplings may vary in time. Delayed ones read the outputs with which the step a delay ago began:
-a ring of arrays keeps those of all steps since, and delayed inputs change when the delay is over.
+Couplings may vary in time. Delayed ones read the outputs at the start of the step one delay ago: a
+ring buffer keeps those of all steps since, and delayed inputs change once the delay has elapsed.
 """
 
 import math
@@ -41,45 +41,45 @@ from cnnum.templating.couplings import Quantity
 from cnnum.templating.network import Tap, delays_outputs, lag, moving_inputs, reads_states, taps
 
 LEVELS = 32
-"""Stages of steps a launch, at most: the gap between strips grows with them. Euler's steps
-of 512×512 cells take four fifths of the time that they take with 8 (AMD EPYC)."""
+"""Maximum stages per launch: the gap between strips grows with them. Euler steps of 512×512 cells
+take four fifths of their time with 8 (AMD EPYC)."""
 
 LEAST_LEVELS = 8
-"""Stages a launch even if their rows do not fit the cache."""
+"""Minimum stages per launch, even if their rows do not fit the cache."""
 
 SHARES = 8
-"""Strips that an array can be parted into, at least."""
+"""Minimum number of strips per array."""
 
 OUTPUTS = ("strip_even", "strip_odd")
 """Arrays of outputs after an even and an odd number of levels."""
 
 SEEN = ("strip_states_even", "strip_states_odd")
-"""The same of states, where couplings read those of neighbours."""
+"""The same for states, if couplings read those of neighbours."""
 
 LATER = "strip_later"
-"""The array of the cells' drive once a delay is over."""
+"""The array of the cells' drive once the delay has elapsed."""
 
 DRIVE = "strip_w"
 """The array of the cells' drive."""
 
 HELD = "strip_held"
-"""The array that is 1 where a mask holds a cell, else 0."""
+"""The array that is 1 where a mask holds a cell fixed, else 0."""
 
 HELD_CELLS = ir.Name("held")
-"""The same, as cells lie elsewhere."""
+"""The same, in the ordinary cell order."""
 
 CONTROL, FINDINGS = ir.names("strip_control strip_findings")
-"""The arrays of the registers between the plan's body and the strips, and of the strips' findings.
-A finding is the largest of a figure in a strip's cells, in every lane."""
+"""The arrays of registers shared by the plan's body and the strips, and of the strips' results. A
+result is the maximum of a quantity over a strip's cells, per lane."""
 
 CELLS = "strip_cells"
-"""The array that is 1 where a number of a row is a cell, else 0; there is none where all are."""
+"""The array that is 1 where an element of a row is a cell, else 0; absent if all are cells."""
 
 NEW_STATES = "new_states"
-"""The variable that says where states go that couplings read of neighbours."""
+"""The destination of states that couplings read from neighbours."""
 
 X, TO, P, START = ir.names("x to p start")
-"""The arrays of states and of new outputs, and the places of a vector and of a row's first."""
+"""The arrays of states and of new outputs, and the indices of a vector and of a row's first."""
 
 ONES = ir.Name("one")
 """1 in every lane."""
@@ -93,13 +93,13 @@ class At(NamedTuple):
 
     @property
     def sum(self) -> ir.Name:
-        """The sum of its cells' couplings."""
+        """The sum of the cells' couplings."""
         return ir.Name(f"s{self.layer}_{self.row}")
 
 
 @dataclass(frozen=True, slots=True)
 class Rows:
-    """Writes the statements of a few rows.
+    """Writes the statements for a few rows.
 
     Attributes
     ----------
@@ -108,12 +108,11 @@ class Rows:
     scales : tuple of float
         The factor of each layer's couplings and drive.
     offsets : dict of str to int or str
-        Numbers from the array of states to each array that is kept. Or the variable that holds
-        them, by its name.
+        Offset of each array from the array of states, as a number or the name of a variable.
     levels, strips : int
-        The levels a launch, and the strips that are then high enough.
+        Levels per launch, and the strips that are then high enough.
     high : int
-        The rows.
+        Number of rows.
     """
 
     text: TransientBuilder
@@ -131,11 +130,11 @@ class Rows:
         self.offsets[name] = places[name] - places[first]
 
     def at(self, name: str) -> int:
-        """Return how far an array is from the first."""
+        """Return the offset of an array from the first."""
         return int(self.offsets[name])
 
     def declare_findings(self, registers: int, findings: int) -> None:
-        """Append the arrays of a number of registers, and of a number of findings a strip."""
+        """Append the arrays of registers, and of results per strip."""
         self.declare(CONTROL.text, registers)
         self.declare(FINDINGS.text, findings * self.finding)
         if self.span > self.layout.cols:
@@ -143,16 +142,16 @@ class Rows:
 
     @property
     def finding(self) -> int:
-        """Numbers of a finding in the lanes of all strips."""
+        """Size of a result in the lanes of all strips."""
         return self.strips * self.layout.width
 
     def register(self, place: int) -> str:
-        """Return the text of a register that the plan's body sets."""
+        """Return the expression of a register that the plan's body sets."""
         return f"x[{self.at(CONTROL.text)} + {place}]"
 
     @property
     def empty(self) -> ir.Expression | None:
-        """In which lanes there is no cell; None where all have one."""
+        """Mask of lanes without a cell, or None if all have one."""
         if CELLS not in self.offsets:
             return None
         return ir.Load(X + self.at(CELLS) + P - START) < ONES
@@ -174,11 +173,11 @@ class Rows:
         head: Iterable[str | ir.Statement] = (),
         findings: Mapping[str, int | str] | None = None,
     ) -> ir.Case:
-        """Return the case that takes a vector after the other of the rows from `start` on.
+        """Return the case that processes the rows from `start` on, vector by vector.
 
-        Statements in `head` come before all of them. The `findings` are vectors that these change,
-        by name, and their numbers among those of a strip. They are kept after each vector: in
-        registers over all of them the steps of Dormand and Prince's pair took a third longer.
+        Statements in `head` come first. The `findings` are the result vectors that these update, by
+        name, with their indices among those of a strip. They are stored after each vector: keeping
+        them in registers made steps of the Dormand–Prince pair a third slower.
         """
         kept = {f"*finding(x, {n}, piece)": name for name, n in (findings or {}).items()}
         before = [f"vec {name} = {place};" for place, name in kept.items()]
@@ -188,7 +187,7 @@ class Rows:
         return ir.Case(number, (*map(_statement, head), vectors))
 
     def numbers(self) -> dict[str, int | str]:
-        """Return the numbers of strips and of their findings that their kernel's text names."""
+        """Return the sizes of strips and of their results that the kernel template refers to."""
         return {
             "levels": self.levels,
             "strips": self.strips,
@@ -198,7 +197,7 @@ class Rows:
         }
 
     def lines(self, cases: Iterable[ir.Case]) -> list[str]:
-        """Return the text of cases, in vectors."""
+        """Return the vector code of cases."""
         numbers = in_vectors(self.text.tables.printer.numbers)
         return OpenCLPrinter(numbers, {"clamp": "between"}).lines(cases)
 
@@ -214,15 +213,15 @@ class Rows:
         return X + offset if offset else X
 
     def store(self, name: str, at: At, value: ir.Expression) -> ir.Store:
-        """Return the statement that keeps the cells of an array."""
+        """Return the statement that stores the cells of an array."""
         return ir.Store(self.place(self.base(name), at), value)
 
     def new(self, at: At, value: ir.Expression) -> ir.Store:
-        """Return the statement that keeps what the next level reads of neighbours."""
+        """Return the statement that stores what the next level reads from neighbours."""
         return ir.Store(self.place(TO, at), value)
 
     def show(self, at: At, state: ir.Name) -> list[ir.Statement]:
-        """Return the statements that keep a new state's outputs, and it within its limits."""
+        """Return the statements that store a new state's outputs, and limit the state."""
         shown, limited = ir.call("shown", state, ONES), self.text.template.output.limited
         lines: list[ir.Statement] = [ir.Assign(state, shown)] if limited else []
         lines.append(self.new(at, state if limited else shown))
@@ -236,11 +235,11 @@ class Rows:
         return self.text.operands.mask is not None
 
     def set_held(self) -> list[str]:
-        """Return the text that sets, for a row, which cells a mask holds."""
+        """Return the code that sets, for a row, which cells the mask holds fixed."""
         return [self.brought(HELD, HELD_CELLS.text, place="at")] if self.masked else []
 
     def brought(self, to: str, array: str, scale: str = "1", place: str = "cell") -> str:
-        """Return the text that brings a row of a plan's array into one of strips, by a scale."""
+        """Return the code that copies a row of a plan's array into one of strips, scaled."""
         source = self.text.arena.places[array]
         return f"to_lanes(x + p + {self.offsets[to]}, mine + {source} + {place}, {scale});"
 
@@ -250,7 +249,7 @@ class Rows:
         return f"x + (level & 1 ? {odd} : {even})"
 
     def of_layer(self, values: Iterable[float]) -> str:
-        """Return the expression of the number of the layer at hand."""
+        """Return the expression of the value for the current layer."""
         numbers = [self.text.literal(value) for value in values]
         if len(set(numbers)) == 1:
             return numbers[0]
@@ -259,15 +258,15 @@ class Rows:
         return f"({picks}{last})"
 
     def free(self, at: At, value: ir.Expression, held: ir.Expression) -> ir.Expression:
-        """Return a value, and another one where a mask holds the cells."""
+        """Return `value`, replaced by `held` where the mask holds cells fixed."""
         return ir.Choice(self.array(HELD, at) < ONES, value, held) if self.masked else value
 
     def place(self, array: ir.Expression, at: At) -> ir.Expression:
-        """Return the place of a row's cells in an array."""
+        """Return the index of a row's cells in an array."""
         return array + (at.row * self.layout.pitch + at.layer * self.layout.span) + P
 
     def cells(self, array: ir.Expression, at: At) -> ir.Load:
-        """Return a row's cells, from where the block begins in an array."""
+        """Return a row's cells, relative to the start of the block in an array."""
         return ir.Load(self.place(array, at))
 
 
@@ -292,7 +291,7 @@ def strip_rows(text: TransientBuilder, arrays: tuple[str, ...], scales: tuple[fl
 
 
 def _levels_of(text: TransientBuilder, layout: RowLayout, arrays: int) -> tuple[int, int]:
-    """Return the stages a launch, and the strips high enough for that, by the number of arrays."""
+    """Return the stages per launch and the strips high enough for them, given the array count."""
     # strips must not vanish before the last of the levels
     high = layout.rows // (2 * layout.radius * SHARES) - 1
     row_bytes = layout.pitch * text.tables.dtype.itemsize
@@ -302,12 +301,12 @@ def _levels_of(text: TransientBuilder, layout: RowLayout, arrays: int) -> tuple[
 
 
 def vector(name: ir.Name, value: ir.Expression) -> ir.Statement:
-    """Return the declaration of a vector that changes."""
+    """Return the declaration of a mutable vector."""
     return ir.declare(name, value, of="vec")
 
 
 def constant(name: ir.Name, value: ir.Expression) -> ir.Statement:
-    """Return the declaration of a vector that stays the same."""
+    """Return the declaration of a constant vector."""
     return ir.fixed(name, value, of="vec")
 
 
@@ -321,12 +320,12 @@ step after them. Then how far between both the level is, and the states of the l
 
 
 Value = Callable[[int, int, int], ir.Expression]
-"""An output, by its layer, and by rows and vectors from the block's."""
+"""An output, by layer and by row and vector offset from the block."""
 
 
 @dataclass(frozen=True, slots=True)
 class Through:
-    """Linear couplings through outputs of one moment.
+    """Linear couplings through outputs at one time.
 
     Attributes
     ----------
@@ -334,7 +333,7 @@ class Through:
         An output.
     weights : (layers, layers, k, k) float
     factor : Expression, optional
-        Of all weights.
+        Common factor of all weights.
     """
 
     value: Value
@@ -342,13 +341,14 @@ class Through:
     factor: ir.Expression | None = None
 
     def taps(self, layer: int) -> tuple[Tap, ...]:
-        """Return the weights into a layer that are not 0."""
+        """Return the nonzero weights into a layer."""
         return taps(self.weights, layer)
 
 
 @dataclass(frozen=True, slots=True)
 class Kept:
-    """Outputs around a vector of a block's cells, made of states, and kept for the next vector.
+    """Outputs around a vector of a block's cells, computed from states and kept for the next
+    vector.
 
     Attributes
     ----------
@@ -400,7 +400,7 @@ def coupled(
     between: bool = False,
     kept: Kept | None = None,
 ) -> list[ir.Statement]:
-    """Return the statements that find s = w + A ∗ y − state, all scaled, in a block's rows.
+    """Return the statements that compute s = w + A ∗ y − state, all scaled, in a block's rows.
 
     Parameters
     ----------
@@ -412,7 +412,7 @@ def coupled(
     between : bool
         Whether the delayed time lies between the outputs of two steps.
     kept : Kept, optional
-        Outputs, where arrays hold states alone.
+        Outputs, if arrays hold only states.
     """
     lines, driven = list[ir.Statement](), ir.Name("driven")
     for at in rows.block:
@@ -431,7 +431,7 @@ def coupled(
 
 
 def _throughs(rows: Rows, between: bool, kept: Kept | None) -> list[Through]:
-    """Return the linear couplings: the steady ones, those that vary in time, those that delay."""
+    """Return the linear couplings: constant, time-varying and delayed."""
     template, now = rows.text.template, kept.value if kept else _loaded(rows, FROM)
     steady, result = template.A.copy(), list[Through]()
     for k, gain in enumerate(template.gains):
@@ -479,7 +479,7 @@ def _scatter(rows: Rows, through: Through) -> list[ir.Statement]:
 
 
 def _gather(rows: Rows, through: Through) -> list[ir.Statement]:
-    """Return the statements that load all outputs, and add those of equal weights first."""
+    """Return the statements that load all outputs, and sum those of equal weights first."""
     radius = rows.text.radius
 
     def name(source: int, row: int, col: int) -> ir.Name:
@@ -511,7 +511,7 @@ def _quantities(rows: Rows, at: At) -> Reads:
     """Return the states, outputs or inputs around a row's cells."""
 
     def quantity(name: Quantity, source: int, row: int, col: int) -> ir.Expression:
-        if name == "u":  # every input is an array of its own
+        if name == "u":  # every input has its own array
             return _loaded(rows, rows.base(inputs_of(source)))(0, at.row + row, col)
         return _loaded(rows, FROM if name == "y" else STATES)(source, at.row + row, col)
 
@@ -519,13 +519,13 @@ def _quantities(rows: Rows, at: At) -> Reads:
 
 
 RING = "strip_ring"
-"""The outputs with which the last steps began."""
+"""The outputs at the start of the last steps."""
 
 
 def gain_lines(
     text: TransientBuilder, since: str, within: tuple[str, str] | None = None
 ) -> list[str]:
-    """Return the text that finds the varying factors, at a time since the start."""
+    """Return the code that computes the time-varying factors at a time since the start."""
     at = ir.Constant(since)  # no gain jumps
     step = None if within is None else (ir.Constant(within[0]), ir.Constant(within[1]))
     return text.tables.printer.lines(gains(text, at, at, step))
@@ -538,14 +538,14 @@ def uneven(scheme: FixedSteps) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class Moments:
-    """When levels of fixed steps are.
+    """Times of the levels of fixed steps.
 
     Attributes
     ----------
     rows : Rows
     scheme : FixedSteps
     stages : int
-        Of a step: as many levels.
+        Stages per step, which is also the number of levels.
     before : str
         The steps before those that a launch counts, as an expression.
     """
@@ -566,7 +566,7 @@ class Moments:
         return delays_outputs(self.rows.text.template)
 
     def head(self, stage: int) -> list[str]:
-        """Return the statements on a stage's moment, before it takes its rows."""
+        """Return the code that sets a stage's time, before its rows are processed."""
         lines, literal = list[str](), self.rows.text.literal
         at, step = literal(self._place(stage)), literal(self.scheme.step)
         length = step
@@ -576,12 +576,12 @@ class Moments:
             at += f" * ({last})"
             length += f" * ({last})"
             lines.append(f"const vec {PART.text} = (vec)({last});")
-        # with a delay a step may hold bends of a gain, which counts by its mean
+        # with a delay, a step may contain kinks of a gain, which is therefore averaged
         delays = self.rows.text.template.delayed is not None
         within = (f"{step} * R(steps)", length) if delays else None
         lines += gain_lines(self.rows.text, f"{step} * (R(steps) + {at})", within)
         if self.keeps:
-            # the outputs of a step's end are those that the next begins with
+            # the outputs at a step's end are those at the start of the next
             late = int(self._place(stage) == 1.0 and not uneven(self.scheme))
             lines.append(self._outputs(PAST.text, late))
             if self.between(stage):
@@ -594,7 +594,7 @@ class Moments:
         return self.keeps and uneven(self.scheme) and self._place(stage) != 0.0
 
     def _place(self, stage: int) -> float:
-        """Return when a stage is, in steps since its step's begin."""
+        """Return the time of a stage, in steps since the start of its step."""
         return float(sum(self.scheme.tableau.a[stage]))
 
     def _outputs(self, name: str, late: int) -> str:
@@ -602,9 +602,10 @@ class Moments:
         return f"__global const scalar *const {name} = outputs_of(x, {level});"
 
     def keep_outputs(self, again: int) -> str:
-        """Declare the ring that keeps outputs of earlier steps, and return the place of a `level`.
+        """Declare the ring buffer of outputs of earlier steps, and return the position of a
+        `level`.
 
-        Of these steps, `again` may be taken again.
+        The last `again` of these steps may be repeated.
         """
         turns = self.rows.by_turns(OUTPUTS)
         if not self.keeps:
@@ -629,7 +630,7 @@ class Moments:
         return f"number + {self.ahead} < {self.lag * self.stages} ? w : {later}"
 
     def later(self) -> list[str]:
-        """Set the drive once a delay is over, and return the text that brings a row of it."""
+        """Set the drive once the delay has elapsed, and return the code that copies a row of it."""
         rows, text = self.rows, self.rows.text
         if not text.has_history:
             return []

@@ -1,4 +1,4 @@
-"""Steps of a fixed length of large arrays by strips of rows, and which schemes strips can take."""
+"""Fixed steps of large arrays by strips of rows, and the schemes that strips support."""
 
 from dataclasses import dataclass, replace
 
@@ -44,27 +44,28 @@ from cnnum.templating.functions import Table
 from cnnum.templating.network import delays_outputs, gains_jump, lag
 
 BEFORE = "strip_before"
-"""The array of the states with which a launch began."""
+"""The array of the states at the start of a launch."""
 
 COUNT, STEPS_BEFORE = range(2)
-"""Registers: how many levels a frame takes, and how many steps came before."""
+"""Registers: the number of levels of a frame, and the number of earlier steps."""
 
 TAKEN, LEVELS, AT, K, ANY = ir.names("taken levels at k changes")
-"""Steps and levels of a launch; of its steps the first without a change, and whether any is."""
+"""Steps and levels of a launch; its first step without a change, and whether there is one."""
 
 
 @dataclass(frozen=True, slots=True)
 class Watch:
-    """The watch over steps.
+    """Detection of the step at which the state settles.
 
     Attributes
     ----------
     rows : Rows
-        With places for the kept rates.
+        Rows, with room for the stored rates.
     stages : int
         Of a step.
     steps : int
-        A launch takes; an even number of levels, so that outputs are where the next begins.
+        Steps per launch; an even number of levels, so that outputs are where the next launch
+        starts.
     """
 
     rows: Rows
@@ -72,15 +73,15 @@ class Watch:
     steps: int
 
     def sees(self, at: At, state: ir.Name) -> list[ir.Statement]:
-        """Return statements that watch d of a row, and keep the state with which a launch began.
+        """Return statements that check d of a row, and save the state at the start of a launch.
 
-        A step finds 1 in `change` if any rate is more than none, else 0.
+        A step sets `change` to 1 if any rate exceeds the tolerance, else to 0.
         """
         solver, empty, tau = self.rows.text.solver, self.rows.empty, self.rows.text.template.tau
         # with it, d is the rate times the longest τ
         factor = float(tau.max() / tau[at.layer]) / self.rows.scales[at.layer]
         limit = ir.Number(solver.atol) + ir.Number(solver.rtol) * ir.call("magnitude", state)
-        # which is false of NaN
+        # which is false for NaN
         rests = ir.Number(factor) * ir.call("magnitude", at.sum) <= limit
         rests = rests if empty is None else ir.Binary("|", rests, empty)
         return [
@@ -89,7 +90,7 @@ class Watch:
         ]
 
     def watched(self, own: StripText) -> StripText:
-        """Return the text of steps that are watched, and that can be taken again."""
+        """Return the code of steps that are checked and can be repeated."""
         before = f"x + {self.rows.at(BEFORE)} + ROW(row) + layer * {self.rows.layout.span}"
         shown = f"show_row(outputs_of(x, ahead) + p, {before});"
         return replace(
@@ -101,7 +102,7 @@ class Watch:
 
     @property
     def before(self) -> str:
-        """The expression of the steps before those of a launch."""
+        """Expression of the number of steps before a launch."""
         return f"(int){self.rows.register(STEPS_BEFORE)}"
 
     def body(self, scheme: FixedSteps, strips: Strips) -> list[ir.Statement]:
@@ -136,9 +137,9 @@ class Watch:
         ]
 
     def _find_end(self, scheme: FixedSteps) -> list[ir.Statement]:
-        """Return the search for the first step at whose start nothing changes, the last one.
+        """Return the search for the first step at whose start nothing changes, where the run ends.
 
-        With a delay nothing has to change for longer than that.
+        With a delay, nothing may change for longer than the delay.
         """
         count, late = self.rows.finding, lag(self.rows.text.template, scheme.step)
         again = (
@@ -156,7 +157,7 @@ class Watch:
 
 
 def watch(rows: Rows, stages: int) -> Watch:
-    """Declare the watch over steps of a number of stages, and return it."""
+    """Declare the settling detection for steps with this number of stages, and return it."""
     steps = max(1, rows.levels // stages)
     if steps * stages % 2:
         steps += 1 if steps == 1 else -1
@@ -165,7 +166,7 @@ def watch(rows: Rows, stages: int) -> Watch:
 
 
 BARE = ("standard", "linear", "full-range")
-"""Outputs that cost less to make than to keep."""
+"""Output functions that cost less to recompute than to store."""
 
 
 def strips_fit(text: TransientBuilder, scheme: FixedSteps | Controlled) -> bool:
@@ -195,7 +196,7 @@ def _layers(text: TransientBuilder, scheme: FixedSteps) -> tuple[Stages, ...]:
 
 
 def states_suffice(text: TransientBuilder, scheme: FixedSteps) -> bool:
-    """Return whether steps of a scheme that strips take need nothing but states."""
+    """Return whether steps of a scheme supported by strips need only states."""
     template, stages = text.template, _layers(text, scheme)[0].stages
     delayed = delays_outputs(template) or text.has_history
     linear = all(coupling.static for coupling in template.nonlinear)
@@ -204,11 +205,11 @@ def states_suffice(text: TransientBuilder, scheme: FixedSteps) -> bool:
 
 
 def state_strips(text: TransientBuilder, scheme: FixedSteps) -> Figures:
-    """Append Euler's steps that keep states alone, and return the figures of the run.
+    """Append Euler steps that store only states, and return the results of the run.
 
-    Outputs are made as states are read. A step then reads and writes half as much. Neighbours of a
-    vector in the rows of a block stay in registers from one vector to the next. So each state is
-    read, and its output made, once.
+    Outputs are computed as states are read, which halves the memory traffic of a step. Neighbours
+    of a vector in the rows of a block stay in registers from one vector to the next, so each state
+    is read, and its output computed, once.
     """
     rows = strip_rows(text, (), tuple(layer.scale for layer in _layers(text, scheme)))
     own = StripText(
@@ -233,7 +234,7 @@ def _state_case(rows: Rows, scheme: FixedSteps) -> ir.Case:
 
 
 def strip_steps(text: TransientBuilder, scheme: FixedSteps) -> Figures:
-    """Append the steps, keep their kernel with the tables, and return the figures of the run."""
+    """Append the steps, add their kernel to the tables, and return the results of the run."""
     layers = _layers(text, scheme)
     stages, arrays = len(layers[0].stages), layers[0].arrays
     names, scales = tuple(map(_array_of, range(arrays))), tuple(layer.scale for layer in layers)
@@ -260,9 +261,9 @@ def strip_steps(text: TransientBuilder, scheme: FixedSteps) -> Figures:
 def _sum_cases(
     rows: Rows, layers: tuple[Stages, ...], moments: Moments, watch: Watch | None
 ) -> list[ir.Case]:
-    """Return all stages of a number of rows; layers differ in their factors alone.
+    """Return all stages for a block of rows; layers differ only in their factors.
 
-    The first stage is the one that is watched.
+    The first stage is checked for settling.
     """
     cases = list[ir.Case]()
     for number, stage in enumerate(layers[0].stages):
@@ -289,10 +290,10 @@ def _end(
     *,
     first: bool,
 ) -> ir.Block:
-    """Return the statements that make the sums of a row, once its d is known.
+    """Return the statements that form the sums of a row, once its d is known.
 
-    Where `whole`, its sum is the new state; else d comes with a `share`. A cell that comes to its
-    limit after the `first` stage is there at the end of the step.
+    If `whole`, the sum is the new state; else d is scaled by `share`. A cell that reaches its limit
+    after the `first` stage stays there to the end of the step.
     """
     limited, known = rows.text.template.output.limited, set[int]()
     if not whole:
@@ -317,7 +318,7 @@ def _end(
 
 
 def _array_of(place: int) -> str:
-    """Return the name of the array that keeps a state or a sum."""
+    """Return the name of the array that stores a state or a sum."""
     return f"strip_x{place}"
 
 

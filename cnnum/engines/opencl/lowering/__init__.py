@@ -1,1 +1,1 @@
-"""A schedule becomes the statements of kernels, and those become their text."""
+"""Lowering of a schedule to kernel statements, and of those to source code."""

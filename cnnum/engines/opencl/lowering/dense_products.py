@@ -1,8 +1,8 @@
-"""Dense products and read-outs of a small array, such as sums: several chains side by side.
+"""Dense products and reductions of a small array, such as sums, in several parallel chains.
 
-A sum that runs through the cells one by one waits four cycles for each of them. Compilers may not
-change its order, so they work out all that shares its loop one cell at a time. Every kernel of a
-plan sums up in the same order. So a frame's results do not depend on its neighbours.
+A sequential sum over the cells waits four cycles for each addition. Compilers may not reorder it,
+so everything that shares its loop is computed one cell at a time. Every kernel of a plan sums in
+the same order, so a frame's results do not depend on the other frames in its batch.
 """
 
 import numpy as np
@@ -14,7 +14,7 @@ from cnnum.graph.elementwise import ReduceOp
 from cnnum.graph.nodes import Product
 
 COLUMNS = 4
-"""Columns of a matrix that are added at a time."""
+"""Number of matrix columns added at a time."""
 
 J, K = ir.names("j k")
 
@@ -24,14 +24,14 @@ def product(
 ) -> list[ir.Statement]:
     """Return statements that set an array to Σ matrix · source + constant.
 
-    Compilers vectorise along the cells; the frames of a batch lie side by side in each number.
+    Compilers vectorise along the cells; each number holds the interleaved frames of a batch.
 
     Parameters
     ----------
     tables : Tables
     operation : Product
     sources : list of Expression
-        Of `i`, for the maps that are read.
+        Expressions in `i` for the maps that are read.
     slot : Name
         Of the array.
     """
@@ -57,31 +57,31 @@ def product(
 
 
 def largest_divisor(number: int, most: int) -> int:
-    """Return the largest divisor that is not larger than `most`."""
+    """Return the largest divisor not above `most`."""
     return max(n for n in range(1, most + 1) if number % n == 0)
 
 
 CHAIN, NUMBERS, READ_OUTS_K, AT = ir.names("chain numbers k at")
 
 CHAINS = 8
-"""Of 4, 8 and 16 chains single frames take as long, and with 16 large batches take 1 % more."""
+"""Single frames take the same time with 4, 8 and 16 chains; large batches take 1 % more with 16."""
 
 
 def chains(cells: int) -> int:
-    """Return how many chains read out an array, or a stack of them."""
+    """Return the number of parallel chains that reduce an array or a stack of arrays."""
     return min(CHAINS, cells)
 
 
 def chained(tables: Tables, function: ReduceOp, count: int, cells: int) -> str:
-    """Return the name of the kernel's function that reads one number out of many.
+    """Return the name of the kernel function that reduces many numbers to one.
 
     Parameters
     ----------
     tables : Tables
-        Gets the function's text.
+        Receives the function's source.
     function : ReduceOp
     count : int
-        Of the numbers, in private memory.
+        Number of values, in private memory.
     cells : int
         Of the array.
     """
@@ -100,7 +100,7 @@ def chained(tables: Tables, function: ReduceOp, count: int, cells: int) -> str:
 
 
 def step(function: ReduceOp, total: ir.Expression, value: ir.Expression) -> ir.Expression:
-    """Return a total after one more value."""
+    """Return the reduction after one more value."""
     return total + value if function.how == "+" else ir.call(function.how, total, value)
 
 

@@ -1,4 +1,4 @@
-"""From a schedule to the text of one kernel that runs all of it, or of its parts."""
+"""Lowering of a schedule to the source of one kernel, or of several for large arrays."""
 
 from collections.abc import Callable, Mapping
 from copy import deepcopy
@@ -29,39 +29,39 @@ from cnnum.kernels.number_types import NumberType
 from cnnum.kernels.printer import OpenCLPrinter
 
 OUTPUT, IS_FIRST = ir.names("output is_first")
-"""The buffer of results, and the host's word for the first frame of a stream."""
+"""The result buffer, and the flag for the first frame of a stream."""
 
 Key = TypeVar("Key", str, int)
 
 _MINE = ir.Verbatim(("__global real *const mine = scratch + get_global_id(0) * FRAME_SIZE;",))
 
 PRIVATE_BYTES = 2**20
-"""Most private memory of a work item, in arrays. A processor has it in the stack of a thread, which
-on Linux has at least 2 MiB; beyond its end the process dies."""
+"""Maximum bytes of private arrays per work item. On a CPU they are on the thread's stack, which on
+Linux has at least 2 MiB; exceeding it ends the process."""
 
 WHOLE_CELLS = 256 * 256
-"""Largest array that one work item runs the whole plan for. Other work had one of two cores then.
-Adaptive steps of 256×256 cells took a third to half of their time in parts so. Fixed steps took two
-thirds; of 512×512 cells they took as long."""
+"""Largest array, in cells, for which one work item runs the whole plan. Measured with other work on
+one of two cores: adaptive steps of 256×256 cells took a third to half of their time in parts, fixed
+steps two thirds; for 512×512 cells the times were equal."""
 
 
 TAKEN = {"float32": "float", "float64": "double"}
-"""Number types of the host's maps that kernels of large arrays read as they are."""
+"""Number types of host maps that kernels of large arrays read without conversion."""
 
 
 @dataclass(frozen=True, slots=True)
 class Form:
-    """The kinds of a plan's kernels.
+    """The form of a plan's kernels.
 
     Attributes
     ----------
     name, reason : str
     fits : callable
-        Whether a plan of a number of cells can be of this form.
+        Whether a plan with this number of cells can have this form.
     private : bool
-        Whether arrays are private to a work item, if they take no more than `PRIVATE_BYTES`.
+        Whether arrays are private to a work item, up to `PRIVATE_BYTES`.
     split : bool
-        Whether every sweep is a kernel of its own.
+        Whether every sweep is a separate kernel.
     """
 
     name: str
@@ -87,12 +87,12 @@ FORMS = (
     ),
     Form("kernels of many work items", "all cores share each sweep", lambda _: True, split=True),
 )
-"""In their order: the first that fits is taken."""
+"""In order of preference: the first that fits is used."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class KernelSource:
-    """A plan's kernel and the content of its buffers.
+    """A plan's kernel and the contents of its buffers.
 
     Attributes
     ----------
@@ -100,17 +100,17 @@ class KernelSource:
     data : (n,) float
         Constant numbers.
     output_size, memory_size : int
-        Numbers a frame.
+        Numbers per frame.
     outputs : Places
-        The last number of a frame, after them, is `unfinished`.
+        Places of the outputs; the last number of a frame, after them, is `unfinished`.
     scratch : int
-        Values of global scratch a work item needs (0: everything is private).
+        Values of global scratch per work item (0: everything is private).
     strategies : mapping of int to str
-        How each transient runs, in words, by its node.
+        Description of how each transient runs, by node.
     private : int
-        Values in private arrays of a work item at the most (0: they are in scratch).
+        Values in private arrays of a work item at most (0: they are in scratch).
     parts : LaunchPlan or None
-        The launches that a large array takes; None where the whole plan is one.
+        The launches that a large array takes, or None if the whole plan is one.
     """
 
     source: str
@@ -126,12 +126,12 @@ class KernelSource:
 
 @dataclass(frozen=True, slots=True)
 class Statements:
-    """A plan as records, which a printer makes a kernel of.
+    """A plan as statement records, from which a printer makes a kernel.
 
     Attributes
     ----------
     body : tuple of Statement
-        Of a frame.
+        Statements that run a frame.
     form : Form
     arena : Arena
     lowering : Lowering
@@ -147,7 +147,7 @@ class Statements:
     output_size: int
 
     def source(self, text: str, parts: LaunchPlan | None = None) -> KernelSource:
-        """Return the kernel of that text."""
+        """Return the kernel with this source."""
         private, size = self.arena.private, self.arena.size
         return KernelSource(
             text,
@@ -167,7 +167,7 @@ class Statements:
 
 
 def statements(schedule: Schedule, solvers: Solvers, tables: Tables, form: Form) -> Statements:
-    """Return the records of a schedule, with tables that hold nothing yet."""
+    """Return the records of a schedule; `tables` must be empty."""
     arena = Arena(private=form.private)
     outputs, used = _places(schedule, schedule.outputs)
     size = used + 1  # the last one is `unfinished`
@@ -193,7 +193,7 @@ def _in_form(schedule: Schedule, solvers: Solvers, tables: Tables) -> Statements
 
 
 def lower(schedule: Schedule, solvers: Solvers, tables: Tables) -> KernelSource:
-    """Return the kernel text of a schedule, with tables that hold nothing yet."""
+    """Return the kernel source of a schedule; `tables` must be empty."""
     plan, parts = _in_form(schedule, solvers, tables), None
     tables = plan.lowering.tables
     body, form, arena = list(plan.body), plan.form, plan.arena
@@ -212,20 +212,20 @@ def lower(schedule: Schedule, solvers: Solvers, tables: Tables) -> KernelSource:
 
 
 def _part(kernel: PartKernel, printer: OpenCLPrinter) -> str:
-    """Return the text of a kernel of many work items."""
+    """Return the source of a kernel with many work items."""
     body = indented(printer.lines(kernel.body), 1)
     return fill("part", note=kernel.note, kernel=kernel.name, body=body)
 
 
 def _exchange(numbers: NumberType) -> list[str]:
-    """Return the kernels that read and write the host's maps, for a device that has doubles."""
+    """Return the kernels that read and write host maps, for a device with doubles."""
     names = {"bits": numbers.bits, "mask": numbers.mask, "infinite": numbers.infinite}
     takes = [fill("take", given=given, **names) for given in TAKEN.values()]
     return [*takes, fill("give", **names)]
 
 
 def _places(schedule: Schedule, nodes: Mapping[Key, Node]) -> tuple[dict[Key, Place], int]:
-    """Return where the values of nodes stand among a frame's numbers, and how many these are."""
+    """Return the places of node values among a frame's numbers, and their total count."""
     places: dict[Key, Place] = {}
     at = 0
     for key, node in nodes.items():
@@ -235,7 +235,7 @@ def _places(schedule: Schedule, nodes: Mapping[Key, Node]) -> tuple[dict[Key, Pl
 
 
 def _among_outputs(schedule: Schedule, outputs: Places, size: int) -> dict[int, ir.Array]:
-    """Return the maps that are written to where outputs stand: of equal ones, to the first."""
+    """Return the maps that are written directly to the place of an output, the first if several."""
     frame, result = OUTPUT + ir.Cast("size_t", FRAME) * size, dict[int, ir.Array]()
     for name, node in schedule.outputs.items():
         at = outputs[name][0].start
@@ -250,7 +250,7 @@ def _placed_name(at: int) -> ir.Name:
 
 
 def _write_outputs(lowering: Lowering, places: Places, size: int) -> list[ir.Statement]:
-    """Return the statements that write outputs, and the new values of memories."""
+    """Return the statements that write outputs and the new values of memories."""
     schedule, values = lowering.schedule, lowering.values
     numbers: list[ir.Statement] = []
     maps: dict[int, list[ir.Statement]] = {}
@@ -262,7 +262,7 @@ def _write_outputs(lowering: Lowering, places: Places, size: int) -> list[ir.Sta
         value = values.read(node)
         if node.scalar:
             numbers.append(scattered(base + at, stride, value))
-        elif base != OUTPUT or value != _placed_name(at)[ir.CELL]:  # it may be there
+        elif base != OUTPUT or value != _placed_name(at)[ir.CELL]:  # it may already be there
             store = scattered(base + at + ir.CELL, stride, value)
             maps.setdefault(schedule.size_of(node), []).append(store)
 

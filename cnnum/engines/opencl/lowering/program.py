@@ -1,4 +1,4 @@
-"""From a schedule to the statements of a plan: walks the operations once."""
+"""Lowering of a schedule to the statements of a plan, in one pass over the operations."""
 
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
@@ -33,7 +33,7 @@ Picks = list[tuple[Node, Pick]]
 
 
 def lower_loop(lowering: "Lowering", node: Node, loop: Loop, picks: Picks) -> None:
-    """Append a loop and give its picks the names of its results."""
+    """Append a loop and bind its picks to the names of its results."""
     values, tag = lowering.values, f"l{node.index}"
     start, *rest = node.arguments
     running, count = ir.names(f"{tag}_running {tag}_count")
@@ -56,7 +56,7 @@ def lower_loop(lowering: "Lowering", node: Node, loop: Loop, picks: Picks) -> No
 
 
 def _begin(lowering: "Lowering", carried: dict[int, Node], initial: list[Node]) -> None:
-    """Append the carried values, set to their first values."""
+    """Append the loop-carried values, set to their initial values."""
     for place, node in carried.items():
         value = lowering.values.read(initial[place])
         if node.scalar:
@@ -68,7 +68,7 @@ def _begin(lowering: "Lowering", carried: dict[int, Node], initial: list[Node]) 
 def _advance(
     lowering: "Lowering", loop: Loop, carried: dict[int, Node], running: ir.Name, count: ir.Name
 ) -> None:
-    """Append the end of a run: carried values move on in the frames that still run."""
+    """Append the end of an iteration: carried values advance in frames that are still running."""
     lowering.body.append(ir.declare(CHANGED, ir.ZERO))
     numbers = _moves(lowering, loop, {p: n for p, n in carried.items() if n.scalar}, running)
     for maps in sorted({n.maps for n in carried.values() if not n.scalar}):
@@ -81,7 +81,7 @@ def _advance(
 def _moves(
     lowering: "Lowering", loop: Loop, moving: dict[int, Node], running: ir.Name
 ) -> list[ir.Statement]:
-    """Return statements that move values on; a body may swap them, so all are read first."""
+    """Return statements that advance values; a body may swap them, so all are read first."""
     read = lowering.values.read
     moved = {p: ir.Name(f"to{p}") for p in moving}
     lines: list[ir.Statement] = [ir.fixed(to, read(loop.results[p])) for p, to in moved.items()]
@@ -97,7 +97,7 @@ def _moves(
 def _leave(
     lowering: "Lowering", carried: dict[int, Node], picks: Picks, running: ir.Name, count: ir.Name
 ) -> None:
-    """Give picks the names of results, and give back the arrays of other carried values."""
+    """Bind picks to the names of results, and release the arrays of other carried values."""
     values = {"iterations": count, "finished": ir.pick(running.differs(ir.ZERO), ir.ZERO, ir.ONE)}
     left = dict(carried)
     for node, pick in picks:
@@ -113,15 +113,15 @@ def _leave(
 
 
 FRAME, LAST = ir.names("frame last")
-"""The first frame of a work item, and the batch's last."""
+"""The first frame of a work item, and the last of the batch."""
 
 INPUT, MEMORY, FIRST = ir.names("input memory first")
-"""Buffers, and whether the frame is the first of its stream."""
+"""Buffers, and the flag for the first frame of a stream."""
 
 K = ir.Name("k")
 
 OUTLIVES = -1
-"""Last use of a node that outputs, memories or a loop's end still read."""
+"""Last use of a node that outputs, memories or the end of a loop still read."""
 
 
 @dataclass(slots=True)
@@ -138,17 +138,17 @@ class Lowering:
     first : Expression
         Whether the frame is the first of its stream.
     memories : mapping of int to Place
-        Where memories stand among the numbers of a frame that stay on the device.
+        Places of memories among the numbers of a frame that stay on the device.
     memory_size : int
-        How many these are.
+        Count of these numbers.
     body : list of Statement
     group : list of Node
-        Local arithmetic and read-outs that share the next loop over the cells.
+        Cellwise arithmetic and reductions that share the next loop over the cells.
     last_use : dict of int to int
     picks : dict of int to list of (Node, Pick)
-        The answers that are asked of a transient or a loop, by its index.
+        The results requested of a transient or a loop, by its index.
     strategies : dict of int to Strategy
-        Of transients, by their index.
+        Strategies of transients, by index.
     """
 
     schedule: Schedule
@@ -169,20 +169,21 @@ class Lowering:
 
     @property
     def in_chains(self) -> bool:
-        """Whether read-outs go through the cells in chains side by side, not one by one.
+        """Whether reductions run in parallel chains rather than cell by cell.
 
-        Parts of a plan read out their own pieces, and a GPU's private arrays are far.
+        Not used in plans split into parts, which reduce their own pieces, nor on GPUs, whose
+        private arrays are slow.
         """
         return self.arena.private and self.tables.by_vectors
 
     def lower(self) -> None:
-        """Append the statements of all nodes; values that outputs and memories need are kept."""
+        """Append the statements of all nodes, keeping values that outputs and memories need."""
         kept = [*self.schedule.outputs.values()]
         kept += [memory.store for memory in self.schedule.memories.values()]
         self.nodes(self.schedule.nodes, kept)
 
     def nodes(self, nodes: tuple[Node, ...], kept: Sequence[Node]) -> None:
-        """Append the statements of nodes, in their order; the kept ones outlive them."""
+        """Append the statements of nodes in order; the `kept` ones outlive them."""
         for node in nodes:
             for argument in node.arguments:
                 self.last_use[argument.index] = node.index
@@ -194,12 +195,12 @@ class Lowering:
         self._flush()
 
     def over_cells(self, body: Sequence[ir.Statement], maps: int = 1) -> None:
-        """Run the body for every cell `i` of a number of maps."""
+        """Append a loop of the body over every cell `i` of this number of maps."""
         if body:
             self.body.append(ir.sweep(ir.CELL, maps * self.schedule.cells, body))
 
     def stored(self, node: Node, value: ir.Expression) -> ir.Assign:
-        """Return the statement that keeps a map's value in cell `i` in an array of its own."""
+        """Return the statement that stores a map's value in cell `i` in its own array."""
         return ir.Assign(self.values.take_slot(node)[ir.CELL], value)
 
     def _node(self, node: Node) -> None:
@@ -231,7 +232,7 @@ class Lowering:
             if self.last_use.get(argument.index) == node.index:
                 self.values.free_slot(argument)
 
-    # local arithmetic: neighbours in the schedule share one loop over the cells
+    # cellwise arithmetic: consecutive operations share one loop over the cells
 
     def _join(self, node: Node) -> None:
         waits = (argument for argument in node.arguments if argument in self.group)
@@ -254,7 +255,7 @@ class Lowering:
         inside, swept = {node.index for node in group}, _swept(group[0])
         by_vectors = self.in_chains and self.tables.lanes == 1
         read_outs = [node for node in group if isinstance(node.operation, Reduce)]
-        # side by side read-outs follow the loop, on the arrays that it leaves
+        # chained reductions follow the loop, on the arrays that it leaves
         sources = [node.arguments[0] for node in read_outs] if by_vectors else []
         loop: list[ir.Statement] = []
         kept: list[tuple[Node, ir.Name]] = []
@@ -268,9 +269,9 @@ class Lowering:
                     kept.append((node, name))
             elif isinstance(node.operation, Reduce) and not by_vectors:
                 loop.append(self._step(node, node.operation.function, arguments[0]))
-        # only now: within the loop a value is read by its name, before its slot is written
+        # only now, because within the loop a value is read by name before its slot is written
         loop += [self.stored(node, name) for node, name in kept]
-        # maps that lie elsewhere are copied: functions take private arrays
+        # maps stored elsewhere are copied, because functions take private arrays
         copied = {n: self.values.read(n) for n in sources if self.values.array_of(n) is None}
         loop += [self.stored(node, value) for node, value in copied.items()]
         self.over_cells(loop, swept)
@@ -283,7 +284,7 @@ class Lowering:
             self._free_after(node)
 
     def _read_out(self, node: Node, source: Node, maps: int) -> None:
-        """Append the end of a read-out that goes in chains, and give back an array of its own."""
+        """Append the end of a chained reduction, and release its own array."""
         array, cells = self.values.array_of(source), self.schedule.cells
         if array is not None and isinstance(node.operation, Reduce):
             count = maps * cells if self.tables.lanes == 1 else chains(cells)
@@ -292,9 +293,9 @@ class Lowering:
         self.values.free_slot(node)
 
     def _step(self, node: Node, function: ReduceOp, value: ir.Expression) -> ir.Statement:
-        """Return the statement that takes a cell into a read-out, which begins here."""
+        """Return the statement that adds a cell to a reduction, which begins here."""
         begun = formula(function.start)
-        # the order matters to sums alone: the result of others is one of the numbers
+        # the order matters only for sums: other reductions return one of the numbers
         if self.in_chains and function.how == "+":
             slot, count = self.values.take_slot(node), chains(self.schedule.cells)
             self.body.append(ir.Loop(K, count, (ir.Assign(slot[K], begun),)))
@@ -310,7 +311,7 @@ class Lowering:
         cells, read = self.schedule.cells, self.schedule.channels_read
         if isinstance(operation, Input):
             place, base, stride = read.index(operation.channel), INPUT, cells * len(read)
-            # large arrays come channel by channel, small ones as frames have them
+            # large arrays are stored by channel, small ones as in the frame
             at = ir.CELL * len(read) + place
             if not self.arena.private:
                 at = ir.Integer(place * cells) + ir.CELL
@@ -327,10 +328,10 @@ class Lowering:
             self.over_cells([self.stored(node, value)], node.maps)
 
     def _stays(self, node: Node, operation: Input | Read) -> bool:
-        """Whether a map is read where it is: of one frame a work item, if it stays the same."""
+        """Whether a map is read in place: with one frame per work item, if it does not change."""
         if isinstance(operation, Input):
             return not self.arena.private
-        # memories are written one after the other: one that holds another's past needs a copy
+        # memories are written in sequence: one that holds another's past value needs a copy
         kept = (memory.store for memory in self.schedule.memories.values())
         return self.tables.lanes == 1 and all(store is not node for store in kept)
 
@@ -381,7 +382,7 @@ class Lowering:
 
 
 def _swept(node: Node) -> int:
-    """Return over how many maps an operation goes, be it to one number."""
+    """Return the number of maps that an operation covers, even if it reduces them."""
     return (node.arguments[0] if isinstance(node.operation, Reduce) else node).maps
 
 

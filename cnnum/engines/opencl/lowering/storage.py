@@ -1,4 +1,4 @@
-"""Where values live while a plan's kernel runs: arrays, their slots, and constant data."""
+"""Storage of values while a plan's kernel runs: arrays, their slots, and constant data."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -14,45 +14,45 @@ from cnnum.kernels.printer import OpenCLPrinter
 from cnnum.templating.boundary import Boundary, rim_copies
 
 PRIVATE_CELLS = 16 * 16
-"""Largest array that a work item keeps in private memory. Of 32×32 cells a step takes 1.6 times as
-long there as in scratch. The program `contact` takes twice as long."""
+"""Largest array, in cells, that a work item keeps in private memory. With 32×32 cells a step takes
+1.6 times as long there as in scratch, and the program `contact` twice as long."""
 
 DATA = ir.Name("data")
 """The plan's constant numbers."""
 
 Place = tuple[slice, tuple[int, ...]]
-"""Where a value stands among a frame's numbers, and its shape."""
+"""Place of a value among a frame's numbers, and its shape."""
 
 Places = Mapping[str, Place]
-"""Of outputs, by their names."""
+"""Places of outputs, by name."""
 
 UNFINISHED = ir.Name("unfinished")
-"""Whether a transient or a loop of a frame did not reach its end."""
+"""Whether a transient or a loop of a frame did not finish."""
 
 MINE = ir.Name("mine")
 """A frame's scratch."""
 
 ALIGNED = 16
-"""Arrays of scratch begin at multiples of this, so that vectors lie within a cache's lines."""
+"""Scratch arrays begin at multiples of this, so that vectors do not cross cache lines."""
 
 APART = 5 * ALIGNED
-"""Numbers between arrays of scratch: those of 1024×1024 cells would else all begin at the same
-place of a page. Writing one there holds up reading another."""
+"""Padding between scratch arrays. Without it, arrays of 1024×1024 cells would all begin at the same
+page offset, and writing to one would stall reads of another."""
 
 
 @dataclass(slots=True)
 class Arena:
-    """Hands out arrays of `real`: private ones, or pieces of global scratch for large arrays.
+    """Allocates arrays of `real`: private ones, or pieces of global scratch for large arrays.
 
     Attributes
     ----------
     private : bool
     size : int
-        Numbers that were ever handed out at a time.
+        Largest number of values allocated at any time.
     top : int
-        Where the next array begins; who sets it back gives back all that came since.
+        Where the next array begins; resetting it frees all later arrays.
     places : dict of str to int
-        Where arrays begin, by name.
+        Offsets of arrays, by name.
     """
 
     private: bool
@@ -70,28 +70,28 @@ class Arena:
 
 @dataclass(slots=True)
 class Tables:
-    """Index tables in constant memory and numbers in the data buffer, each stored once.
+    """Index tables in constant memory, and numbers in the data buffer, without duplicates.
 
     Attributes
     ----------
     dtype : dtype
-        Of the kernel's numbers.
+        Data type of the kernel's numbers.
     lanes : int
-        Frames side by side in the kernel's type.
+        Frames interleaved in the kernel's type.
     width : int
-        Numbers of a vector of the device, for cells side by side.
+        Vector width of the device, for adjacent cells.
     near_bytes : int
-        Cache of a core that keeps up with its arithmetic.
+        Bytes of cache per core that keep up with its arithmetic.
     by_vectors : bool
-        Whether a work item's arithmetic goes by vectors, as a processor's does.
+        Whether a work item computes in vectors, as on a CPU.
     vectors : bool
-        Whether the target's numbers can be vectors, as those of OpenCL C.
+        Whether the target language has vector types, as OpenCL C does.
     types : dict of str to str
-        Texts of further types and functions that the kernel uses, by name.
+        Source of further types and functions that the kernel uses, by name.
     places : dict of str to (n,) int
         Index tables, by name.
     strips : list of str
-        Texts of kernels that take steps of large arrays.
+        Source of kernels that take steps of large arrays.
     """
 
     dtype: np.dtype[np.floating]
@@ -109,7 +109,7 @@ class Tables:
 
     @property
     def printer(self) -> OpenCLPrinter:
-        """The printer of records in the kernel's type."""
+        """Printer of records in the kernel's type."""
         return OpenCLPrinter(number_type(self.dtype))
 
     def halo(
@@ -117,7 +117,7 @@ class Tables:
     ) -> tuple[ir.Name, ir.Name, int]:
         """Return the names of two tables (padded cell, padded source) and their length.
 
-        The sources of a constant rim are no table: nothing reads them.
+        A constant rim has no table of sources, since nothing reads them.
         """
         name = f"halo_{boundary.pad_mode}_{shape[0]}x{shape[1]}_{radius}"
         rim, sources = rim_copies(boundary, shape, radius)
@@ -127,15 +127,15 @@ class Tables:
         return ir.Name(f"{name}_to"), ir.Name(f"{name}_from"), rim.size
 
     def constant(self, values: Floats, at: ir.Operand) -> ir.Expression:
-        """Return the number that stands there among these, which the data buffer gets."""
+        """Add these values to the data buffer, and return the one at `at`."""
         return self.number_at(ir.after(ir.Integer(self.data(values)), at))
 
     def number_at(self, at: ir.Expression) -> ir.Expression:
-        """Return the number that stands at a place of the data buffer."""
+        """Return the expression of the number at an offset in the data buffer."""
         return ir.real(DATA[at])
 
     def data(self, values: Floats) -> int:
-        """Return the offset of these numbers in the data buffer."""
+        """Add these values to the data buffer and return their offset."""
         key = values.tobytes()
         if key not in self._places:
             self._places[key] = self._length
@@ -153,23 +153,22 @@ class Tables:
         return "\n".join([*self.types.values(), *tables])
 
     def buffer(self) -> NDArray[np.floating]:
-        """Return the data buffer's contents (one number if there is nothing)."""
+        """Contents of the data buffer (at least one number)."""
         flat = np.concatenate(self._data) if self._data else np.zeros(1)
         return flat.astype(self.dtype)
 
 
 @dataclass(slots=True)
 class Values:
-    """Expressions of nodes' values in cell `i`; maps share slots once they are dead.
+    """Expressions of nodes' values in cell `i`; slots of dead maps are reused.
 
     Attributes
     ----------
     tables : Tables
     placed : mapping of int to Array
-        Maps, by the index of their node, that stand among a frame's outputs: those are written
-        there, and not to a slot.
+        Maps, by node index, that are written directly to a frame's outputs rather than to a slot.
     slots : dict of Name to int
-        How many maps each slot holds.
+        Number of maps in each slot.
     """
 
     tables: Tables
@@ -195,16 +194,16 @@ class Values:
         return value
 
     def name_scalar(self, node: Node) -> ir.Name:
-        """Return the name of a new variable for one number a frame."""
+        """Return the name of a new per-frame scalar variable."""
         name = self._values[node.index] = ir.Name(f"n{node.index}")
         return name
 
     def alias(self, node: Node, value: ir.Expression) -> None:
-        """Say that a node's value is read by this expression."""
+        """Bind a node's value to this expression."""
         self._values[node.index] = value
 
     def take_slot(self, node: Node) -> ir.Name:
-        """Return the name of the array that holds this map, or stack, from now on."""
+        """Allocate an array for this map or stack, and return its name."""
         if node.index in self.placed:
             name = self.placed[node.index].name
         else:
@@ -218,16 +217,16 @@ class Values:
         return name
 
     def array_of(self, node: Node) -> ir.Name | None:
-        """Return the name of the array that holds a node's value alone, None without one."""
+        """Return the name of the array that holds only this node's value, or None."""
         return self._held.get(node.index)
 
     def hand_over(self, old: Node, new: Node) -> None:
-        """Let another node have the name, and the array, of a value."""
+        """Transfer the name and the array of a value to another node."""
         self._values[new.index] = self._values[old.index]
         if old.index in self._held:
             self._held[new.index] = self._held.pop(old.index)
 
     def free_slot(self, node: Node) -> None:
-        """Give back the array of a map that nothing reads any more."""
+        """Release the array of a map that is no longer read."""
         if node.index in self._held:
             self._free.append(self._held.pop(node.index))

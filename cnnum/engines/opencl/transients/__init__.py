@@ -1,1 +1,1 @@
-"""Templates' transients become statements: the drive of cells, their rates, and steps."""
+"""Lowering of transients to statements: the drive of cells, their rates, and time steps."""

@@ -1,9 +1,9 @@
-"""The base that all parts of a transient's lowering share: names, sizes, arrays, loops and rims.
+"""The base shared by all parts of a transient's lowering: names, sizes, arrays, loops and rims.
 
-Weighted sums with one product for all neighbours whose weights are equal.
+Weighted sums use one product for all neighbours with equal weights.
 
-Neighbours of a column are added first: the cells left and right of it want that sum, too, with the
-same weight or another. Compilers then find it once.
+The neighbours in a column are added first: the cells to the left and right need the same sum, with
+the same weight or another, so compilers compute it only once.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -21,29 +21,29 @@ from cnnum.templating.network import Tap, delays_inputs
 from cnnum.templating.template import Template
 
 X, Y, XP, YD, U = ir.names("x y xp yd u")
-"""States, stacked by layers; padded outputs, states, outputs a delay ago, and inputs."""
+"""States, stacked by layer; padded outputs, states, delayed outputs, and inputs."""
 
 W, LATER = ir.names("w later")
-"""The drive of the cells, and its change when a delay is over."""
+"""The drive of the cells, and its change when the delay has elapsed."""
 
 SUM, NOW, RATE, PART = ir.names("sum now rate part")
-"""Of a cell: a sum and a value at hand, dx/dt, and a part of a sum."""
+"""Per cell: a sum, the current value, dx/dt, and a partial sum."""
 
 XS = ir.Name("xs")
-"""The states at a step's stages, in the end at its end."""
+"""The states at a step's stages, and finally at its end."""
 
 H, TIME, STEPS, RUNNING = ir.names("h time steps running")
-"""A step's length, time and steps since the start, and whether a frame takes another step."""
+"""Step length, time and steps since the start, and whether a frame takes another step."""
 
 CHANGE, SETTLED, STILL = ir.names("change settled still")
-"""The largest rate, in units of the tolerance; whether, and for how many steps, nothing changes."""
+"""Largest rate, in units of the tolerance; whether, and for how many steps, nothing has changed."""
 
 LARGEST = ir.Name("largest")
-"""The largest number that the rounding of a closed form goes by."""
+"""The largest value, to which the rounding error of a closed form is proportional."""
 
 
 def zeros(*variables: ir.Name) -> tuple[tuple[ir.Name, ir.Expression], ...]:
-    """Return variables of a declaration, whose first values are 0."""
+    """Return variables of a declaration, initialised to 0."""
     return tuple((name, ir.ZERO) for name in variables)
 
 
@@ -53,13 +53,13 @@ def rates_of(stage: int) -> ir.Name:
 
 
 def shared_products(weights: Iterable[Tap], least: int = 2) -> list[tuple[Tap, ...]]:
-    """Return the taps in groups whose weights are equal but for their signs, column by column.
+    """Return the taps, grouped column by column by weights of equal magnitude.
 
     Parameters
     ----------
     weights : iterable of Tap
     least : int
-        Taps of a group; fewer stay alone.
+        Minimum number of taps in a group; smaller groups are split up.
     """
     equal: dict[float, list[Tap]] = {}
     for tap in weights:
@@ -72,7 +72,7 @@ def shared_products(weights: Iterable[Tap], least: int = 2) -> list[tuple[Tap, .
 
 
 def shares_products(weights: Iterable[Tap]) -> bool:
-    """Return whether any two weights are equal but for their signs."""
+    """Return whether any two weights have equal magnitude."""
     return any(len(group) > 1 for group in shared_products(weights))
 
 
@@ -82,7 +82,7 @@ def weighted_terms(
     value: Callable[[Tap], ir.Expression],
     least: int = 2,
 ) -> list[ir.Expression]:
-    """Return the terms of Σ weight · value, one a group of equal weights.
+    """Return the terms of Σ weight · value, one per group of equal weights.
 
     Parameters
     ----------
@@ -92,7 +92,7 @@ def weighted_terms(
     value : callable
         The expression of the value at a tap.
     least : int
-        Taps of a group; fewer stay alone.
+        Minimum number of taps in a group; smaller groups are split up.
     """
     return [_term(group, number, value) for group in shared_products(weights, least)]
 
@@ -109,7 +109,7 @@ def _term(
     weight, total = group[0].weight, None
     for _, column in groupby(group, key=lambda tap: (tap.source, tap.col)):
         first, *others = column
-        # within a column the first is added, so that the sum is the same wherever it is wanted
+        # within a column the first is added, so that the sum is the same wherever it is used
         inner = value(first)
         for tap in others:
             inner = _added(inner, value(tap), tap.weight == first.weight)
@@ -123,24 +123,24 @@ def _added(total: ir.Expression, value: ir.Expression, same: bool) -> ir.Express
 
 
 RIM = ir.Name("q")
-"""The variable of loops over cells of rims."""
+"""Loop variable for rim cells."""
 
 VECTORISE = "#pragma clang loop vectorize(assume_safety)"
-"""With many neighbours compilers cannot prove that no round writes a cell that others read."""
+"""With many neighbours, compilers cannot prove that iterations are independent."""
 
 
 @dataclass(frozen=True, slots=True)
 class OwnNumbers:
-    """The variables of frames' own numbers.
+    """The variables that hold per-frame parameters.
 
     Attributes
     ----------
     weights : mapping of float to Name
-        By the numbers that stand for them in the template.
+        Variables of weights, by their placeholder values in the template.
     taus : tuple of Name
-        A layer each; `rates` are one over them.
+        One per layer; `rates` are their reciprocals.
     growth : Name
-        Of errors, 1/time.
+        Growth rate of errors, 1/time.
     delay : Name or None
     """
 
@@ -151,7 +151,7 @@ class OwnNumbers:
 
     @classmethod
     def of(cls, weights: Sequence[float], template: Template) -> "OwnNumbers":
-        """Return the variables of a template's stand-ins."""
+        """Return the variables for a template's placeholder values."""
         return cls(
             {w: ir.Name(f"weight_{k}") for k, w in enumerate(weights)},
             tuple(ir.Name(f"tau_{layer}") for layer in range(template.layers)),
@@ -161,11 +161,11 @@ class OwnNumbers:
 
     @property
     def rates(self) -> tuple[ir.Name, ...]:
-        """One over τ of every layer."""
+        """The value of 1/τ in every layer."""
         return tuple(ir.Name(f"rate_{layer}") for layer in range(len(self.taus)))
 
     def declared(self, packed: Sequence[ir.Name], cells: int) -> list[ir.Statement]:
-        """Return the statements that take them from the cells of maps."""
+        """Return the statements that read them from the cells of maps."""
         names = (*self.weights.values(), *self.taus, self.growth)
         names += () if self.delay is None else (self.delay,)
         taken = [
@@ -178,9 +178,9 @@ class OwnNumbers:
 
 @dataclass(frozen=True, slots=True)
 class Operands:
-    """Expressions of `i` for the maps that a transient reads; empty where one is not given.
+    """Expressions in `i` for the maps that a transient reads; empty if a map is not given.
 
-    `own` are the variables of frames' own numbers, None where all share one template.
+    `own` holds the variables of per-frame parameters, None if all frames share one template.
     """
 
     inputs: tuple[ir.Expression, ...]
@@ -195,9 +195,8 @@ class Operands:
 class TransientBuilder:
     """Collects a transient's statements.
 
-    States of all layers are stacked: layer l's cell i is `x[l * cells + i]`. Outputs `y` (and,
-    where a coupling wants them, states `xp` and inputs `u`) are padded by their rim: cell i
-    stands at `p`.
+    States of all layers are stacked: cell i of layer l is `x[l * cells + i]`. Outputs `y` (and, if
+    a coupling needs them, states `xp` and inputs `u`) are padded by a rim: cell i is at `p`.
     """
 
     template: Template
@@ -240,24 +239,24 @@ class TransientBuilder:
 
     @property
     def has_history(self) -> bool:
-        """Whether delayed inputs were others before the start."""
+        """Whether delayed inputs were different before the start."""
         return delays_inputs(self.template) and bool(self.operands.previous)
 
     def literal(self, value: float) -> str:
-        """Return the text of a number of the kernel's type."""
+        """Return the literal of a number of the kernel's type."""
         return self.tables.printer.expression(ir.Number(value))
 
     @property
     def places(self) -> list[ir.Expression]:
-        """The places of cell `i` of every layer among the stacked states."""
+        """The indices of cell `i` of every layer in the stacked states."""
         return [self.at(layer) for layer in range(self.layers)]
 
     def at(self, layer: int) -> ir.Expression:
-        """Return the place of cell `i` of a layer among the stacked states."""
+        """Return the index of cell `i` of a layer in the stacked states."""
         return ir.Integer(layer * self.cells) + ir.CELL
 
     def padded_at(self, layer: int) -> ir.Expression:
-        """Return the place of cell `i` of a layer among padded ones."""
+        """Return the index of cell `i` of a layer in padded arrays."""
         return ir.Integer(layer * self.padded) + ir.PLACE
 
     def each(self, array: ir.Name) -> list[ir.Element]:
@@ -281,28 +280,28 @@ class TransientBuilder:
         return self.operands.inputs[layer] if initial == "input" else ir.Number(float(initial))
 
     def start(self, name: ir.Name = X) -> None:
-        """Append the array of states, set to where they start."""
+        """Append the array of states, set to the initial states."""
         self.array(name, self.states)
         states = enumerate(self.each(name))
         self.over_cells([ir.Assign(state, self.start_of(layer)) for layer, state in states])
 
     def array(self, name: ir.Name, length: int) -> None:
-        """Declare an array of the block."""
+        """Declare an array in the block."""
         self.body.append(self.arena.array(name.text, length))
 
     def aside(self, append: Callable[[], object]) -> list[ir.Statement]:
-        """Return the statements that a call appends, instead of keeping them."""
+        """Return the statements that a call would append, without appending them."""
         kept, self.body = self.body, []
         append()
         result, self.body = self.body, kept
         return result
 
     def over_cells(self, body: Sequence[ir.Statement]) -> None:
-        """Run the body for every cell `i`."""
+        """Append a loop of the body over every cell `i`."""
         self.body.append(ir.sweep(ir.CELL, self.cells, body))
 
     def over_grid(self, body: Sequence[ir.Statement]) -> None:
-        """Run the body for every cell `i` that stands at `p` in a padded array."""
+        """Append a loop of the body over every cell `i`, with its index `p` in padded arrays."""
         hint = "" if self.arena.private else VECTORISE
         self.body.append(ir.grid(*self.shape, self.radius, body, hint))
 
@@ -324,7 +323,7 @@ class TransientBuilder:
         self.body.append(ir.sweep(RIM, count, body))
 
     def copy_rims(self, array: ir.Name) -> None:
-        """Fill the rims of outputs, or states, with copies of cells, unless they are fixed."""
+        """Fill the rims of outputs or states with copies of cells, unless the boundary is fixed."""
         if self.template.boundary.constant is None:
             self.fill_rims(array, self.layers, self.template.boundary, None)
 
@@ -340,17 +339,17 @@ class TransientBuilder:
         return [ir.add(total, term) for term in terms]
 
     def number(self, weight: float) -> ir.Expression:
-        """Return a weight: a number, or the variable that the number stands for."""
+        """Return a weight: a number, or the variable for which the number is a placeholder."""
         own = self.operands.own
         return (own and own.weights.get(weight)) or ir.Number(weight)
 
     def unless_held(self, value: ir.Expression, held: ir.Expression) -> ir.Expression:
-        """Return a value, and another one in cells that a mask holds."""
+        """Return `value`, replaced by `held` in cells that the mask holds fixed."""
         mask = self.operands.mask
         return value if mask is None else ir.pick(mask.differs(ir.ZERO), held, value)
 
     def rate(self, layer: int) -> ir.Expression:
-        """Return one over τ of a layer."""
+        """Return 1/τ of a layer."""
         own = self.operands.own
         return own.rates[layer] if own else ir.Number(1.0 / float(self.template.tau[layer]))
 
@@ -365,5 +364,5 @@ class TransientBuilder:
         return result
 
     def scale(self, value: ir.Expression) -> ir.Expression:
-        """Return the tolerance of a value of this size."""
+        """Return the tolerance for a value of this size."""
         return ir.Number(self.solver.atol) + ir.Number(self.solver.rtol) * ir.size(value)

@@ -1,4 +1,4 @@
-"""Transients without time steps, exact to rounding, and the bound on their rounding."""
+"""Closed-form transients without time steps, and the bound on their rounding error."""
 
 import math
 from collections.abc import Callable
@@ -30,16 +30,17 @@ from cnnum.integrators.exact_ends import (
 from cnnum.integrators.solver import Exact
 
 FROM, TO, DRIVE, S, E, EDGE, AWAY = ir.names("from to drive s e edge away")
-"""Start and end; the piece, where it pulls, when a cell leaves it, and whether it never does."""
+"""Start and end; the linear piece, its equilibrium, when a cell leaves it, and whether it never
+does."""
 
 G, B, AT_B, CROSSES, OVER, BETWEEN, LEFT, ENDS = ir.names("g b at_b crosses over between left ends")
-"""In the middle piece: its rate and the edge ahead, the rate there, whether and how it leaves."""
+"""In the middle piece: rate, the edge ahead and the rate there, whether and how the cell leaves."""
 
 SEEN, AFTER, GROWN, SIZES = ir.names("seen after grown sizes")
 
 
 def separate(text: TransientBuilder, scheme: Separate) -> float:
-    """Append statements that set the states `x` to their end; return its roundings of `largest`."""
+    """Append statements that set the states `x` to their end; return its error in roundings."""
     text.array(X, text.states)
     for layer in range(text.layers):
         text.over_cells(_cell(text, scheme, layer))
@@ -56,7 +57,7 @@ def _cell(text: TransientBuilder, scheme: Separate, layer: int) -> list[ir.State
         ir.Declare("real", begun, fixed=True),
         ir.fixed(S, ir.pick(FROM > ir.ONE, ir.ONE, ir.pick(FROM < -ir.ONE, -ir.ONE, ir.ZERO))),
         ir.fixed(E, DRIVE + a * S),
-        # d when it comes to its edge; 0 where it never does, or is within it
+        # d when it reaches its edge; 0 if it never does, or is within it
         ir.fixed(EDGE, ir.pick(S * E < S * S, (S - E) / (FROM - E), ir.ZERO)),
         ir.fixed(AWAY, ir.pick(EDGE > d, ir.ZERO, S * S)),
         ir.fixed(NOW, ir.clip(FROM)),
@@ -71,16 +72,16 @@ def _cell(text: TransientBuilder, scheme: Separate, layer: int) -> list[ir.State
 
 
 def _inside(slope: float, time: float) -> list[ir.Statement]:
-    """Return where cells are at the end that are in the middle piece at first, or enter it."""
+    """Return the final states of cells that start in the middle piece or enter it."""
     m, d = ir.Number(slope), ir.Number(math.exp(-time))
     entered, crosses, begun = EDGE > d, B * AT_B > ir.ZERO, list[ir.Statement]()
     over: ir.Expression
     between: ir.Expression
     if math.isinf(time):
-        if slope > 0.0:  # without a rate a cell stays, though it would leave from beside
+        if slope > 0.0:  # with zero rate a cell stays, although it would leave from either side
             crosses = crosses & G.differs(ir.ZERO)
         over, between = B + AT_B, ir.pick(G.differs(ir.ZERO), -DRIVE / m, NOW)
-    elif slope == 1.0:  # as most templates have it: e^t = 1/d is at hand
+    elif slope == 1.0:  # as in most templates: e^t = 1/d is already known
         both = ((LEFT, ir.pick(entered, d / EDGE, d)), (ENDS, G / AT_B))
         begun = [ir.Declare("real", both, fixed=True)]
         crosses, over = crosses & (LEFT < ENDS), B + AT_B * (ir.ONE - LEFT / ENDS)
@@ -93,15 +94,15 @@ def _inside(slope: float, time: float) -> list[ir.Statement]:
             steepest = ir.Number(math.log(STEEPEST))
             ends = ir.call("log1p", m * (B - NOW) / G) / m
             change = ir.call("expm1", ir.call("fmin", m * LEFT, steepest)) / m
-        # the time that is left, from where it enters, and that it takes to leave again. A quotient
-        # of decays is exact near the end
+        # the time left after entering, and the time to leave again. A quotient of decays is exact
+        # near the end
         left = ir.pick(entered, ir.call("log", EDGE / d), ir.Number(time))
         begun = [ir.fixed(LEFT, left), ir.fixed(ENDS, ends)]
         crosses = crosses & (ENDS < LEFT)
         over = B + AT_B * (ir.ONE - ir.call("exp", ENDS - LEFT))
         change = ir.pick(entered, change, ir.Number(moved(slope, time)))
         between = NOW + G * change
-        if slope < 0.0:  # where these two cancel
+        if slope < 0.0:  # in which these two cancel
             falls = ir.pick(entered, ir.call("exp", m * LEFT), ir.Number(growth(slope, time)))
             between = NOW * falls + DRIVE * change
     return [
@@ -113,7 +114,7 @@ def _inside(slope: float, time: float) -> list[ir.Statement]:
 
 
 def _rounded(text: TransientBuilder, own: float, time: float) -> list[ir.Statement]:
-    """Return the bound on rounding, as `cnnum.integrators.exact_ends` has it."""
+    """Return the bound on rounding errors, as in `cnnum.integrators.exact_ends`."""
     slope, left = own - 1.0, ir.Number(math.exp(-time))
     at_rest = ir.Number(growth(slope, time))
     sum = ir.size(TO) + ir.pick(AWAY.differs(ir.ZERO), left, GROWN) * SIZES
@@ -138,9 +139,9 @@ J, K, V, DOWN = ir.names("j k v d")
 
 
 def exact(text: TransientBuilder, scheme: Exact) -> Figures:
-    """Append statements that set the states `x` to their end; return the figures of the run.
+    """Append statements that set the states `x` to their end; return the results of the run.
 
-    The end is off by some roundings of `largest`.
+    The end has an error of some roundings of `largest`.
     """
     alone = ": no cell sees another" if isinstance(scheme, Separate) else ""
     text.body.append(comment(f"exact after {text.solver.duration:g}{alone}"))
@@ -170,7 +171,7 @@ def _decay(text: TransientBuilder, scheme: Decay) -> float:
 
 
 def _parts(text: TransientBuilder, scheme: Propagator | Spectral) -> list[tuple[ir.Name, Floats]]:
-    """Append the arrays that an end is made of; return each with its matrix, or its factors."""
+    """Append the arrays from which an end is computed; return each with its matrix or factors."""
     parts: list[tuple[ir.Name, Floats]] = []
     if scheme.state.any():
         text.start(X0)
@@ -181,7 +182,7 @@ def _parts(text: TransientBuilder, scheme: Propagator | Spectral) -> list[tuple[
 
 
 def _driven(text: TransientBuilder) -> list[int]:
-    """Append the array of drives where they are constant; return the layers that have one."""
+    """Append the array of drives that are constant; return the layers that have one."""
     constant = constant_drive(text)
     if constant is None:
         result = text.template.B.any(axis=(1, 2, 3)) | (text.template.z != 0.0)
@@ -201,7 +202,8 @@ def _propagate(text: TransientBuilder, scheme: Propagator) -> float:
         first, two, three, four = (
             text.tables.number_at(row + (J + k)) * array[J + k] for k in range(4)
         )
-        # the sums of four wait for no other product, and are rounded by a quarter of the additions
+        # sums of four are independent of other products, and take part in a quarter of the
+        # additions
         fours.append(ir.add(SUM, (first + two) + (three + four)))
         alone.append(ir.add(SUM, text.tables.number_at(row + J) * array[J]))
     text.array(X, n)
@@ -217,22 +219,22 @@ def _propagate(text: TransientBuilder, scheme: Propagator) -> float:
 
 
 def _of_products(text: TransientBuilder, scheme: Propagator, matrices: list[Floats]) -> float:
-    """Return how many roundings sums of products hold that are added up in fours of columns."""
+    """Return the number of roundings in sums of products that are added four columns at a time."""
     later = float(len(matrices)) * passes_in_fours(len(scheme.constant))
-    # the product, its sum of four, matrix and state as they are held, and the sum of a cell's drive
+    # the product, its sum of four, matrix and state as stored, and the sum of a cell's drive
     own = 5.0 + np.count_nonzero(text.template.B) / text.layers + 2.0
     rim = 0.0
     if scheme.constant.any():
         text.body.append(ir.Assign(LARGEST, ir.call("fmax", LARGEST, ir.ONE)))
         rim = float(np.abs(scheme.constant).max()) * (later[0] + 2.0)
-    # one counts half of the distance from 1 to the next number
+    # one rounding is half the distance from 1 to the next number
     return 0.5 * (max(rounded_gain(matrices, [later + own] * len(matrices)), 1.0) + rim)
 
 
 def _around_torus(text: TransientBuilder, scheme: Circulant) -> float:
-    """Append sums of shifted drives, each weighed by its distance on the torus.
+    """Append sums of shifted drives, weighted by their distance on the torus.
 
-    A table holds the weights of distances from 1 − n to n − 1, so that no place wraps around.
+    A table holds the weights of distances from 1 − n to n − 1, so that no index wraps around.
     """
     (rows, cols), driven = text.shape, _driven(text)
     apart = np.ix_(*(np.arange(1 - n, n) for n in text.shape))
@@ -249,13 +251,13 @@ def _around_torus(text: TransientBuilder, scheme: Circulant) -> float:
     text.array(X, text.states)
     text.body.append(ir.Sweep(ir.ROW, rows, (ir.Loop(TO, text.layers, tuple(body)),)))
     text.over_cells([_largest(W[text.at(source)]) for source in driven])
-    # a weight as it is held, its product, the sum of a cell's drive, and all later additions
+    # a weight as stored, its product, the sum of a cell's drive, and all later additions
     passes = len(driven) * text.cells + np.count_nonzero(text.template.B) / text.layers + 4.0
     return 0.5 * max(scheme.gain(driven), 1.0) * float(passes)
 
 
 def _spectral(text: TransientBuilder, scheme: Spectral) -> float:
-    """Append the way into the modes, their factors, and the way back."""
+    """Append the transform to modes, the factors per mode, and the inverse transform."""
     (rows, cols), n = text.shape, text.states
     parts = _parts(text, scheme)
     text.array(HALFWAY, text.cells)
@@ -280,7 +282,7 @@ def _spectral(text: TransientBuilder, scheme: Spectral) -> float:
         constants = [text.tables.constant(scheme.constant, at) for at in text.places]
         text.over_cells([ir.add(X[at], z) for at, z in zip(text.places, constants, strict=True)])
     strongest = sum(float(np.abs(factors).sum(axis=1).max()) for _, factors in parts)
-    # the transforms keep lengths, so they spread roundings over the cells and do not add them up
+    # the transforms are orthogonal, so they spread roundings over the cells without adding them up
     return (2.0 * (rows + cols) + 2.0) * max(1.0, strongest)
 
 
@@ -327,4 +329,4 @@ _ENDS: dict[type, Callable[[TransientBuilder, Any], float]] = {
     Circulant: _around_torus,
     Separate: separate,
 }
-"""Each appends an end, and returns how many roundings of the largest number it is off at most."""
+"""Each appends an end and returns a bound on its error, in roundings of the largest number."""

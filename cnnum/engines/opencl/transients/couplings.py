@@ -1,4 +1,4 @@
-"""Nonlinear couplings of cells, and the drive from outside."""
+"""Nonlinear couplings of cells, and the external drive."""
 
 from collections.abc import Callable
 from itertools import pairwise
@@ -25,12 +25,12 @@ ARRAYS = {"x": XP, "y": Y, "u": U}
 """Padded arrays that hold a quantity."""
 
 Reads = Callable[[Quantity, int, int, int], ir.Expression]
-"""A quantity of a layer, or input, in a cell some rows and columns away."""
+"""A quantity of a layer or input, in a cell at a row and column offset."""
 
 V, OWN, SINCE, AMID = ir.names("v own since amid")
 
 SHORTEST = 1e-30
-"""A length that devices do not flush."""
+"""A length that devices do not flush to 0."""
 
 
 def table(
@@ -49,7 +49,7 @@ def table(
     for (low, before), (high, after) in pairwise(points):
         if number is None and after == before:
             continue
-        # a sum of ramps would carry the roundings of steep ones on to all that follows
+        # a sum of ramps would propagate the rounding errors of steep ones to all that follow
         share = _along((argument - ir.Number(low)) * ir.Number(1.0 / (high - low)))
         between = held(before) * (ir.ONE - share) + held(after) * share
         value = ir.pick(argument <= ir.Number(low), value, between)
@@ -66,7 +66,7 @@ def mean(
     length: ir.Expression,
     number: Callable[[float], ir.Expression] | None = None,
 ) -> ir.Expression:
-    """Return the expression of a table's mean over a stretch of its argument, as `Table.mean`."""
+    """Return the expression of a table's mean over an interval, like `Table.mean`."""
     points, held = function.points, number or ir.Number
     value = held(points[0][1])
     for (low, before), (high, after) in pairwise(points):
@@ -88,7 +88,7 @@ def mean(
 def nonlinear(text: TransientBuilder, layer: int, *, static: bool) -> list[ir.Statement]:
     """Return statements that add a layer's nonlinear couplings in cell `p` to `sum`.
 
-    They are those that are the same all the time, or all others.
+    `static` selects those that are constant in time, else all others are added.
     """
     result = [
         coupling
@@ -112,7 +112,7 @@ def summed(
     of: str = "real",
     number: Callable[[float], ir.Expression] = ir.Number,
 ) -> list[ir.Statement]:
-    """Return statements that add a nonlinear coupling's scaled sum to a number of a type.
+    """Return statements that add a nonlinear coupling's scaled sum to a variable.
 
     `number` gives the expression of a scaled weight.
     """
@@ -137,7 +137,7 @@ def summed(
 
 
 def gain_name(number: int) -> ir.Name:
-    """Return the variable of the gain of a coupling that varies in time."""
+    """Return the variable of the gain of a time-varying coupling."""
     return ir.Name(f"gain{number}")
 
 
@@ -147,15 +147,16 @@ def gains(
     middle: ir.Expression,
     within: tuple[ir.Expression, ir.Expression] | None = None,
 ) -> list[ir.Statement]:
-    """Return the statements that find the gains that vary in time, at a time since the start.
+    """Return the statements that compute time-varying gains at a time since the start.
 
-    Gains that jump are those of the middle of the step: at its ends they may have two values. Those
-    `within` a step, of a start and a length, that may hold jumps are their means over it.
+    Gains with jumps are evaluated in the middle of the step, since they may have two values at its
+    ends. If a step may contain jumps, `within` gives its start and length, and gains are averaged
+    over it.
     """
     number = None if text.operands.own is None else text.number
     lines: list[ir.Statement] = []
     if within is not None and text.template.gains:
-        # a step of no length moves nothing, whatever the gains are
+        # a step of zero length moves nothing, whatever the gains are
         length = ir.call("fmax", within[1], ir.Number(SHORTEST))
         return [
             ir.fixed(SINCE, within[0]),
@@ -179,7 +180,7 @@ THEN = ir.Name("then")
 
 
 def constant_drive(text: TransientBuilder) -> tuple[float, ...] | None:
-    """Return z of every layer where nothing else drives the cells."""
+    """Return z of every layer if nothing else drives the cells, else None."""
     if reads_inputs(text.template) or text.operands.biases:
         return None
     return tuple(float(z) for z in text.template.z)
@@ -192,7 +193,7 @@ def drive_of(text: TransientBuilder, layer: int) -> ir.Expression:
 
 
 def drive(text: TransientBuilder) -> None:
-    """Append the statements that compute w, where it is not just z."""
+    """Append the statements that compute w, unless it is just z."""
     text.body.append(comment(f"{text.template.name}: w = B * u + z"))
     if constant_drive(text) is not None:
         return
@@ -215,7 +216,7 @@ def drive(text: TransientBuilder) -> None:
             body += _delayed(text, layer)
         body.append(ir.Assign(W[text.at(layer)], SUM))
     text.over_grid(body)
-    if lanes_fit(text):  # steps by strips go on reading them
+    if lanes_fit(text):  # steps by strips keep reading them
         for number in moving_inputs(text.template):
             keep_rows(text, number)
 
@@ -230,7 +231,7 @@ def _driven(text: TransientBuilder, layer: int) -> list[ir.Statement]:
 
 
 def arrive(text: TransientBuilder) -> None:
-    """Append the statements that let delayed inputs change: those since the start have arrived."""
+    """Append the statements that switch delayed inputs to those since the start."""
     text.over_cells(
         [ir.add(w, change) for w, change in zip(text.each(W), text.each(LATER), strict=True)]
     )
@@ -247,7 +248,7 @@ def _delayed(text: TransientBuilder, layer: int) -> list[ir.Statement]:
     result, later = taps(text.template.delayed.B, layer), LATER[text.at(layer)]
     if not text.has_history:
         return text.weighted(U, result)
-    # w starts from the inputs before the start; `later` is its change when the delay is over
+    # w starts from the inputs before the start; `later` is its change once the delay has elapsed
     return [
         ir.block(
             ir.declare(NOW, ir.ZERO),
@@ -260,7 +261,7 @@ def _delayed(text: TransientBuilder, layer: int) -> list[ir.Statement]:
 
 
 def _history(text: TransientBuilder) -> None:
-    """Append statements that leave in `later` the part of delayed inputs before the start."""
+    """Append statements that store in `later` the part of delayed inputs before the start."""
     assert text.template.delayed is not None
     text.array(LATER, text.states)
     _pad(text, text.operands.previous)

@@ -1,14 +1,14 @@
-"""Euler's steps: of linear couplings in few operations, and of small frames in registers.
+"""Forward Euler steps: linear couplings in few operations, and small frames in registers.
 
     x⁺ = (1 − h/τ) x + (h/τ) w + Σ (h/τ) a y
 
-Weights come with h/τ in them, and w is scaled once. New outputs go to a second padded array, so
-that a step is one sweep. While a loaded output is in a register, it is added to all its neighbours.
+Weights include the factor h/τ, and w is scaled once. New outputs go to a second padded array, so
+that a step is one sweep. A loaded output is added to all its neighbours while in a register.
 
-Euler's steps of a single small frame: each row of the array is one vector.
+For a single small frame, each row of the array is one vector.
 
-Neighbours in a row are the same vector with its components moved along. So nothing is written to
-memory, and read back at another place, between the steps.
+Neighbours in a row are the same vector with its components shifted, so nothing goes through memory
+between steps.
 """
 
 from collections.abc import Sequence
@@ -40,12 +40,12 @@ from cnnum.templating.network import Tap, taps
 
 BLOCK_COLUMNS = 10
 BLOCK_STATEMENTS = 400
-"""Columns and statements of unrolled text: more of it costs compile time and no longer pays."""
+"""Limit on unrolled statements: more of them cost compile time without benefit."""
 
 REGISTERS_FROM = 64
-"""Bytes of a vector from which a processor has 32 registers (AVX-512), enough for two rows' sums.
-A sum waits four cycles for each of its products. Two rows side by side have as many sums as the
-processor can work on. In one row it must look ahead, and takes a third longer."""
+"""Vector size in bytes from which a CPU has 32 registers (AVX-512), enough for two rows of sums. A
+sum waits four cycles for each of its products. Two rows have as many independent sums as the CPU
+can process in parallel; one row relies on reordering and takes a third longer."""
 
 Z, SCALED, FROM, TO = ir.names("z wh from to")
 """The second array of outputs, the scaled drive, and the outputs before and after a step."""
@@ -55,13 +55,13 @@ V, B = ir.names("v b")
 
 @dataclass(frozen=True, slots=True)
 class StepWeights:
-    """The numbers of Euler's step of linear couplings, each with h/τ of a layer in it."""
+    """The coefficients of an Euler step with linear couplings, scaled by h/τ of each layer."""
 
     text: TransientBuilder
     scheme: FixedSteps
 
     def declared(self) -> list[ir.Statement]:
-        """Return statements that scale frames' own numbers: h/τ, 1 − h/τ, and each weight."""
+        """Return statements that compute per-frame coefficients: h/τ, 1 − h/τ, and each weight."""
         lines, text = list[ir.Statement](), self.text
         for layer in range(text.layers if text.operands.own else 0):
             move, kept = _move(layer), ir.Name(f"kept_{layer}")
@@ -88,7 +88,7 @@ class StepWeights:
         return _scaled(own) if isinstance(own, ir.Name) else self.number(layer, weight)
 
     def kept(self, layer: int) -> ir.Expression:
-        """Return the share of a state that a step leaves."""
+        """Return the fraction of a state that a step retains."""
         own = self.text.operands.own
         return ir.Number(1.0 - self._share(layer)) if own is None else ir.Name(f"kept_{layer}")
 
@@ -102,7 +102,7 @@ def _scaled(weight: ir.Name) -> ir.Name:
 
 
 def fuses(text: TransientBuilder, scheme: FixedSteps) -> bool:
-    """Return whether steps of a scheme can be written with the step in their weights."""
+    """Return whether steps of a scheme can be fused into the weights."""
     even = scheme.last == scheme.step and scheme.count > 0 and not scheme.settle
     return scheme.stages == 1 and text.template.plain and even and text.arena.private
 
@@ -122,7 +122,7 @@ def fused_euler(text: TransientBuilder, scheme: FixedSteps) -> Figures:
 
 
 def _declare(text: TransientBuilder, weights: StepWeights) -> None:
-    """Append the second array of outputs, the first values of both, and the scaled drive."""
+    """Append the second array of outputs, the initial values of both, and the scaled drive."""
     text.body += weights.declared()
     boundary = text.template.boundary
     text.array(Z, text.layers * text.padded)
@@ -152,7 +152,7 @@ def _sweep(text: TransientBuilder, weights: StepWeights) -> None:
 
 @dataclass(frozen=True, slots=True)
 class _Block:
-    """The columns from `b` on, of some rows, that are unrolled.
+    """An unrolled block of columns, from `b` on, in some rows.
 
     Attributes
     ----------
@@ -160,8 +160,8 @@ class _Block:
     weights : StepWeights
     rows, columns : int
     gathers : bool
-        Whether loaded values are kept, and those of equal weights added up before they are
-        weighted. Else they are added to all sums at once, which takes fewer registers.
+        Whether loaded values are kept and those with equal weights summed before weighting. If not,
+        they are added to all sums at once, which takes fewer registers.
     """
 
     text: TransientBuilder
@@ -172,7 +172,7 @@ class _Block:
 
     @classmethod
     def of(cls, text: TransientBuilder, weights: StepWeights) -> "_Block":
-        """Return the block of a template: columns are a divisor of the array's."""
+        """Return the block of a template; its width divides the array's."""
         gathers = any(shares_products(taps(text.template.A, m)) for m in range(text.layers))
         vector = text.tables.lanes * text.tables.dtype.itemsize
         pairs = vector >= REGISTERS_FROM and text.shape[0] % 2 == 0 and not gathers
@@ -209,7 +209,7 @@ class _Block:
         return X[ir.Integer(at) + ir.CELL]
 
     def _begun(self, layer: int, row: int, column: int) -> ir.Statement:
-        """Return the sum of a cell, begun with the part that is not neighbours'."""
+        """Return the sum of a cell, initialised with the part not due to neighbours."""
         state, constant = self._state(layer, row, column), constant_drive(self.text)
         driven = (
             SCALED[state.at] if constant is None else self.weights.number(layer, constant[layer])
@@ -217,7 +217,7 @@ class _Block:
         return ir.declare(_sum(layer, row, column), driven + self.weights.kept(layer) * state)
 
     def _scatter(self, column: int) -> list[ir.Statement]:
-        """Return the outputs of a column, each added to all sums of the block that it reaches."""
+        """Return the outputs of a column, added to all sums of the block in reach."""
         text, reach, lines = self.text, self._reach, list[ir.Statement]()
         weight_at = {
             (layer, tap.source, tap.row, tap.col): tap.weight
@@ -246,7 +246,7 @@ class _Block:
         ]
 
     def _gather(self, column: int) -> list[ir.Statement]:
-        """Return the sums of a column's cells, equal weights together."""
+        """Return the sums of a column's cells, grouped by equal weights."""
         radius = self.text.radius
 
         def output(tap: Tap) -> ir.Name:
@@ -280,7 +280,7 @@ def _sum(layer: int, row: int, column: int) -> ir.Name:
 
 
 def _output_at(text: TransientBuilder, source: int, row: int, column: int) -> ir.Element:
-    """Return the output at a place of the padded block."""
+    """Return the output at a position in the padded block."""
     return FROM[ir.Integer(source * text.padded + row * text.pitch + column) + ir.PLACE]
 
 
@@ -289,7 +289,7 @@ def _loaded(source: int, row: int, column: int) -> ir.Name:
 
 
 def _rim_copies(text: TransientBuilder, length: int) -> list[tuple[int, int]]:
-    """Return the padded places of virtual cells of a line, each with the place that it shows."""
+    """Return the padded indices of virtual cells of a line, each with the index that it copies."""
     radius = text.radius
     source = line_sources(text.template.boundary, length, radius)
     places = (*range(radius), *range(length + radius, length + 2 * radius))
@@ -297,9 +297,9 @@ def _rim_copies(text: TransientBuilder, length: int) -> list[tuple[int, int]]:
 
 
 def _rims(text: TransientBuilder) -> list[ir.Statement]:
-    """Return the loops that fill the rims: left and right of rows, above and below from whole rows.
+    """Return the loops that fill the rims: ends of rows, then whole rows above and below.
 
-    A table of the places, as sweeps have it, takes a third longer on the smallest arrays.
+    A table of indices, as in other sweeps, takes a third longer on the smallest arrays.
     """
     starts = [ir.Integer(layer * text.padded) for layer in range(text.layers)]
     middle = [start + (ir.ROW + text.radius) * text.pitch for start in starts]
@@ -316,20 +316,20 @@ def _rims(text: TransientBuilder) -> list[ir.Statement]:
 
 WIDTHS = (4, 8, 16)
 MOST_ROWS = 20
-"""Vectors of all layers' rows: more do not fit the registers."""
+"""Maximum number of row vectors in all layers: more do not fit the registers."""
 
 MOST_STATEMENTS = 700
 
 KNOWN = ("standard", "full-range", "linear")
-"""Outputs that clip, be it the states, or show states as they are; others have no form for rows."""
+"""Output functions supported in row form: those that clip outputs or states, and the identity."""
 
 SHARED = 4
-"""Equal weights that are worth a sum before the product: pairs took a tenth longer with it, fours
-a tenth less."""
+"""Number of equal weights from which summing before the product pays: pairs took a tenth longer,
+groups of four a tenth less."""
 
 
 def width(cols: int) -> int | None:
-    """Return the vector that holds a row, None where it is too long."""
+    """Return the width of the vector that holds a row, or None if it is too long."""
     return next((n for n in WIDTHS if n >= cols), None)
 
 
@@ -367,9 +367,9 @@ def _each(text: TransientBuilder) -> list[tuple[int, int]]:
 
 
 def _row(array: str, *at: int) -> ir.Name:
-    """Return the vector that holds a row: of states x, outputs y, the drive w or new states s.
+    """Return the vector of a row: of states x, outputs y, the drive w or new states s.
 
-    Of outputs there is one, too, as each column of the padded neighbourhood sees them.
+    Outputs also have one for each column offset of the neighbourhood.
     """
     return ir.Name(array + "_".join(map(str, at)))
 
@@ -392,7 +392,7 @@ def _gathered(text: TransientBuilder, array: ir.Name, layer: int, row: int) -> i
 
 
 def _vector(text: TransientBuilder, cells: Sequence[ir.Expression]) -> ir.Call:
-    """Return a row of cells; lanes without one hold 0."""
+    """Return a row of cells; unused lanes hold 0."""
     rest = (width(text.shape[1]) or 0) - len(cells)
     return ir.call("(row)", *cells, *(ir.ZERO for _ in range(rest)))
 
@@ -417,12 +417,12 @@ def _step(text: TransientBuilder, weights: StepWeights) -> list[ir.Statement]:
 
 
 def _sources(text: TransientBuilder, count: int) -> NDArray[np.int64]:
-    """Return the cell, or row, that each padded place shows; −1 is none."""
+    """Return the cell or row that each padded index copies, −1 for none."""
     return line_sources(text.template.boundary, count, text.radius)
 
 
 def _moved(text: TransientBuilder, layer: int, row: int) -> list[ir.Statement]:
-    """Return a row of outputs as each column offset that any weight has sees it."""
+    """Return a row of outputs, shifted by each column offset that has a weight."""
     cols, radius = text.shape[1], text.radius
     source, outputs = _sources(text, cols), _row("y", layer, row)
     columns = distinct(np.argwhere(text.template.A)[:, 3]) - text.template.A.shape[-1] // 2

@@ -41,16 +41,16 @@ from cnnum.templating.batch import LADDER
 from cnnum.templating.network import delays_outputs, lag
 
 STAGES, OLD, K1 = ir.Name("stages"), ir.Name("old"), rates_of(1)
-"""The number of a step's stages, the stage before the last, and the rates at the step's end."""
+"""Number of stages in a step, the second-last stage, and the rates at the step's end."""
 
 REACH, TABLE_ROW, STAGE, NEW = ir.names("reach row j new")
 BEGIN, BACK1, BACK2, WEIGHT, START = ir.names("begin back1 back2 weight start")
-"""Numbers of a method's rows."""
+"""Coefficients of a method's stages."""
 
 
 def count_stages(scheme: ChebyshevSteps) -> list[ir.Statement]:
-    """Return statements that find a step's stages: the lane with the longest step decides."""
-    # the interval of stability over s² − 1
+    """Return statements that find the number of stages; the lane with the longest step decides."""
+    # the stability interval divided by s² − 1
     reach = chebyshev_method(MAX_STAGES).real_stability / (MAX_STAGES**2 - 1)
     stable = RUNNING * H * ir.Number(scheme.fastest) * ir.Number(1.0 / reach)
     longest = ir.call("LARGEST_LANE", stable) + ir.Cast("scalar", ir.Integer(1))
@@ -78,7 +78,7 @@ def chebyshev_sweeps(text: TransientBuilder, scheme: ChebyshevSteps) -> Attempt:
 
     stage = text.aside(lambda: _rates(text, then))
     last_rates = text.aside(lambda: _rates(text, into(K1)))
-    # the older values are not needed any more: the two change places
+    # the older values are no longer needed: swap the two
     swap: list[ir.Statement] = [
         ir.fixed(NEW, OLD[ir.CELL]),
         ir.Assign(OLD[ir.CELL], XS[ir.CELL]),
@@ -112,7 +112,7 @@ def _rates(text: TransientBuilder, then: Then) -> None:
 
 
 def _judge(text: TransientBuilder) -> list[ir.Statement]:
-    """Return statements that find the worst error of a step, and the change at its end."""
+    """Return statements that find the largest error of a step, and the change at its end."""
     # Sommeijer, Shampine & Verwer 1998, section 2.2
     states = ir.call("R", ir.Constant("0.8")) * (X[ir.CELL] - XS[ir.CELL])
     error = states + ir.call("R", ir.Constant("0.4")) * H * (K0[ir.CELL] + K1[ir.CELL])
@@ -125,7 +125,7 @@ def repeated(
     length: ir.Expression,
     body: Sequence[ir.Statement],
 ) -> Figures:
-    """Append a scheme's steps and return the figures of the run.
+    """Append a scheme's steps and return the results of the run.
 
     Parameters
     ----------
@@ -155,8 +155,8 @@ def _until_rest(
     length: ir.Expression,
     body: Sequence[ir.Statement],
 ) -> list[ir.Statement]:
-    """Return the rounds of steps; a lane stops where nothing changes any more."""
-    # with a delay a state may be at a turn, so that nothing changes for longer
+    """Return the iterations of steps; a lane stops once nothing changes any more."""
+    # with a delay, a state may pause at a turning point without being at rest
     late, rests, counted = lag(text.template, scheme.step), RESTS, list[ir.Statement]()
     begun = [ir.Declare("real", ((RUNNING, ir.ONE), *zeros(TIME, STEPS, SETTLED)))]
     if late:
@@ -177,7 +177,7 @@ def _until_rest(
 
 
 def fixed_figures(text: TransientBuilder, scheme: FixedSteps) -> Figures:
-    """Return the figures of steps of a fixed length, whose error is not followed."""
+    """Return the results of steps of a fixed length, whose error is not estimated."""
     error = ir.Number(LOST)
     if scheme.settle:
         return {"time": TIME, "steps": STEPS, "settled": SETTLED, "error": error}
@@ -186,25 +186,25 @@ def fixed_figures(text: TransientBuilder, scheme: FixedSteps) -> Figures:
 
 
 RING, NOW_AT, THEN_AT, NEXT_AT = ir.names("ring now_at then_at next_at")
-"""Outputs of the last steps, and where this one's and those of a delay ago stand among them."""
+"""Ring buffer of past outputs, and the positions in it of current, delayed and next outputs."""
 
 SPAN = ir.Name("span")
-"""A frame's own step, where frames have delays of their own."""
+"""Per-frame step length, if delays differ between frames."""
 
 SLIVER = 0.01
-"""Share of a step below which the last one is a rounding."""
+"""Fraction of a step below which a last step is due to rounding."""
 
 
 def fixed_steps(text: TransientBuilder, scheme: FixedSteps) -> Figures:
-    """Append steps of a fixed length and return the figures of the run."""
+    """Append steps of a fixed length and return the results of the run."""
     if scheme.stages > 1:
         declare_stages(text, 0, scheme.stages)
     late, delay = lag(text.template, scheme.step), _own_delay(text)
     if delays_outputs(text.template):
         text.array(RING, (late + 1) * text.states)
     if delay is not None:
-        # the step of a frame is the same part of its delay in all. A delay is within a ladder's
-        # rung, so that no frame takes more steps than that times the usual
+        # the step is the same fraction of the delay in all frames. Delays lie within one rung of a
+        # ladder, which bounds the number of steps of any frame
         text.body.append(ir.fixed(SPAN, delay * ir.Number(1.0 / late)))
         scheme = replace(scheme, count=math.ceil(LADDER * scheme.count) + 1)
     step = _euler_step if scheme.stages == 1 else _several_stages
@@ -262,7 +262,7 @@ def stages(
     first: int,
     instant: Callable[[float], Instant],
 ) -> list[ir.Statement]:
-    """Return the stages of a step `h` from the first one on; `instant` is of a part of the step."""
+    """Return the stages of a step `h` from `first` on; `instant` takes a fraction of the step."""
     rows = scheme.tableau.a
     step = (
         partial(_stage, text, scheme, number, instant(float(sum(rows[number]))))
@@ -282,19 +282,19 @@ def _stage(
         rows = [scheme.of(layer).a[number] for layer in range(text.layers)]
         states = zip(text.places, rows, strict=True)
         outputs(text, [X[at] + H * combination(row, at) for at, row in states], keep=XS)
-    # a cell that comes to its limit within a step of fixed length is there at its end
+    # a cell that reaches its limit within a step of fixed length stays there to its end
     outwards = number > 0 and isinstance(scheme, FixedSteps)
     rates(text, XS if number else X, into(rates_of(number)), instant, outwards=outwards)
 
 
 def combination(weights: Row, at: ir.Expression) -> ir.Expression:
-    """Return the weighted sum of the stages' rates at a place."""
+    """Return the weighted sum of the stages' rates at an index."""
     return ir.total(
         [ir.Number(float(weight)) * rates_of(n)[at] for n, weight in enumerate(weights) if weight]
     )
 
 
-# delays: a ring of the outputs of the last steps, and steps of a frame's own
+# delays: a ring buffer of past outputs, and per-frame steps
 
 
 def _ring_at(text: TransientBuilder, slot: ir.Name, at: ir.Expression) -> ir.Element:
@@ -302,7 +302,7 @@ def _ring_at(text: TransientBuilder, slot: ir.Name, at: ir.Expression) -> ir.Ele
 
 
 def _remember(text: TransientBuilder) -> None:
-    """Append statements that keep this step's outputs in the ring."""
+    """Append statements that store this step's outputs in the ring buffer."""
     if delays_outputs(text.template):
         pairs = enumerate(text.places)
         text.over_grid(
@@ -311,7 +311,7 @@ def _remember(text: TransientBuilder) -> None:
 
 
 def _ring(text: TransientBuilder, scheme: FixedSteps, late: int) -> list[ir.Statement]:
-    """Return the head of a step, which finds the ring's places; a delay is `late` steps."""
+    """Return the head of a step, which finds positions in the ring; the delay is `late` steps."""
     lines: list[ir.Statement] = []
     if delays_outputs(text.template):
         slots, share = late + 1, _last(scheme, 1.0, scheme.last / scheme.step)
@@ -327,7 +327,7 @@ def _ring(text: TransientBuilder, scheme: FixedSteps, late: int) -> list[ir.Stat
 
 
 def _instant(text: TransientBuilder, scheme: FixedSteps, c: float) -> Instant:
-    """Return when a part of step `n` is; outputs a delay ago are those of its start, or its end."""
+    """Return the time of stage `c` of step `n`; delayed outputs are those of its start or end."""
 
     def past(at: ir.Expression) -> ir.Expression:
         first = _ring_at(text, THEN_AT, at)
@@ -350,7 +350,7 @@ def _instant(text: TransientBuilder, scheme: FixedSteps, c: float) -> Instant:
 
 
 def _by_piece(scheme: FixedSteps, values: Sequence[ir.Expression]) -> ir.Expression:
-    """Return the value of the stretch that step `n` lies in."""
+    """Return the value for the interval that contains step `n`."""
     value = values[-1]
     for piece, before in zip(reversed(scheme.pieces[1:]), reversed(values[:-1]), strict=True):
         value = ir.Choice(ir.ROUND < ir.Integer(piece.first), before, value)
@@ -358,13 +358,13 @@ def _by_piece(scheme: FixedSteps, values: Sequence[ir.Expression]) -> ir.Express
 
 
 def _own_delay(text: TransientBuilder) -> ir.Name | None:
-    """Return the variable of frames' own delays, None where all have the same or none."""
+    """Return the variable of frames' own delays, None if all have the same or none."""
     own = text.operands.own
     return None if own is None else own.delay
 
 
 def _length(text: TransientBuilder, scheme: FixedSteps) -> ir.Expression:
-    """Return the length of step `n`: 0 where a frame is at its end."""
+    """Return the length of step `n`, which is 0 once a frame has finished."""
     if scheme.pieces:
         return _by_piece(scheme, [ir.Number(piece.step) for piece in scheme.pieces])
     if _own_delay(text) is None:
@@ -374,7 +374,7 @@ def _length(text: TransientBuilder, scheme: FixedSteps) -> ir.Expression:
 
 
 def _last(scheme: FixedSteps, usual: float, last: float) -> ir.Expression:
-    """Return a number that is another one in the last step."""
+    """Return `usual`, or `last` in the last step."""
     if math.isclose(usual, last, rel_tol=1e-9):
         return ir.Number(usual)
     return ir.Choice(ir.ROUND.equals(scheme.count - 1), ir.Number(last), ir.Number(usual))

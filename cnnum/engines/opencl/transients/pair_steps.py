@@ -1,9 +1,9 @@
-"""Steps of a pair that estimates its own error, as sweeps over all cells.
+"""Steps of an embedded Runge–Kutta pair, as sweeps over all cells.
 
-A single small frame has its stages in one loop. Written out a stage after the other the text is
-several times as long. It takes as much longer to build. Each round takes all rates so far, those
-that its stage does not weigh times 0. The sum has the same terms in the same order. But where a 0
-stands between two products compilers may fuse others of the multiply-adds, which round otherwise.
+A single small frame runs its stages in one loop: unrolled, the code is several times as long and
+takes correspondingly longer to compile. Each iteration sums all rates so far, those that its stage
+does not use multiplied by 0. The sum has the same terms in the same order, but with the zero terms
+compilers may fuse different multiply-adds, which round differently.
 """
 
 from collections.abc import Sequence
@@ -21,18 +21,18 @@ LEFT_OUT = ir.Name("left_out")
 """The truncation error of a step in a cell."""
 
 LATER_RATES, STAGE = ir.names("later stage")
-"""The rates of all stages but the first, one after the other; the stage at hand."""
+"""The rates of all stages but the first, concatenated; the current stage."""
 
 
 def sweeps(text: TransientBuilder, scheme: AdaptiveSteps) -> Attempt:
-    """Return a step's statements as sweeps over all cells, a stage after the other."""
+    """Return a step's statements as sweeps over all cells, stage by stage."""
     declare_stages(text, 1, scheme.tableau.stages)
     body = stages(text, scheme, 1, lambda c: Instant(TIME + ir.Number(c) * H, AMID_STEP))
     return _judged(text, scheme, body)
 
 
 def rolls(text: TransientBuilder) -> bool:
-    """Whether steps are to be built quickly: frames side by side are worth the longer text."""
+    """Return whether to roll the stages for a short build, as for frames run one by one."""
     return text.arena.private and text.tables.lanes == 1
 
 
@@ -47,7 +47,7 @@ def rolled(text: TransientBuilder, scheme: AdaptiveSteps) -> Attempt:
     once = "__attribute__((opencl_unroll_hint(1)))"
     stage = tuple(text.aside(lambda: _round(text, scheme)))
     body: list[ir.Statement] = [
-        # rates that a refused step left may be infinite, and are multiplied by 0
+        # rates left by a rejected step may be infinite, and are multiplied by 0
         ir.sweep(ir.CELL, (count - 1) * n, [ir.Assign(LATER_RATES[ir.CELL], ir.ZERO)]),
         ir.Counted(STAGE, 1, count, None, stage, hint=once),
     ]
@@ -55,7 +55,7 @@ def rolled(text: TransientBuilder, scheme: AdaptiveSteps) -> Attempt:
 
 
 def _round(text: TransientBuilder, scheme: AdaptiveSteps) -> None:
-    """Append the round of one stage."""
+    """Append the loop iteration of one stage."""
     count, states = scheme.tableau.stages, list[ir.Expression]()
     for layer, place in enumerate(text.places):
         rows = np.zeros((count, count - 1))
@@ -83,7 +83,7 @@ def _round(text: TransientBuilder, scheme: AdaptiveSteps) -> None:
 def _judged(
     text: TransientBuilder, scheme: AdaptiveSteps, body_of_step: Sequence[ir.Statement]
 ) -> Attempt:
-    """Return a step of these stages, with its judgement: the worst error, the change at its end."""
+    """Return a step with these stages, and its largest error and the change at its end."""
     last, body = rates_of(scheme.tableau.stages - 1), list[ir.Statement]()
     for layer, at in enumerate(text.places):
         tableau, lines = scheme.of(layer), list[ir.Statement]()

@@ -1,4 +1,4 @@
-"""The equation of the cells' states: outputs y = f(x) and rates dx/dt."""
+"""The state equation: outputs y = f(x) and rates dx/dt."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -24,15 +24,15 @@ RESTS = CHANGE <= ir.ONE
 """Whether nothing changes any more."""
 
 Then = Callable[[ir.Expression, int], Sequence[ir.Statement]]
-"""Statements on `rate`, by the cell's place among the stacked states and by its layer."""
+"""Statements on `rate`, given the cell's index in the stacked states and its layer."""
 
 
 Past = Callable[[ir.Expression], ir.Expression]
-"""The output a delay ago of the cell at a place in stacked order."""
+"""The delayed output of the cell at an index in the stacked states."""
 
 
 def into(array: ir.Name) -> Then:
-    """Return the statements that keep rates in an array of stacked ones."""
+    """Return the statements that store rates in a stacked array."""
     return lambda at, _: [ir.Assign(array[at], RATE)]
 
 
@@ -45,11 +45,11 @@ class Instant:
     time : Expression
         Time since the start.
     middle : Expression
-        That of the middle of the step.
+        Time of the middle of the step.
     past : Past or None
-        None where the template has no delayed A.
+        None if the template has no delayed A.
     within : (Expression, Expression) or None
-        Start and length of a step that may hold jumps of gains.
+        Start and length of a step that may contain jumps of gains.
     """
 
     time: ir.Expression = ir.ZERO
@@ -73,7 +73,7 @@ def declare_outputs(text: TransientBuilder) -> None:
 def outputs(
     text: TransientBuilder, state: Sequence[ir.Expression], keep: ir.Name | None = None
 ) -> None:
-    """Append y = f(state), the state given by one expression a layer; keep it in an array."""
+    """Append y = f(state) and store it; the state is given by one expression per layer."""
     template, body = text.template, list[ir.Statement]()
     for layer, expression in enumerate(state):
         inner: list[ir.Statement] = [ir.declare(NOW, expression)]
@@ -94,9 +94,9 @@ def outputs(
 def rates(
     text: TransientBuilder, state: ir.Name, then: Then, instant: Instant, *, outwards: bool = False
 ) -> None:
-    """Append the evaluation of `rate` = dx/dt in every cell of every layer, and `then` on it.
+    """Append the evaluation of `rate` = dx/dt in every cell of every layer, followed by `then`.
 
-    At a limit of the state a rate is 0 that leads `outwards`, unless these are asked for.
+    At a limit of the state, rates that lead outwards are 0 unless `outwards` is set.
     """
     if instant.past is not None and delays_outputs(text.template):
         past = enumerate(map(instant.past, text.places))
@@ -107,11 +107,11 @@ def rates(
 
 
 def rates_once(text: TransientBuilder, then: Then, instant: Instant) -> None:
-    """Append the same of the states `x`, whose outputs are not known yet.
+    """Append the same for the states `x`, whose outputs have not been computed yet.
 
     The statements of `then` may not change values that other cells see.
     """
-    # couplings see anything that changes, or any input
+    # whether couplings read anything that changes, or any input
     if has_feedback(text.template) or moving_inputs(text.template):
         outputs(text, text.each(X))
         rates(text, X, then, instant)
@@ -123,7 +123,7 @@ def rates_once(text: TransientBuilder, then: Then, instant: Instant) -> None:
 def _rate_lines(
     text: TransientBuilder, state: ir.Name, then: Then, *, outwards: bool = False
 ) -> list[ir.Statement]:
-    """Return statements that find the rates of a cell."""
+    """Return statements that compute the rates of a cell."""
     body: list[ir.Statement] = [ir.Declare("real", ((SUM, None), (RATE, None)))]
     for layer, now in enumerate(text.each(state)):
         body.append(ir.Assign(SUM, drive_of(text, layer) - now))
@@ -156,7 +156,7 @@ def _couplings(text: TransientBuilder, layer: int) -> list[ir.Statement]:
 def watched(
     text: TransientBuilder, state: ir.Expression, rate: ir.Expression = RATE
 ) -> ir.Accumulate:
-    """Return the statement that keeps the largest rate, in units of the tolerance, in `change`.
+    """Return the statement that updates `change`, the largest rate in units of the tolerance.
 
     A state whose rate times its layer's τ is below the tolerance stays within about that of its
     equilibrium.

@@ -1,4 +1,4 @@
-"""Steps that may be refused: their length and their error, by the figures of each attempt."""
+"""Adaptive step control: step length and error, from the error estimate of each attempt."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -35,14 +35,14 @@ from cnnum.integrators.schemes import MAX_STEPS, NEARLY, AdaptiveSteps, Chebyshe
 from cnnum.templating.network import gains_jump
 
 LARGEST_EXPONENT = 80.0
-"""e to this is a number of single precision."""
+"""Largest argument of exp that does not overflow single precision, with margin."""
 
 K0 = ir.Name("k0")
 """The rates at a step's start."""
 
 ACCEPT, WORST, ADDED, SPEED, E = ir.names("accept worst added speed e")
-"""Of an attempt: whether it counts, its error over the tolerance, its part of the error, the
-largest rate; and a cell's error."""
+"""Per attempt: whether it is accepted, its error over the tolerance, its contribution to the total
+error, the largest rate; and the error of a cell."""
 
 ACCEPTED = ACCEPT.differs(ir.ZERO)
 
@@ -50,21 +50,21 @@ ERROR, BEHIND, AHEAD, REACHED = ir.names("error behind ahead reached")
 SPEED_BEFORE, FASTER, GROWN = ir.names("speed_before faster grown")
 
 PASSED = ir.Name("passed")
-"""By how much a cell passes an error on: f'."""
+"""The factor by which a cell propagates an error: f'."""
 
 GOAL, ENDS = ir.names("goal ends")
-"""The next time at which a step ends whatever its error, and whether this one does."""
+"""The next time at which a step must end, and whether this step ends there."""
 
 AMID_STEP = TIME + ir.Number(0.5) * H
 """The middle of a step."""
 
 Figures = dict[str, ir.Expression]
-"""Of a run: time, steps, settled, error."""
+"""Results of a run: time, steps, settled, error."""
 
 
 @dataclass(frozen=True, slots=True)
 class Attempt:
-    """Statements of a step that may be refused.
+    """Statements of a step that may be rejected.
 
     Attributes
     ----------
@@ -73,7 +73,7 @@ class Attempt:
     judge : sequence of Statement
         Statements that find `worst`, `added`, `speed` and `change`.
     advance : sequence of Statement
-        Statements that take the step over where `accept` is not 0.
+        Statements that apply the step if `accept` is not 0.
     begin, end : sequence of Statement
         `begin` comes before all steps, once `k0` holds the rates at the start `x`. `end` comes
         after them, to bring the state back to `x`.
@@ -94,9 +94,9 @@ def controlled(
     scheme: Controlled,
     attempts: Callable[[TransientBuilder, Any], Attempt],
 ) -> Figures:
-    """Append steps that follow the error estimate, and return the figures of the run.
+    """Append steps controlled by the error estimate, and return the results of the run.
 
-    A pair's steps carry the part of the time that rounding leaves out.
+    Time is accumulated by compensated summation for embedded pairs.
     """
     text.array(K0, text.states)
     attempt = attempts(text, scheme)
@@ -107,7 +107,7 @@ def controlled(
     stops = scheme.stops if isinstance(scheme, AdaptiveSteps) else ()
     goal = duration if not stops else GOAL
     length = ir.call("fmin", ir.call("fmin", H, longest), goal - TIME)
-    if stops:  # no sliver of a step is left before the point of a gain in time
+    if stops:  # leave no sliver of a step before a breakpoint of a gain in time
         usual = ir.call("fmin", H, longest)
         length = ir.pick(goal - TIME <= ir.Number(NEARLY) * usual, goal - TIME, usual)
     passed, rate = passed_on(text, X[ir.CELL], K0[ir.CELL])
@@ -146,7 +146,7 @@ def controlled(
 
 
 def _next_stop(stops: Sequence[float], duration: ir.Expression) -> ir.Expression:
-    """Return the first time after now at which a step ends whatever its error."""
+    """Return the next time at which a step must end."""
     goal = duration
     for stop in reversed(stops):
         goal = ir.pick(TIME < ir.Number(stop), ir.Number(stop), goal)
@@ -154,7 +154,7 @@ def _next_stop(stops: Sequence[float], duration: ir.Expression) -> ir.Expression
 
 
 def _begun_anew(text: TransientBuilder, fastest: list[ir.Statement]) -> list[ir.Statement]:
-    """Return statements that find the rates at a step's start, which are those after a jump."""
+    """Return statements that recompute the rates at a step's start, after a possible jump."""
     rates = text.aside(lambda: rates_once(text, into(K0), Instant(TIME, AMID_STEP)))
     none, result = ir.Assign(SPEED_BEFORE, ir.ZERO), ir.sweep(ir.CELL, text.states, fastest)
     return [ir.Block(tuple(rates)), none, result]
@@ -179,7 +179,7 @@ def _carried_on(stops: Sequence[float]) -> list[ir.Statement]:
 
 
 def _followed(text: TransientBuilder, scheme: Controlled) -> list[ir.Statement]:
-    """Return statements that follow the error: it grows as the rates do, within its bound."""
+    """Return statements that track the error, which grows with the rates, within its bound."""
     before = ir.call("fmax", SPEED_BEFORE, ir.Number(SMALLEST_RATE))
     numbers = text.operands.own
     fastest = numbers.growth if numbers else ir.Number(error_growth(text.template))
@@ -196,7 +196,7 @@ def _followed(text: TransientBuilder, scheme: Controlled) -> list[ir.Statement]:
 
 
 def _next(scheme: Controlled, duration: ir.Expression) -> list[ir.Statement]:
-    """Return statements that set the length of the next step, and whether there is one."""
+    """Return statements that set the length of the next step and whether there is one."""
     rests = (ACCEPT * ir.Number(float(scheme.settle))).differs(ir.ZERO) & RESTS
     ends = (TIME >= duration * ir.Number(1.0 - 1e-6)) | SETTLED.differs(ir.ZERO)
     follows = scheme.control
@@ -212,7 +212,7 @@ def _next(scheme: Controlled, duration: ir.Expression) -> list[ir.Statement]:
 
 
 def advance(text: TransientBuilder, last: ir.Name) -> list[ir.Statement]:
-    """Return statements that take a step over where `accept` is not 0."""
+    """Return statements that apply a step if `accept` is not 0."""
     pairs = [(state[ir.CELL], end[ir.CELL]) for state, end in ((X, XS), (K0, last))]
     body = [ir.Assign(state, ir.pick(ACCEPTED, end, state)) for state, end in pairs]
     return [ir.sweep(ir.CELL, text.states, body)]
@@ -221,7 +221,7 @@ def advance(text: TransientBuilder, last: ir.Name) -> list[ir.Statement]:
 def passed_on(
     text: TransientBuilder, state: ir.Expression, rate: ir.Expression
 ) -> tuple[list[ir.Statement], ir.Expression]:
-    """Return |dx/dt| by how much the cell passes an error on, and the statements it needs.
+    """Return |dx/dt| times the cell's error propagation factor, and the statements it needs.
 
     See `cnnum.integrators.estimate`.
     """
@@ -234,7 +234,7 @@ def passed_on(
 
 
 def rounding(text: TransientBuilder) -> ir.Number:
-    """Return the size of a step's roundings, for a state of 1."""
+    """Return the rounding error of a step, for a state of 1."""
     return ir.Number(ROUNDINGS * float(np.finfo(text.tables.dtype).eps))
 
 
@@ -245,15 +245,15 @@ def judged(
     left_out: ir.Expression,
     rate: ir.Name,
 ) -> list[ir.Statement]:
-    """Return statements that take a cell into the figures of a step.
+    """Return statements that update the error estimate of a step by one cell.
 
     Parameters
     ----------
     text : TransientBuilder
     at : Expression
-        The cell's place.
+        The cell's index.
     error, left_out : Expression
-        The step's estimate, and its share `e` in the error that is followed.
+        The step's error estimate, and its contribution `e` to the tracked error.
     rate : Name
         The rates at the step's end.
     """

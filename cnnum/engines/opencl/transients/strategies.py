@@ -1,4 +1,4 @@
-"""The ways to bring a transient to its end, as records in an order: the first that fits runs."""
+"""The strategies for running a transient, as an ordered list: the first that fits is used."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -30,10 +30,10 @@ from cnnum.integrators.exact_ends import Circulant, Decay, Propagator, Separate,
 from cnnum.integrators.schemes import AdaptiveSteps, ChebyshevSteps, FixedSteps
 
 Lower = Callable[[TransientBuilder, Any], Figures]
-"""Appends the statements of a scheme, from and to the states `x`, and returns the figures."""
+"""Appends the statements of a scheme, which update the states `x`, and returns the results."""
 
 Fits = Callable[[TransientBuilder, Any], bool]
-"""Whether a scheme can run so."""
+"""Whether a scheme can run this way."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,17 +44,17 @@ class Strategy:
     ----------
     name : str
     reason : str
-        Why it is taken where it fits.
+        Why it is used if it fits.
     schemes : tuple of type
-        The schemes that a solver may ask for.
+        The solver schemes that it implements.
     lower : Lower
     fits : Fits
     own_weights : bool
-        Whether frames can have weights of their own.
+        Whether weights can differ between frames.
     starts : bool
-        Whether the states `x` stand at their start before.
+        Whether the states `x` must be initialised first.
     pads : bool
-        Whether padded arrays of outputs are declared before.
+        Whether padded arrays of outputs must be declared first.
     """
 
     name: str
@@ -68,7 +68,7 @@ class Strategy:
 
 
 def _followed(attempts: Callable[[TransientBuilder, Any], Attempt]) -> Lower:
-    """Return the lowering of steps that may be refused."""
+    """Return the lowering of steps that may be rejected."""
     return lambda text, scheme: controlled(text, scheme, attempts)
 
 
@@ -104,7 +104,7 @@ STRATEGIES = (
     Strategy("sweeps", LAST, (ChebyshevSteps,), _followed(chebyshev_sweeps)),
     Strategy("sweeps", LAST, (AdaptiveSteps,), _followed(sweeps), own_weights=True),
 )  # fmt: skip
-"""In their order: the first that fits is taken."""
+"""In order of preference: the first that fits is used."""
 
 
 def strategy_of(text: TransientBuilder) -> Strategy:
@@ -120,9 +120,9 @@ def strategy_of(text: TransientBuilder) -> Strategy:
 
 
 def run(text: TransientBuilder, strategy: Strategy) -> Figures:
-    """Append statements that bring the state `x` to its end; return the figures of the run.
+    """Append statements that bring the state `x` to its end; return the results of the run.
 
-    A step that was forced upon a run leaves nothing known of its answer.
+    If a step length was forced on the run, its error is unknown.
     """
     drive(text)
     if strategy.starts:
@@ -136,9 +136,9 @@ def run(text: TransientBuilder, strategy: Strategy) -> Figures:
 
 
 def settled_now(text: TransientBuilder, strategy: Strategy) -> None:
-    """Append statements that find in `change` whether the state `x` is at equilibrium.
+    """Append statements that set `change`, which tells whether the state `x` is at equilibrium.
 
-    Delayed outputs are taken as those of now, as they are once nothing changes.
+    Delayed outputs are taken to equal the current ones, as they do at equilibrium.
     """
     text.body.append(ir.declare(CHANGE, ir.ZERO))
     if not strategy.pads:
