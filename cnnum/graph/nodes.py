@@ -367,7 +367,7 @@ class Graph:
     traced : Graph or None
         For the outermost graph, the innermost body that is being traced.
     rate : float or None, Hz
-        Frames a second of the streams that it is traced for; None where nothing says.
+        Frames a second of the streams that it is traced for, or None if nothing says.
     timed : bool
         Whether something in it depends on that rate.
     quickest : dict of str to float, Hz

@@ -97,7 +97,7 @@ class Rounds:
     ----------
     parts : tuple of LaunchStep
     count : int or None
-        How often; None where the frames say it.
+        How often, or None if the frames say it.
     bound : (int, int) or None
         The register of the number to count up to, of the frame with the largest, and from where.
     flag : int or None
@@ -121,7 +121,7 @@ class LaunchPlan:
     ----------
     parts : tuple of LaunchStep
     registers, partials : int
-        Numbers a frame that are kept in registers, and for sums that are not yet complete.
+        Numbers per frame that are kept in registers, and for sums that are not yet complete.
     """
 
     parts: tuple[LaunchStep, ...]
@@ -129,7 +129,7 @@ class LaunchPlan:
     partials: int
 
     def launches(self, units: int) -> int:
-        """Return the launches a frame on a number of cores; of rounds that frames end, one round.
+        """Return the launches per frame on a number of cores; of rounds that frames end, one round.
 
         Where frames say how many levels they take, all of them are counted.
         """

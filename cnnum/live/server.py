@@ -62,7 +62,7 @@ class Place:
     port : int
         0 for any that is free.
     token : str
-        That a page must know; empty where none is asked for.
+        That a page must know; empty if none is asked for.
 
     Raises
     ------
@@ -121,7 +121,7 @@ class Gate:
         self._place = place
 
     def refusal(self, headers: Mapping[str, str], path: str) -> str:
-        """Return why a WebSocket is refused; empty where it is let in."""
+        """Return why a WebSocket is refused; empty if it is let in."""
         host, origin = headers.get("Host", ""), headers.get("Origin")
         if refusal := self.stranger(host):
             return refusal
@@ -135,7 +135,7 @@ class Gate:
         return ""
 
     def stranger(self, host: str) -> str:
-        """Return why a host name is refused; empty where it is this server's."""
+        """Return why a host name is refused; empty if it is this server's."""
         name = urlsplit(f"//{host}").hostname or ""
         known = is_loopback(name) if is_loopback(self._place.host) else bool(self._place.token)
         return "" if known else "This server is reached by another name."

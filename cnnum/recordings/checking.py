@@ -229,7 +229,7 @@ def best_order(
     Returns
     -------
     (Order or None, float, float)
-        None where nothing is shown: no order has a clear pattern. The present order where another
+        None if nothing is shown: no order has a clear pattern. The present order where another
         one is not clearly ahead.
     """
     shape = presses.shape[1:3]
@@ -292,7 +292,7 @@ def levelled(rest: Floats, moved: Floats) -> Order | None:
     Returns
     -------
     Order or None
-        None where the numbers say nothing, or are in this order already.
+        None if the numbers say nothing, or are in this order already.
     """
     total = float(rest.var())
     if rest.shape[0] * rest.shape[1] < TAXELS or not total > 0.0:
@@ -644,7 +644,7 @@ TURNS = (Order((1, 0, 2), (1.0, -1.0, 1.0)), Order((1, 0, 2), (-1.0, 1.0, 1.0)))
 
 
 def _turned(first: Floats, some: Floats, pads: int) -> Finding | None:
-    """Return that the shear runs around a press, from its first frames on; None where it does not.
+    """Return that the shear runs around a press, from its first frames on, or None if it does not.
 
     A pad that is turned with its axes is another frame, and shows nothing.
     """

@@ -91,7 +91,7 @@ def attached(
 
 
 def _held(data: bytes) -> Held | None:
-    """Return the attachment in a record's bytes, None where they are damaged."""
+    """Return the attachment in a record's bytes, None if they are damaged."""
     if len(data) < _TIMES.size or zlib.crc32(data[:-4]) != int.from_bytes(data[-4:], "little"):
         return None
     log_time, _ = _TIMES.unpack_from(data)
@@ -126,9 +126,9 @@ class Layout:
     unit : str
     rate : float, Hz
     truths : tuple of str
-        Names of the ground truth; empty where there is none.
+        Names of the ground truth; empty if there is none.
     calibration : str
-        TOML text of the array's calibration; empty where it has none.
+        TOML text of the array's calibration; empty if it has none.
     marks : bool
         Whether the frames say which taxels stand at an end of their range; those of earlier
         versions do not.
@@ -179,7 +179,7 @@ class Layout:
 
     @property
     def calibration_id(self) -> str:
-        """Id of the calibration, as `Calibration.identity` says it; empty where there is none."""
+        """Id of the calibration, as `Calibration.identity` says it; empty if there is none."""
         return identity_of(self.calibration) if self.calibration else ""
 
     @property

@@ -114,7 +114,7 @@ def built(builder: RecordBuilder) -> bytes:
 def read_chunk(
     file: IO[bytes], place: int, size: int, budget: Budget | None = None
 ) -> WholeChunk | None:
-    """Return the chunk that begins at `place`, None where no whole one does.
+    """Return the chunk that begins at `place`, None if no whole one does.
 
     Parameters
     ----------
@@ -189,7 +189,7 @@ def _lz4(data: bytes, most: int) -> bytes | None:
 
 
 def read_prefix(file: IO[bytes], place: int, size: int) -> tuple[int, int] | None:
-    """Return opcode and end of the record at `place`, None where none ends within `size`."""
+    """Return opcode and end of the record at `place`, None if none ends within `size`."""
     file.seek(place)
     head = file.read(PREFIX.size)
     if len(head) < PREFIX.size:
@@ -200,7 +200,7 @@ def read_prefix(file: IO[bytes], place: int, size: int) -> tuple[int, int] | Non
 
 
 def index_end(file: IO[bytes], place: int, size: int) -> int | None:
-    """Return the end of the index of messages at `place`, None where no whole one is."""
+    """Return the end of the index of messages at `place`, None if no whole one is."""
     result = read_prefix(file, place, size)
     if result is None or result[0] != Opcode.MESSAGE_INDEX:
         return None

@@ -368,7 +368,7 @@ def _itself(content: Any) -> Any:
 
 
 def _listed(file: IO[bytes]) -> list[object] | None:
-    """Return the messages of a file that is one list of them; None where it has lines."""
+    """Return the messages of a file that is one list of them, or None if it has lines."""
     begin = file.read(LOOKED_AT)
     file.seek(0)
     if begin.removeprefix(BOM_UTF8).lstrip()[:1] != b"[" or b"{" not in begin:

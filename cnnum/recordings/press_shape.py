@@ -38,7 +38,7 @@ def shapes_of(taxels: int) -> list[Shape]:
 
 
 def shape_shown(recording: Recording, shapes: Sequence[Shape]) -> Shape | None:
-    """Return the rows and columns that the presses of a recording show; None where they show none.
+    """Return the rows and columns that the presses of a recording show, or None if they show none.
 
     Parameters
     ----------

@@ -41,7 +41,7 @@ class SceneRecord:
     rate : float
         Frames a second, Hz; 0 where it is unknown.
     pitch : float or None
-        Between taxels, m; None where it is unknown, and then no circle can be drawn to scale.
+        Between taxels, m, or None if it is unknown, and then no circle can be drawn to scale.
     channels : tuple of str
         Channels of `values`: the force axes that were read.
     unit : str
@@ -56,7 +56,7 @@ class SceneRecord:
         The program's outputs; NaN where the program did not run.
     events : tuple of Event
     truth : dict of str to (frames,) float
-        Ground truth by name; empty where the source has none, NaN in frames without.
+        Ground truth by name; empty if the source has none, NaN in frames without.
     seconds : (frames,) float, s
         From a frame in host memory to its events; NaN where the program did not run.
     explanation : Explanation
@@ -88,7 +88,7 @@ class SceneRecord:
         return len(self.times)
 
     def channel(self, name: str) -> Floats | None:
-        """Return (frames, rows, cols) of a force axis, or None where it was not read."""
+        """Return (frames, rows, cols) of a force axis, or None if it was not read."""
         if name not in self.channels:
             return None
         return self.values[..., self.channels.index(name)]

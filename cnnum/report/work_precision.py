@@ -45,7 +45,7 @@ class WorkPrecision:
     tolerance : float or None
         Relative tolerance asked for; None for a propagator, which has none.
     step : float or None
-        Fixed step in the unit of τ; None where the method takes its own.
+        Fixed step in the unit of τ, or None if the method takes its own.
     error : float
         Largest absolute difference of any cell's output; a program's over the output's largest.
     pictures : int
@@ -85,7 +85,7 @@ class Rung:
 
 
 Climb = Callable[[], WorkPrecision | None]
-"""Measures one rung on one engine; None where the engine refuses it."""
+"""Measures one rung on one engine, or None if the engine refuses it."""
 
 LADDER = (
     Rung("propagator"),
@@ -130,7 +130,7 @@ def climb_ladder(
 ) -> Iterator[WorkPrecision | None]:
     """Yield a point a rung and engine, as they are measured, or None.
 
-    It is None where an engine refuses a rung, or is of float32 and the rung is below `SINGLE`.
+    It is None if an engine refuses a rung, or is of float32 and the rung is below `SINGLE`.
 
     The pictures are those of the template's check. The truth is the reference engine's at
     `REFERENCE_RTOL`, or the answer of an `EXACT` check, found once. Engines refuse a step beyond

@@ -1,1 +1,1 @@
-"""Runs of single templates: their arguments, their results, and runs that are prepared once."""
+"""Runs of single templates: arguments, results, and runs prepared for repeated use."""

@@ -36,10 +36,10 @@ from cnnum.templating.template import Template
 from cnnum.values import ByContent
 
 STILL = 1e-9
-"""Part of the fastest rate below which a mode neither decays nor grows: some roundings."""
+"""Fraction of the fastest rate below which a rate is indistinguishable from 0."""
 
 ROUNDINGS = 1e-13
-"""Part of the largest singular value below which the smallest is one of roundings alone."""
+"""Fraction of the largest singular value below which the smallest counts as 0."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -201,7 +201,9 @@ def _analysed(transient: Transient, shape: Shape) -> Analysis:
 
 
 def _as_sampled(template: Template) -> Template:
-    """Return the template with the slopes of its output as samples show them, where they differ."""
+    """Return the template with sampled slopes of its output, if they differ from the declared
+    ones.
+    """
     output = template.output
     sampled = sampled_slopes(output, state_bound(template))
     if output.discrete or not refuted(output, sampled):
@@ -216,13 +218,13 @@ def _as_sampled(template: Template) -> Template:
 
 
 def _linear_range(template: Template) -> Template | None:
-    """Return the template with f(x) = x; None where its output or couplings are none such."""
+    """Return the template with f(x) = x, or None if its output or couplings do not allow it."""
     own = OUTPUT_FUNCTIONS.get(template.output.name) is not template.output
     return None if own or template.output.discrete or not template.plain else as_linear(template)
 
 
 def _unsaturated(template: Template, shape: Shape) -> Spectrum | None:
-    """Return the rates while no cell saturates, None where they are not known one by one."""
+    """Return the rates while no cell saturates, or None if they are not known individually."""
     linear = _linear_range(template)
     if linear is None:
         return None
@@ -231,9 +233,9 @@ def _unsaturated(template: Template, shape: Shape) -> Spectrum | None:
 
 
 def _condition(template: Template, shape: Shape) -> float:
-    """Return the condition of 1 − A: from itself, or from modes that are known.
+    """Return the condition number of 1 − A, from the matrix itself or from known modes.
 
-    Modes are orthonormal, so that its singular values are those of the modes' own matrices.
+    Modes are orthonormal, so the singular values are those of the matrices per mode.
     """
     if (linear := _linear_range(template)) is None:
         return math.nan

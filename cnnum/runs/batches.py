@@ -1,7 +1,7 @@
-"""Runs of many templates at once: as lanes of one launch, or one after the other.
+"""Runs of many templates at once: as lanes of one launch, or in sequence.
 
-A template stands for all: its numbers say where weights are, and how fast the fastest array is.
-The numbers themselves are a map of each frame. The sum over the inputs, taken once, is made here.
+One template represents all: its placeholder values say where weights are and how fast the fastest
+array is. The actual values are maps of each frame. The sum over inputs is computed here, once.
 """
 
 import math
@@ -31,7 +31,7 @@ ANGLES = 16
 
 
 def fastest(batch: TemplateBatch, dt: float | None) -> float:
-    """Return the fastest rate of any template, 1/time: a rung of a ladder, or the bound of dt."""
+    """Return the fastest rate of any template, 1/time, rounded up to a rung or the bound of dt."""
     numbers = batch.flat(batch.lead)
     exact = float((_rates(batch.template, numbers) / numbers["tau"]).max())
     rung = LADDER ** math.ceil(math.log(exact, LADDER) - 1e-9)
@@ -67,7 +67,7 @@ def _rates(template: Template, numbers: Parts) -> Floats:
 
 
 def _widened(template: Template, numbers: Parts) -> Floats:
-    """Return by how much |dx/dt|·τ of each layer may change more than by A, (frames, layers)."""
+    """Return how much |dx/dt|·τ of each layer may change in addition to A, (frames, layers)."""
     total = np.zeros(numbers["tau"].shape)
     for k, gain in enumerate(template.gains, 1):
         most = np.abs(numbers[f"gain {k}"]).max(axis=-1)
@@ -93,7 +93,7 @@ MOST_CELLS = 256
 """Largest number of cells in arrays whose frames are processed in lanes."""
 
 LEAST = 1e-9
-"""Numbers that stand for those of the frames: too small to change how fast an array is."""
+"""Placeholder values for per-frame weights: too small to affect the rates of an array."""
 
 Maps = dict[str, NDArray[np.floating]]
 
@@ -116,13 +116,13 @@ def run_lanes(
 ) -> list[tuple[NDArray[np.intp], Result]]:
     """Run all frames of a batch, and return results with the places of their frames.
 
-    All are one launch, but for delays: each rung of a ladder of delays is another.
+    All run in one launch, except for delays: each rung of a ladder of delays has its own launch.
 
     Parameters
     ----------
     batch : TemplateBatch
     lead : tuple of int
-        That batch and maps broadcast to.
+        Leading axes to which batch and maps broadcast.
     maps : dict of str to (n, maps, rows, cols) array
         By role.
     shape : (rows, cols)
@@ -207,11 +207,11 @@ def _start(template: Template, maps: Maps, frames: tuple[int, ...]) -> NDArray[n
     return np.full(frames, float(template.initial))
 
 
-# numbers of the frames, and those that stand for them
+# per-frame values and their placeholders
 
 
 def _patterns(batch: TemplateBatch) -> dict[str, NDArray[np.bool_]]:
-    """Return which numbers any template has; values of gains and each cell's own weight always."""
+    """Return which weights are nonzero in any template; gains and centre weights always count."""
     result: dict[str, NDArray[np.bool_]] = {}
     for name, part in own_parts(batch.parts).items():
         lead = tuple(range(part.ndim - inner(name)))
@@ -248,12 +248,12 @@ def _packed(
 def _standing(
     template: Template, patterns: Mapping[str, NDArray[np.bool_]], rate: float, delay: float
 ) -> Template:
-    """Return the template that stands for all: where numbers are, and the fastest rate of any."""
+    """Return the template that represents all, with placeholder values and the fastest rate."""
     parts, first = dict[str, Floats](), 0
     for name, used in patterns.items():
         count = int(used.sum())
         parts[name] = np.zeros(used.shape)
-        # 0 is no weight, and would leave none
+        # a weight of 0 would be dropped
         parts[name][used] = LEAST * (1.0 + (first + np.arange(count)) / 64.0)
         first += count
     middle, layers = parts["A"].shape[-1] // 2, range(template.layers)
@@ -279,7 +279,7 @@ def _standing(
 
 
 def _rungs(template: Template, numbers: Parts) -> Floats:
-    """Return the smallest number of a ladder that is no less than the delay of each frame."""
+    """Return, for each frame, the smallest rung of a ladder that is not below its delay."""
     if template.delayed is None:
         return np.ones(len(numbers["A"]))
     steps = np.ceil(np.log(numbers["delay"]) / math.log(LADDER) - 1e-9)
@@ -344,7 +344,7 @@ def _halved(
     options: Mapping[str, Any],
     precision: str,
 ) -> Result:
-    """Return a run of frames; with a delay in shorter steps until the tolerance is kept."""
+    """Return a run of frames; with a delay, halve the steps until the tolerance is met."""
 
     def finer(step: float, frames: NDArray[np.intp]) -> Result:
         result = run(step)
@@ -372,7 +372,7 @@ def _one_by_one(
 
 
 def _plain(array: NDArray[np.floating]) -> NDArray[np.floating]:
-    """Return maps as a user gives them: a single one has no axis of its own."""
+    """Return maps in the user's form: a single map has no layer axis."""
     return array[:, 0] if array.shape[1] == 1 else array
 
 

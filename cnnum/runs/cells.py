@@ -23,12 +23,12 @@ from cnnum.templating.template import Template
 Flags = NDArray[np.bool_]
 Places = NDArray[np.intp]
 Bounds = tuple[Floats, Floats]
-"""The least and the largest value, number by number."""
+"""Lower and upper bounds, elementwise."""
 
 EPSILON = float(np.finfo(np.float64).eps)
 
 SPARE_TERMS = 6
-"""Roundings of a rate that are not of its sum over neighbours."""
+"""Rounding errors of a rate besides those of its sum over neighbours."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -40,7 +40,7 @@ class Slopes:
     own : (n,) float
         The largest entry on the diagonal.
     others : (n, n) sparse float
-        The sizes of the entries beside it.
+        Magnitudes of the off-diagonal entries.
     """
 
     own: Floats
@@ -82,7 +82,7 @@ class Pairs:
         return np.asarray(self.weights * self.coupling.value(*self.quantities(maps)))
 
     def argument(self, maps: Mapping[str, Floats], *, moving: bool = False) -> Floats:
-        """Return the argument of every pair's table, or how it moves where quantities do."""
+        """Return the argument of every pair's table, or its change if `moving`."""
         edge = 0.0 if moving else self.edge
         near = np.asarray(np.append(maps[self.coupling.neighbour], edge)[self.near])
         if self.coupling.centre is None:
@@ -201,7 +201,7 @@ def matrix_of(kernels: Floats, boundary: Boundary, shape: Shape) -> tuple[Any, F
 
 
 def own_output(template: Template) -> bool:
-    """Return whether the output function is a caller's, whose slopes are what he says."""
+    """Return whether the output function is user-defined, with slopes as declared."""
     return OUTPUT_FUNCTIONS.get(template.output.name) is not template.output
 
 
@@ -358,7 +358,7 @@ class Frame:
         return {"x": x, "y": y, "u": self.inputs}
 
     def rates(self, x: Floats) -> tuple[Floats, Floats]:
-        """Return τ dx/dt at states, and a bound on its roundings; 0 where nothing moves a cell."""
+        """Return τ dx/dt at states, and a bound on its rounding errors; 0 in cells held fixed."""
         cells, maps = self.cells, self.maps(x)
         rate = self.drive + cells.matrix @ maps["y"] - x
         size = self.drive_size + cells.sizes @ np.abs(maps["y"]) + np.abs(x)
@@ -370,7 +370,7 @@ class Frame:
         return rate, np.where(self.moving, cells.roundings * size, 0.0)
 
     def pushed(self, x: Floats, reach: Floats) -> Flags:
-        """Return the cells of a limited state that stay at a limit all over a box."""
+        """Return the cells of a limited state that stay at a limit throughout a box."""
         if not self.cells.template.output.limited:
             return np.zeros(len(x), dtype=bool)
         rate, rounded = self.rates(x)
@@ -388,7 +388,7 @@ class Frame:
         least, most = output_slopes(template, low, high)
         steepest = np.maximum(np.abs(least), np.abs(most))
         own = np.maximum(cells.diagonal * least, cells.diagonal * most)
-        if cells.delays:  # what a cell was is another than what it is
+        if cells.delays:  # the delayed state differs from the current one
             late = cells.late.diagonal()
             now = cells.diagonal - late
             own = np.maximum(now * least, now * most) + np.abs(late) * steepest

@@ -1,12 +1,12 @@
-"""What is proven of a run: an enclosure of the true end, and what follows for every cell.
+"""Proven results on a run: an enclosure of the true end, and its consequences for every cell.
 
-The proof shares nothing with the run but the template and the maps. It is made when it is asked
-for, as it takes longer than the run: `cnnum.runs.enclosure` follows the array from its start,
-and where its couplings keep the order it is bounded from below and above. A run to equilibrium
-is proven where the enclosure comes into a region of contraction (`cnnum.runs.equilibrium`), in
-which an equilibrium is then enclosed.
+The proof shares only the template and the maps with the run, and is computed on demand, since it
+takes longer than the run. `cnnum.runs.enclosure` encloses the trajectory from its start; if the
+couplings are monotone, it is also bounded from below and above. A run to equilibrium is proven if
+the enclosure reaches a region of contraction (`cnnum.runs.equilibrium`), in which an equilibrium is
+then enclosed.
 
-Bounds on the trajectory of an array whose couplings keep the order of its states.
+Bounds on the trajectory of an array with monotone couplings follow from the order of its states.
 
 Where no weight between cells is negative and the output never falls, a state that is below another
 one in every cell stays below it (Kamke 1932; Walter, Differential and Integral Inequalities, 1970,
@@ -34,23 +34,25 @@ from cnnum.runs.equilibrium import NEAR, Stability, newton, region, verdict
 from cnnum.runs.result import Decision, Proof
 
 PART = 1.0 / 16.0
-"""Of the time in which the fastest cell changes by e: the longest step. With twice as much, some
-bounds part of cells whose neighbours all turn against them."""
+"""Longest step, as a fraction of the fastest cell's e-folding time. With twice as much, some bounds
+diverge in cells whose neighbours all turn against them."""
 
 HALVINGS = 10
 """Largest number of times that a step is halved if slopes of some cells are not found."""
 
 SPARE = 1.5
-"""Of what the rates were found to fall by: the slopes that are less by it may fall a bit more."""
+"""Safety factor on the decrease of rates found over a step."""
 
 LEAST = 1e-9
-"""Part of the largest rate by which every slope is less at least."""
+"""Fraction of the largest rate by which every slope is reduced at least."""
 
 TRIES = 20
 
 
 def keeps_order(frame: Frame) -> bool:
-    """Return whether a larger state of a frame never leads to a smaller one."""
+    """Return whether the flow of a frame is monotone: a larger state never leads to a smaller
+    one.
+    """
     cells = frame.cells
     template = cells.template
     if template.output.name != "standard" or cells.pairs or cells.delays or template.gains:
@@ -100,13 +102,13 @@ class Between:
 
     @property
     def off(self) -> Floats:
-        """How far the true state is from it at most, (n,)."""
+        """Largest distance of the true state from `x`, (n,)."""
         size = np.maximum(np.abs(self._low), np.abs(self._high))
         result = 0.5 * (self._high - self._low) + 2.0 * EPSILON * size
         return np.where(self.frame.moving, result, 0.0)
 
     def advance(self, until: float) -> bool:
-        """Go on to a time; return whether there are bounds."""
+        """Advance to a time; return whether there are still bounds."""
         with np.errstate(all="ignore"):
             while self.time < until:
                 most = until - self.time
@@ -138,7 +140,7 @@ class Between:
         return h if bool(finite) else 0.0
 
     def _slopes(self, x: Floats, side: float, h: float) -> Floats | None:
-        """Return slopes that no rate over the step is beyond, on that side."""
+        """Return slopes that bound all rates over the step on one side."""
         frame, cells = self.frame, self.frame.cells
         rate, rounded = frame.rates(x)
         y = np.clip(x, -1.0, 1.0)
@@ -163,7 +165,7 @@ class Between:
 
 
 BUDGET = 60.0
-"""Seconds of the processor that the proof of one frame may take, or of so many cells of it:"""
+"""CPU seconds that the proof of one frame, or of `CELLS` cells of it, may take."""
 
 CELLS = 10_000
 
@@ -177,7 +179,7 @@ SLOW = 0.1
 """Largest rate at which an equilibrium is looked for that has no M-matrix around it, 1/τ."""
 
 LATEST = 1000.0
-"""Time constants after which a run is said not to rest."""
+"""Time constants after which a run is considered not to come to rest."""
 
 Flags = NDArray[np.bool_]
 Words = NDArray[np.str_]
@@ -194,7 +196,7 @@ class Known:
 
 
 class Certificate:
-    """The proof of a run, made when it is asked for, and once.
+    """The proof of a run, computed once, on demand.
 
     Parameters
     ----------
@@ -300,7 +302,7 @@ class Certificate:
         return result is not None and bool((2.0 * result.width <= tolerance).all())
 
     def _replayed(self, frame: Frame, start: Floats) -> Known | None:
-        """Return the end in discrete time, step by step, where no sign is in doubt."""
+        """Return the end in discrete time, step by step, if no sign is in doubt."""
         cells, template = frame.cells, self._template
         if cells.pairs or template.delayed is not None:
             return None

@@ -172,7 +172,7 @@ def on_chip(ask: Ask, down: Callable[[Ask], Result]) -> Result:
     Raises
     ------
     MethodError
-        If it is no chip.
+        If `chip` is not a `Chip`.
     NotSupportedError
         If the template is a batch of them, or has couplings that no chip has.
     ArrayError
@@ -269,7 +269,7 @@ def chip_backend(chip: Chip, backend: Backend) -> Backend:
     Raises
     ------
     MethodError
-        If it is no chip.
+        If `chip` is not a `Chip`.
     NotSupportedError
         If the engine has cells that are all alike, or counts in whole numbers.
     """

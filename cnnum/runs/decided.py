@@ -1,4 +1,4 @@
-"""The output of a run in one pass over its input, where cells do not see each other.
+"""The output of a run in one pass over its input, for uncoupled cells.
 
 **Signs.** Let a be a cell's own weight, m = a − 1, x₀ its start with |x₀| ≤ 1, and w = B ∗ u + z
 its drive, which is constant. Within [−1, 1] the state obeys x' = m x + w in time constants. The
@@ -42,7 +42,7 @@ from cnnum.templating.network import taps
 from cnnum.templating.template import Template
 
 LEAST_CELLS = 4096
-"""Of all frames together: fewer run to their whole end in the time that a look at them takes."""
+"""Minimum number of cells in all frames: fewer run in full in the time of this check."""
 
 Begins = Literal["own", "first", "apart"]
 
@@ -52,7 +52,7 @@ BY_RANK = "the pull on a cell changes its sign at a neighbour's level, which is 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Signs:
-    """How cells that see only their own output decide.
+    """Decision rule of cells that see only their own output.
 
     Attributes
     ----------
@@ -62,7 +62,7 @@ class Signs:
     level : float
         θ.
     constant : float
-        What every sum has.
+        Constant term of every sum.
     """
 
     places: NDArray[np.int64]
@@ -94,7 +94,7 @@ class Ranks:
 
 @lru_cache(maxsize=256)
 def signs_of(template: Template, duration: float, begins: Begins) -> Signs | None:
-    """Return how the cells of a template decide, None where they see each other.
+    """Return the decision rule of a template's cells, or None if they are coupled.
 
     Parameters
     ----------
@@ -189,7 +189,7 @@ def decides(ask: Ask) -> bool:
 
 
 def _duration(ask: Ask) -> float | None:
-    """Return the time that a run takes, None where it is none or of no length."""
+    """Return the time that a run takes, None if it is none or of no length."""
     duration: Any = ask.duration
     if duration == "settle":
         return math.inf

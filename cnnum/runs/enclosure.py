@@ -30,19 +30,20 @@ ORDER = 12
 """Terms of a polynomial after the first."""
 
 DEFECT = 1e-14
-"""Part of the largest state by which a step may be off."""
+"""Allowed defect of a step, as a fraction of the largest state."""
 
 SAMPLES = 24
 """Places within a step at which cells near corners are looked at."""
 
 SHORTEST = 1e-4
-"""Of a step that ends at a corner: cells that pass corners within this time pass them together."""
+"""Fraction of a step that ends at a kink: cells that reach kinks within this time do so
+together."""
 
 TERMS = 16
 """Number of terms in the series for the growth of r over a step."""
 
 LARGE = 1e6
-"""An r of which nothing can be said any more."""
+"""Value of r above which the enclosure is useless."""
 
 
 @dataclass(slots=True, eq=False)
@@ -56,7 +57,7 @@ class Enclosure:
     x : (n,) float
         The state of the polynomial now.
     off : (n,) float
-        How far the true state is from it at most.
+        Largest distance of the true state from `x`.
     time : float
     budget : float
         Seconds of the processor after which it gives up.
@@ -76,7 +77,7 @@ class Enclosure:
         self._stuck = np.zeros(len(self.x), dtype=bool)
 
     def advance(self, until: float) -> bool:
-        """Go on to a time; return whether the true state is still known to be near."""
+        """Advance to a time; return whether the true state is still enclosed."""
         with np.errstate(all="ignore"):
             while self.time < until:
                 if clock.thread_time() > self.budget or not self._step(until - self.time):
@@ -119,7 +120,7 @@ class Enclosure:
         return np.asarray((np.abs(self.x) >= 1.0) & (rate * self.x > 0.0))
 
     def _grown(self, series: "_Series", h: float, defect: Floats) -> Floats | None:
-        """Return r at the end of a step; None where it grows too much to be bounded."""
+        """Return r at the end of a step, or None if it grows too much to be bounded."""
         frame, cells = self.frame, self.frame.cells
         limited = cells.template.output.limited
         low, high = series.range(h)
@@ -193,7 +194,7 @@ def _through(
 
 
 def encloses(frame: Frame) -> bool:
-    """Return whether the trajectories of an array are followed: its slopes are known everywhere."""
+    """Return whether trajectories of an array can be enclosed: its slopes are known everywhere."""
     template = frame.cells.template
     known = not (own_output(template) or template.output.discrete or template.gains)
     tables = all(
@@ -462,7 +463,7 @@ class _Series:
         return np.asarray(rest)
 
     def _tanh_rest(self, h: float) -> Floats:
-        """Return it from sizes of the series at any place of the step, by the same recursion."""
+        """Return that bound from magnitudes of the series over the step, by the same recursion."""
         x = [
             sum(
                 (math.comb(m, j) * np.abs(self.x[m]) * h ** (m - j) for m in range(j, ORDER + 1)),

@@ -1,4 +1,4 @@
-"""What is shown of a state at which an array seems to rest: an equilibrium, and how far it is.
+"""Proof of an equilibrium near a state at which an array seems to rest, and its distance.
 
 A true state lies within `reach` of a state x. Let d bound the slopes of the couplings in a box
 around x, and
@@ -72,7 +72,7 @@ class Region:
 
 
 def region(frame: Frame, x: Floats, reach: Floats, *, close: bool = True) -> Region | None:
-    """Return the region that holds all states within reach of a state; None where none is shown.
+    """Return the region that holds all states within reach of a state, or None if none is shown.
 
     Parameters
     ----------
@@ -116,7 +116,7 @@ def _by_rows(frame: Frame, x: Floats, reach: Floats) -> Region | None:
 
 
 def _solved(own: Floats, others: Any, force: Floats) -> tuple[Floats, Floats] | None:
-    """Return u > 0 with C u > 0, and r with C r ≥ force; None where there is no such u."""
+    """Return u > 0 with C u > 0, and r with C r ≥ force, or None if there is no such u."""
 
     def through(v: Floats) -> Floats:
         return np.asarray((1.0 - own) * v - others @ v, dtype=np.float64)
@@ -158,7 +158,7 @@ def _kept_in(frame: Frame, x: Floats, width: Floats, held: Flags) -> bool:
 
 
 def _by_form(frame: Frame, x: Floats, reach: Floats) -> Region | None:
-    """Return a region by Lyapunov's form, of arrays with linear couplings and few cells."""
+    """Return a region by a Lyapunov function, for arrays with linear couplings and few cells."""
     cells = frame.cells
     if cells.pairs or cells.delays or own_output(cells.template) or cells.count > MOST_DENSE:
         return None
@@ -316,7 +316,7 @@ def verdict(frame: Frame, x: Floats, reach: float, tolerance: Floats) -> Verdict
     frame : Frame
     x : (n,) float
     reach : float
-        How far off the true state is at most.
+        Largest distance of the true state.
     tolerance : (n,) float
     """
     if frame.cells.template.output.limited:
@@ -344,7 +344,7 @@ def verdict(frame: Frame, x: Floats, reach: float, tolerance: Floats) -> Verdict
 
 
 def newton(frame: Frame, x: Floats) -> Floats | None:
-    """Return an equilibrium that Newton's steps come to from a state; None where there is none."""
+    """Return the equilibrium that Newton's method finds from a state, or None if it finds none."""
     if frame.cells.count > MOST_SPARSE:
         return None
     limited = frame.cells.template.output.limited
@@ -412,7 +412,7 @@ def unstable(frame: Frame, x: Floats) -> bool | None:
 
 
 def _grows(rates: Any, jacobian: Any, growth: float) -> bool | None:
-    """Return whether a large matrix has an eigenvalue above a growth; None if it is not known.
+    """Return whether a large matrix has an eigenvalue above a growth, or None if it is not known.
 
     Its eigenvalues are those of its parts in which all cells act on each other, however these act
     on further ones.

@@ -10,11 +10,11 @@ is their difference, and r by how much that fell since the two runs before. This
 the tolerance asked of it. A difference that fell by more than the order says did so by chance, and
 counts as one that did not.
 
-A gain in time jumps or bends within steps, where it counts by its mean. A jump after a share θ of a
-step is off by θ(1 − θ) times a number that its neighbours share, which is no more than d; r says
-nothing then, and is taken for 2. A cell of a limited state may leave its limit at such a jump, and
-a step by a mean holds it there up to its end. Steps of half the length may end at the same time, so
-that differences do not show it: the error is infinite there.
+A gain in time may have jumps or kinks within steps, over which it is averaged. A jump after a share
+θ of a step is off by θ(1 − θ) times a number that its neighbours share, which is no more than d; r
+says nothing then, and is taken for 2. A cell of a limited state may leave its limit at such a jump,
+and a step by a mean holds it there up to its end. Steps of half the length may end at the same
+time, so that differences do not show it: the error is infinite there.
 
 Runs whose steps do not show their error, or its growth: a finer run says how far off they are.
 
@@ -67,7 +67,7 @@ DELAY_SAFETY = 4.0
 """Safety factor of an error estimated from differences, which kinks of an output disturb."""
 
 GOAL = 0.5
-"""Part of the tolerance at which such an error is taken for small enough."""
+"""Fraction of the tolerance at which such an error counts as small enough."""
 
 LEAST_FALL = 2.0
 """Taken for r where a difference falls by less, as roundings and chaos do, or is the first."""
@@ -95,7 +95,7 @@ def by_halving(template: Template, *, dt: float | None, settle: bool) -> bool:
     ----------
     template : Template
     dt : float or None
-        That was asked for.
+        Requested step, if any.
     settle : bool
         It ends where rates are small, which steps of any length find.
     """
@@ -139,7 +139,7 @@ def lets_go(template: Template, duration: float) -> bool:
 
 
 def unknown(result: Result) -> Result:
-    """Return a result of whose error nothing is known."""
+    """Return a result with unknown error."""
     return replace(result, error=np.full_like(result.error, np.inf))
 
 
@@ -165,7 +165,7 @@ def halved(
     Parameters
     ----------
     first : Result
-        In the longest steps.
+        Result with the longest steps.
     run : callable
         Runs frames in shorter ones.
     delay : float
@@ -177,7 +177,7 @@ def halved(
     growth : float
         Bound on how fast states grow, 1/time.
     turns : bool
-        Whether a gain in time jumps or bends on the way.
+        Whether a gain in time has jumps or kinks during the run.
 
     Returns
     -------
@@ -234,7 +234,7 @@ def by_differences(
 
 
 class _Frames:
-    """The frames of a batch in one row, each by its best run."""
+    """The frames of a batch, each with its best run."""
 
     def __init__(
         self,
@@ -322,7 +322,7 @@ FINER = 0.1
 """Share of the tolerances in those of the finer run."""
 
 SAFETY = 1.5
-"""Safety factor on the distance of two runs."""
+"""Safety factor on the difference of two runs."""
 
 SMALLEST = 1e-30
 """Smallest tolerance: devices flush numbers that are not much smaller."""
@@ -436,11 +436,11 @@ def compared(
         Result of a batch, perhaps at several times.
     template : Template
     solver : Solver
-        That took its steps.
+        Solver that took its steps.
     given : mapping of str to (..., maps, rows, cols) float
         The maps of its frames.
     spec : RunSpec
-        How it was run.
+        Specification of the run.
     again : callable
     """
     lead = np.shape(result.time)

@@ -1,7 +1,8 @@
-"""The ways to take a run, as records in an order: the first that fits takes it.
+"""The strategies for a run, as an ordered list: the first that fits is used.
 
-A way takes the run by itself, or asks the ways below for runs that are simpler: of other maps, for
-another time, in other steps. Nothing calls up. `Result.ways` names those that had a part in it.
+A strategy performs the run itself, or delegates simpler runs to the strategies below it: with other
+maps, another duration or other steps. Calls only go down the list. `Result.ways` names the
+strategies that took part.
 """
 
 from collections.abc import Callable
@@ -40,10 +41,10 @@ REASON = f"explicit steps would be more than {MAX_STEPS:,}; implicit ones, on th
 
 
 def may_be_stiff(request: Request) -> bool:
-    """Return whether implicit steps are tried where explicit ones do not reach the end of a run.
+    """Return whether implicit steps are tried if explicit ones do not reach the end of a run.
 
-    They are not where a method or a step was asked for, or the array is large. Engines that solve
-    finely have their own.
+    They are not if a method or a step was requested, or the array is large. Engines that solve as
+    accurately as they can have their own.
     """
     spec, engine = request.spec, request.engine
     if spec.method != "auto" or spec.dt is not None or engine.whole:
@@ -53,7 +54,7 @@ def may_be_stiff(request: Request) -> bool:
 
 
 def by_implicit_steps(request: Request, down: Callable[[Request], Result]) -> Result:
-    """Take a run by implicit steps where explicit ones do not reach its end."""
+    """Use implicit steps if explicit ones do not reach the end of a run."""
     try:
         return down(request)
     except MethodError:
@@ -64,7 +65,7 @@ def by_implicit_steps(request: Request, down: Callable[[Request], Result]) -> Re
 
 
 def refuse_hopeless(engine: EngineRecord, solver: Solver, tau: float) -> None:
-    """Raise as a run would whose steps are too short to reach its end, and so not begin it.
+    """Raise if a run's steps would be too short to reach its end, before it starts.
 
     Engines that solve finely take them only where they were asked for.
 
@@ -128,18 +129,18 @@ def linearly(request: Request, down: Callable[[Request], Result]) -> Result:
 
 
 Down = Callable[[Any], Result]
-"""Takes a run by the ways below."""
+"""Performs a run by the strategies below."""
 
 
 @dataclass(frozen=True, slots=True)
 class Way:
-    """A way to take a run.
+    """A strategy for a run.
 
     Attributes
     ----------
     name : str
     reason : str
-        Why it is taken where it fits.
+        Why it is used if it fits.
     fits : callable
         Whether it takes an `Ask`, or a `Request` below "checked".
     run : callable
@@ -153,7 +154,7 @@ class Way:
 
 
 def _checked(ask: Ask, down: Down) -> Result:
-    """Run maps that are checked first; the result keeps copies of them for its proof."""
+    """Check the maps, then run them; the result keeps copies of them for its proof."""
     given, shape = maps_by_role(ask.template, dict(zip(ROLES, ask.arrays, strict=True)))
     spec = ask.spec
     check_spec(spec)
@@ -189,7 +190,7 @@ LADDER = (
         lambda request: request.linear, linearly),
     Way("plain", "a plan runs as it is", lambda request: True, plainly),
 )  # fmt: skip
-"""In their order: the first that fits is taken."""
+"""In order of preference: the first that fits is used."""
 
 
 class _Below:
@@ -207,13 +208,13 @@ class _Below:
 
 
 def run(ask: Ask | Request, first: int = 0) -> Result:
-    """Take a run by the first way that fits, from one on.
+    """Perform a run by the first strategy that fits, from index `first` on.
 
     Parameters
     ----------
     ask : Ask or Request
     first : int
-        Place of the first way that is tried.
+        Index of the first strategy to try.
     """
     place = first
     while not LADDER[place].fits(ask):

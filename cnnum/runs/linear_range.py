@@ -1,4 +1,4 @@
-"""Whether a saturating array stays where its output is linear: then it is linear, and exact.
+"""Check whether a saturating array stays in the linear range, in which its solution is exact.
 
 Let every cell lie within [−1, 1]. Let a₀₀ be a cell's own weight, aⱼ its neighbours', and w its
 drive B∗u + z. A cell at the upper edge moves by −1 + a₀₀ + Σ aⱼ yⱼ + w at most. If that is not
@@ -25,7 +25,7 @@ def room(template: Template) -> Floats:
     Returns
     -------
     (layers,) float
-        Below 0 where no drive is small enough.
+        Negative if no drive is small enough.
     """
     A, centre = template.A, template.A.shape[-1] // 2
     own = np.diagonal(A[:, :, centre, centre])

@@ -1,4 +1,4 @@
-"""From a program's graph to a plan, and its operations by the line that asked for them."""
+"""Plans from program graphs, and their operations by source line."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -30,7 +30,7 @@ BYTES = 8
 
 @dataclass(frozen=True, slots=True)
 class OpGroup:
-    """Operations that one line of a program asked for.
+    """Operations that one source line of a program requested.
 
     Attributes
     ----------
@@ -41,11 +41,11 @@ class OpGroup:
     count : int
         Operations, bodies of loops counted once.
     flops : int
-        Arithmetic a frame, bodies of loops counted once.
+        Arithmetic operations per frame, bodies of loops counted once.
     bytes : int
         Results, as float64.
     live_bytes : int
-        Results that wait to be read, of all lines together, at most while these run.
+        Peak memory of live results, of all lines together, while these run.
     """
 
     program: str
@@ -77,7 +77,7 @@ def op_groups(schedule: Schedule, solvers: dict[int, Solver]) -> tuple[OpGroup, 
 
 
 def by_function(groups: Sequence[OpGroup]) -> tuple[OpGroup, ...]:
-    """Return one group a function, the costliest first."""
+    """Return one group per function, the costliest first."""
     result: dict[str, OpGroup] = {}
     for group in groups:
         known = result.get(group.program, OpGroup(group.program, 0, 0, 0, 0, 0))
@@ -104,7 +104,7 @@ def _size(node: Node, schedule: Schedule) -> int:
 
 
 def _live_bytes(schedule: Schedule) -> dict[int, int]:
-    """Return the bytes that wait to be read while each operation runs."""
+    """Return the bytes of live results while each operation runs."""
     last = {node.index: place for place, node in enumerate(schedule.nodes)}
     for place, node in enumerate(schedule.nodes):
         last |= {argument.index: place for argument in node.arguments}
@@ -144,13 +144,13 @@ def plan_of(
     channels : sequence of str
         Channels of a frame, in the order of its last axis.
     needs : sequence of str or None
-        Names of wanted outputs; None for all.
+        Names of the requested outputs; None for all.
     engine : Backend
-        That the plan is called after.
+        Engine that the plan is named after.
     backend : Backend, optional
-        That builds and runs it, where that is another: a chip, or whole numbers with ranges.
+        Backend that builds and runs it, if different: a chip, or fixed point with ranges.
     overrides : mapping of str to any
-        Fields of every transient's `RunSpec` that hold in place of its own.
+        Fields that override those of every transient's `RunSpec`.
     """
     whole = is_integer(engine.precision)
     wanted = schedule(graph, channels, needs)

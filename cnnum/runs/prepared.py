@@ -1,6 +1,6 @@
-"""Runs of one small array that are prepared once: later ones check their numbers and nothing else.
+"""Prepared runs of one small array: repeated runs check only their numbers.
 
-A run on 8×8 cells takes a few microseconds; looking at every argument anew takes ten times that.
+A run on 8×8 cells takes a few microseconds; checking every argument takes ten times as long.
 """
 
 import math
@@ -49,8 +49,8 @@ def form_of(
     Returns
     -------
     Form or None
-        None where an argument takes a closer look: a list, a batch, several layers, or an option
-        that cannot be compared.
+        None if an argument needs full checking: a list, a batch, several layers, or an option that
+        cannot be compared.
     """
     for option in options[:2]:  # not compared before their types are known
         if not (option is None or isinstance(option, str | Real)):
@@ -90,7 +90,7 @@ class PreparedRun:
         Kept, so that no other template gets its identity.
     plan : Plan
     one : OneFrame
-        The plan's quick way of single frames.
+        The plan's fast path for single frames.
     roles : sequence of str
         Roles of the channels.
     """
@@ -114,9 +114,9 @@ class PreparedRun:
         self._turn = RLock()
 
     def run(self, arrays: Sequence[object]) -> Result | None:
-        """Run arrays of the prepared form; None where a number is not finite in the precision.
+        """Run arrays of the prepared form, or None if a number is not finite in the precision.
 
-        None, too, where the state or its error has grown so far that it takes a closer look.
+        Also None if the state or its error has grown so far that it needs full checking.
 
         Parameters
         ----------
@@ -127,7 +127,7 @@ class PreparedRun:
         ArrayError
             If a result is not finite.
         MethodError
-            If the transient does not reach its end.
+            If the transient does not finish.
         """
         with self._turn:
             at = 0
@@ -209,7 +209,7 @@ def keep(request: Request) -> None:
 def prepared_run(
     template: Template, plan: Plan, given: Mapping[str, np.ndarray], *, exact: bool
 ) -> PreparedRun | None:
-    """Return a plan's prepared run, None where runs of this form differ by more than numbers.
+    """Return a plan's prepared run, None if runs of this form differ by more than numbers.
 
     Parameters
     ----------

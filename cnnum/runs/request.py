@@ -284,9 +284,9 @@ class OpenEngine:
     ----------
     backend : Backend
     plans : dict
-        By all that a plan depends on.
+        Plans, keyed by everything they depend on.
     prepared : dict
-        By form.
+        Prepared runs, by form.
     turn : RLock
         Lock for threads that store something.
     """

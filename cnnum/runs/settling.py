@@ -205,7 +205,7 @@ def lanes_at_rest(result: Result, template: Template, rtol: float, atol: float) 
 
 
 def _all_saturated(template: Template, x: Floats, reach: float, tolerance: Floats) -> float | None:
-    """Return the error that `saturated` states of a state, None where not all cells are."""
+    """Return the error that `saturated` states of a state, None if not all cells are."""
     if template.output.name != "standard" or not template.plain:
         return None
     least, off = float(np.abs(x).min()), float(tolerance.max())

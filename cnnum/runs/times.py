@@ -85,7 +85,7 @@ def at_times(ask: Ask, down: Callable[[Ask], Result]) -> Result:
 
 
 def _looks(request: Request, times: tuple[float, ...], end: Result) -> Result | None:
-    """Return what a run passes through at times; None where each is a run of its own."""
+    """Return the states of a run at given times, or None if each needs a separate run."""
     if end.method in IMPLICIT_METHODS:
         request = request.by(replace(request.spec, method=end.method))
     engine, solver, ran, spec = request.engine, request.solver, request.ran, request.spec
@@ -205,7 +205,7 @@ def reached(template: Template, times: Sequence[float], lead: tuple[int, ...]) -
 
 
 def _ends_at(plan: Plan, solver: Solver, times: Sequence[float]) -> list[Stretch]:
-    """Return the stretches that hold times, where ends are known without a step."""
+    """Return the intervals that contain times, if ends are known in closed form."""
     if not isinstance(solver.scheme, Exact):
         return []
     (node,) = plan.schedule.transients

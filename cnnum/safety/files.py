@@ -312,7 +312,7 @@ def made_here(target: Path) -> bool:
 
 
 def _old(target: Path, place: Path, *, force: bool) -> os.stat_result | None:
-    """Return the status of the file that is to be replaced, None where there is none.
+    """Return the status of the file that is to be replaced, None if there is none.
 
     Raises
     ------

@@ -136,7 +136,7 @@ def check_expression(
 
 
 def _words(text: str) -> set[str] | None:
-    """Return the words of an expression, None where it is none."""
+    """Return the words of an expression, None if it is none."""
     if any(sign in text for sign in _REFUSED):
         return None
     words: set[str] = set()
@@ -155,7 +155,7 @@ def _words(text: str) -> set[str] | None:
 
 
 def host_bytes() -> int | None:
-    """Return the memory of this machine, None where the system does not say."""
+    """Return the memory of this machine, None if the system does not say."""
     try:
         return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     except (AttributeError, ValueError, OSError):  # Windows has no sysconf

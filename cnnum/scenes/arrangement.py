@@ -330,7 +330,7 @@ def _contradicted(
 ) -> str:
     """Return what a scene, or a program unless told otherwise, takes the array's cover for.
 
-    `newtons` is the load of a taxel that reads 1, None where it is not known.
+    `newtons` is the load of a taxel that reads 1, None if it is not known.
     """
     there = {"depth": cover.depth / pitch, "thickness": cover.depth,
              "youngs_modulus": cover.youngs_modulus}  # fmt: skip
@@ -470,7 +470,7 @@ class Given:
     programs : tuple of str
         Those that give it on this array.
     missing : tuple of str
-        Axes that the array lacks for it; empty where a program gives it.
+        Axes that the array lacks for it; empty if a program gives it.
     """
 
     event: str

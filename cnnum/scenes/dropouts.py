@@ -180,7 +180,7 @@ class Dropouts:
     Attributes
     ----------
     masked : (rows, cols) bool or None
-        Of the last frame; None where there is none. It has the taxels whose step is only judged
+        Of the last frame, or None if there is none. It has the taxels whose step is only judged
         with the next frame, too.
     count : int
         Times that a taxel has dropped out.
@@ -277,7 +277,7 @@ class Dropouts:
         self._span_at = float(kept["span_at"])
 
     def _odd_ones(self, values: Floats, time: float) -> Mask | None:
-        """Return the taxels that are no numbers, or beyond their limits; None where none is.
+        """Return the taxels that are no numbers, or beyond their limits, or None if none is.
 
         No number is a fault of the frame, which costs it, until the taxel has had none for a while.
         """

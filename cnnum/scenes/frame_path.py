@@ -26,7 +26,7 @@ class FrameResult(NamedTuple):
     frame : Frame
         Frame as the driver read it.
     values : (rows, cols, channels read) float or None
-        Input of the program; None if the frame was bad or a repeat.
+        Input of the program, or None if the frame was bad or a repeat.
     outputs : dict of str to array
         Outputs of the program; empty if it did not run.
     events : tuple of Event
@@ -36,7 +36,7 @@ class FrameResult(NamedTuple):
         Fault of a bad frame, which is skipped.
     saturated : (rows, cols) bool or None
         Taxels at an end of their range because of a load (all, if it is not known which), so that
-        normal loads found on them are lower bounds; None if there is none.
+        normal loads found on them are lower bounds, or None if there is none.
     masked : (rows, cols) bool or None
         Taxels that have dropped out and are continued from their neighbours; None if there is none.
     """

@@ -105,7 +105,7 @@ class LoadedExport:
     channels : tuple of str
         Channels of a frame, in order.
     rate : float or None
-        Frames per second that the constants of time are for; None where the program has none.
+        Frames per second that the constants of time are for, or None if the program has none.
     unit : str
         Unit of the inputs, or empty.
     precision : str

@@ -209,7 +209,7 @@ class Scene(OfThisProcess):
     grid : Grid or None
         Square grid on which the program runs, for taxels that are not on one.
     compiled : Compiled or None
-        What the plan was made of; None where it is for this array alone.
+        What the plan was made of, or None if it is for this array alone.
     bad : BadFrames
         Frames skipped so far.
     """

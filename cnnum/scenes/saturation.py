@@ -75,7 +75,7 @@ class Seen:
     Attributes
     ----------
     found : (rows, cols) bool or None
-        Taxels at their end because of a load, all of them where it is not known which; None where
+        Taxels at their end because of a load, all of them where it is not known which, or None if
         there is none.
     known : bool
         Whether it is known which.
@@ -141,7 +141,7 @@ class Saturation:
         self._said = self._said_most = False
 
     def look(self, frame: Frame, size: float) -> Seen | None:
-        """Return what a frame shows, None where that is nothing; `take` keeps it in mind.
+        """Return what a frame shows, None if that is nothing; `take` keeps it in mind.
 
         Parameters
         ----------

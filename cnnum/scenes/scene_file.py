@@ -451,7 +451,7 @@ def _events(scene: str, value: object) -> tuple[EventRule, ...]:
 
 
 def _scale(scene: str, table: Mapping[str, Any]) -> ArrayCalibration | None:
-    """Return the calibration of raw values, None where the scene says nothing of it."""
+    """Return the calibration of raw values, None if the scene says nothing of it."""
     if not table.keys() & set(KEYS):
         return None
     if table.keys() & {"file", "use"}:
@@ -492,7 +492,7 @@ def _ranges(scene: str, engine: Mapping[str, Any]) -> dict[str, Any] | None:
 
 
 def _positive(scene: str, key: str, value: object, what: str) -> float | None:
-    """Return a positive number of the table of frames, None where a scene says nothing."""
+    """Return a positive number of the table of frames, None if a scene says nothing."""
     if value is None:
         return None
     number = isinstance(value, int | float) and not isinstance(value, bool)
@@ -504,7 +504,7 @@ def _positive(scene: str, key: str, value: object, what: str) -> float | None:
 
 
 def _limits(scene: str, value: object) -> Limits | None:
-    """Return the limits of raw values, None where a scene says nothing."""
+    """Return the limits of raw values, None if a scene says nothing."""
     try:
         result = cast(Limits | None, convert("frames.limits", value, Limits | None, Path()))
         several = result is not None and (not result or isinstance(result[0], tuple))

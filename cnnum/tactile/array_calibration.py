@@ -38,7 +38,7 @@ class ArrayCalibration:
     offset : float, (channels,) or (rows, cols, channels)
         Raw values at rest.
     unit : str
-        Unit of the values; empty where the driver's stays.
+        Unit of the values; empty if the driver's stays.
     tare : int
         Frames at the start whose mean is taken as the offset, in every taxel.
 
@@ -169,7 +169,7 @@ def weighed(values: Floats, gain: Floats, form: Form) -> Floats:
 
 
 def read_array_calibration(path: Path) -> ArrayCalibration | None:
-    """Read a calibration file of a whole array; None where the file is of another kind.
+    """Read a calibration file of a whole array, or None if the file is of another kind.
 
     Raises
     ------

@@ -23,7 +23,7 @@ class Boundary:
     pad_mode : str
         The `numpy.pad` mode that fills a rim in this way.
     constant : float or None
-        The state of all virtual cells (Dirichlet), None where they copy a cell of the array.
+        The state of all virtual cells (Dirichlet), None if they copy a cell of the array.
     """
 
     name: str | float

@@ -134,7 +134,7 @@ def read_own_csv(path: Path) -> tuple[Recording, bool]:
 
 
 def _came(log_times: NDArray[np.int64] | None, times: Floats) -> NDArray[np.int64] | None:
-    """Return when frames came, None where their log times are their times and no more."""
+    """Return when frames came, None if their log times are their times and no more."""
     if log_times is None or log_times.tolist() == [untimed(time) for time in times.tolist()]:
         return None
     return log_times
@@ -143,7 +143,7 @@ def _came(log_times: NDArray[np.int64] | None, times: Floats) -> NDArray[np.int6
 def read_own_hdf5(path: Path) -> tuple[Recording, Calibration | None, bool] | None:
     """Return the recording of an HDF5 file, its calibration, and whether times and rate agree.
 
-    None where it is not cnnum's.
+    None if it is not cnnum's.
 
     Raises
     ------
@@ -198,7 +198,7 @@ class _Form:
     shape : (rows, cols)
     channels, truths : tuple of str
     unit : str
-        Empty where a column says it.
+        Empty if a column says it.
     cells : int
         Numbers of a frame.
     wanted : Wanted
@@ -260,7 +260,7 @@ def _framed(head: Head) -> Iterator[tuple[Place, str]]:
 
 
 def _saturated(held: Columns, shape: tuple[int, int]) -> NDArray[np.bool_] | None:
-    """Return the marks of each frame; None where there is no column of them."""
+    """Return the marks of each frame, or None if there is no column of them."""
     if CSV_MARKS not in held.texts:
         return None
     rows, cols = shape
@@ -483,7 +483,7 @@ class DataFile(Counting):
     bandwidth : float or None, Hz
         Highest frequency of loads, where the layout has it.
     positions : sequence of (x, y), mm
-        Positions of the taxels, where the layout has them; empty where not.
+        Positions of the taxels, where the layout has them; empty if not.
     timed : bool
         Whether the unit of the times is beyond doubt: dates, a unit or rate that is stated, or a
         file of cnnum, which has looked at them.

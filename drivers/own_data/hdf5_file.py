@@ -128,7 +128,7 @@ def child_answer(file: IO[bytes], request: Mapping[str, Any], seconds: float) ->
 
 
 def received(source: IO[bytes], most: int) -> Answer | None:
-    """Return what a child has sent, None where it ended before its last byte."""
+    """Return what a child has sent, None if it ended before its last byte."""
     line = source.readline(LARGEST_HEAD)
     if not line.endswith(b"\n"):
         return None

@@ -74,7 +74,7 @@ class DataLayout:
     rate : float, optional
         Hz; by the times unless given.
     time : str
-        Column, array or field of the times; empty where there is none. In text files these may be
+        Column, array or field of the times; empty if there is none. In text files these may be
         dates and times of day, too.
     time_unit : "s", "ms", "us" or "ns"
         Seconds unless given; then frames that are seconds apart are not questioned.

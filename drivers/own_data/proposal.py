@@ -370,7 +370,7 @@ def _paths(content: object, depth: int = 3) -> Iterator[str]:
 
 
 def _sent(path: Path, names: Iterable[str]) -> Proposal | None:
-    """Return the layout of a file that holds what an array sent; None where no protocol fits."""
+    """Return the layout of a file that holds what an array sent, or None if no protocol fits."""
     try:
         with open_regular(path) as file:
             data = file.read(LOOKED_BYTES)

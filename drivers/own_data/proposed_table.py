@@ -55,7 +55,7 @@ MONITOR = re.compile(r"\s*\d+:\d+:\d+[.,]?\d* -> ")
 
 
 def first_lines(path: Path) -> list[str] | None:
-    """Return the first lines of a text file; None where it is none."""
+    """Return the first lines of a text file, or None if it is none."""
     try:
         with open_regular(path) as raw:
             begin = raw.read(4096)
@@ -355,7 +355,7 @@ def _columns(
 
 
 def _block(lines: list[str], separator: str, decimal: str) -> Proposal | None:
-    """Return the layout of a text file with a block of lines a frame; None where it has none."""
+    """Return the layout of a text file with a block of lines a frame, or None if it has none."""
     form = TextForm(separator, decimal)
     widths: list[int] = []
     for line in lines:

@@ -231,7 +231,7 @@ def blocks(path: Path, layout: DataLayout) -> Arrays:
 
 
 def _row_of(layout: DataLayout, line: str, separator: str | None, wide: int) -> list[float] | None:
-    """Return the numbers of a line; None where it is no row of the array."""
+    """Return the numbers of a line, or None if it is no row of the array."""
     fields = line.strip().split(separator)
     while len(fields) > wide and not fields[-1].strip():
         fields.pop()

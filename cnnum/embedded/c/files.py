@@ -92,7 +92,7 @@ class Facts:
     Attributes
     ----------
     rate : float or None
-        Frame rate for which the time constants hold, Hz; None if there are none.
+        Frame rate for which the time constants hold, Hz, or None if there are none.
     unit : str
         Unit of the inputs; empty if it is not known.
     precision, method : str

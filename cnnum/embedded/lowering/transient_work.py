@@ -174,7 +174,7 @@ class TransientWork:
         return self.to.arithmetic.fit(number, self.to.formats.kept(f"z{self.index}"))  # type: ignore[arg-type]
 
     def start(self, layer: int) -> Quantity | None:
-        """Return the initial state of a cell; None where it is 0."""
+        """Return the initial state of a cell, or None if it is 0."""
         if self.given["state"]:
             return self.cell(self.given["state"][layer])
         if self.template.initial == "input":

@@ -483,7 +483,7 @@ def _value(work: TransientWork, array: Array, start: Quantity | None) -> ir.Expr
 
 
 def _drive(work: TransientWork, layer: int, step: float) -> Array | None:
-    """Write the part that a step adds to any state; None where that is nothing."""
+    """Write the part that a step adds to any state, or None if that is nothing."""
     to, share = work.to, step / float(work.template.tau[layer])
     with to.within() as body:
         terms = work.drive_terms(layer, share)

@@ -94,7 +94,7 @@ def judged(
 ) -> tuple[Floats, Floats] | None:
     """Return the estimated and the true errors of a batch in steps of a random length.
 
-    None where the method has no stable step, or its error is not followed.
+    None if the method has no stable step, or its error is not followed.
     """
     template, maps, truth = known.template, known.maps, known.truth
     bound = stability_bound(template, SHAPE, method).step

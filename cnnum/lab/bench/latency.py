@@ -114,7 +114,7 @@ class Latency:
     ----------
     case, device : str
     launches : int
-        Kernel launches a frame.
+        Kernel launches per frame.
     p50_us, p99_us : float
         From a single frame of a stream, in host memory, to its events.
     first_us : float

@@ -43,7 +43,7 @@ class Scaling:
     ns_per_update : float
         The same as time.
     growth : float or None
-        The same over that of the `BASE` array in the same run. None where it is not the array that
+        The same over that of the `BASE` array in the same run. None if it is not the array that
         grows.
     seconds : float
         Median of the longer run, host to host, s.

@@ -28,7 +28,7 @@ class PeakMeter:
     Attributes
     ----------
     best : float
-        Best rate so far of any kernel, operations a second; 0 before the first measurement.
+        Best rate so far of any kernel, operations per second; 0 before the first measurement.
     kernel : str
         The kernel that had it; empty before.
     """
@@ -50,7 +50,7 @@ class PeakMeter:
                 self.best, self.kernel = peak.flops, peak.kernel
 
     def turn(self) -> Callable[[], float]:
-        """Return a function that runs the best kernel once, some 20 ms, for operations a second.
+        """Return a function that runs the best kernel once, some 20 ms, for operations per second.
 
         It runs here, not in a process of its own, for it has run in one: `measure` comes first.
         """

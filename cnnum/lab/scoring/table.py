@@ -83,7 +83,7 @@ class Table:
             yield {"table": self.name, **{key: json_value(value) for key, value in row.items()}}
 
     def reached(self, column: Column, row: Row) -> bool | None:
-        """Return whether a number reaches its aim; None if it has none."""
+        """Return whether a number reaches its aim, or None if it has none."""
         return None if row.get("baseline") else column.reached(row.get(column.key))
 
     @property

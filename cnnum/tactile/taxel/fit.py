@@ -310,7 +310,7 @@ class _Fit:
 
 
 def _least_squares(scan: Scan, depth: float | None) -> _Fit | None:
-    """Return the plain fit, None where it finds no thickness: spikes may hide it."""
+    """Return the plain fit, None if it finds no thickness: spikes may hide it."""
     try:
         return _fitted(scan, depth)
     except CalibrationError:

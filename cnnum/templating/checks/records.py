@@ -81,7 +81,7 @@ GIVEN = ("input", "previous", "state", "bias", "mask", "duration")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Case:
-    """The input of an engine; None where the template has its own.
+    """The input of an engine, or None if the template has its own.
 
     Attributes
     ----------
@@ -234,7 +234,7 @@ class CheckResult:
     settle : float or None
         Time until the outputs rest, in the unit of τ, on 8×8 cells, where it was measured.
     note : str
-        How the run differs from the measured figures; empty where it does not.
+        How the run differs from the measured figures; empty if it does not.
     """
 
     template: str

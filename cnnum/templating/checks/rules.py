@@ -355,7 +355,7 @@ def both(first: list[LinearCase], second: list[LinearCase]) -> list[LinearCase]:
 
 
 def narrowest(case: LinearCase, weights: Floats, fixed: dict[int, bool]) -> Floats | None:
-    """Return the neighbourhood of a case with the smallest weighted sum, None where there is none.
+    """Return the neighbourhood of a case with the smallest weighted sum, None if there is none.
 
     Parameters
     ----------
@@ -544,7 +544,7 @@ def _states(
 
 
 def _avoided(template: Template) -> Held | None:
-    """Return what says where a template stands on the fence, None where it never does."""
+    """Return what says where a template stands on the fence, None if it never does."""
     if not has(template, "avoid"):
         return None
     rule = Rule(template.name, text(template, "avoid"))

@@ -476,7 +476,7 @@ class Audit:
 
 
 def audit(template: Template, engine: Engine, shape: Shape = (12, 12)) -> Audit | None:
-    """Return the audit of a template; None where its answer is gray."""
+    """Return the audit of a template, or None if its answer is gray."""
     form = form_of(template)
     if not form.digital:
         return None

@@ -34,11 +34,11 @@ class Measured:
     mean, rms : float
         Mean and RMS of the final states of the check's run on 8×8 cells.
     settle : tuple of (cells along a side, time constants)
-        When the outputs come within 0.01 of their end, on square arrays. It is empty where they
+        When the outputs come within 0.01 of their end, on square arrays. It is empty if they
         never do within the longest run, or where the check stops before.
     margin : float or None
         The largest number that may be added to the bias, and taken from it, with no wrong cell.
-        None where the answer is gray.
+        None if the answer is gray.
     """
 
     digest: str
@@ -140,14 +140,14 @@ class Proof:
         The same over the sum of all weights that decide, each times the size of its input. It
         compares weights of one form; `worst_case` says how far they may be off.
     bound : float or None
-        No weights have a larger relative margin; None where that is not known.
+        No weights have a larger relative margin, or None if that is not known.
     settle : float or None
-        Time constants until every cell of exact weights is black or white. None where cells wait
+        Time constants until every cell of exact weights is black or white. None if cells wait
         for each other, or never are.
     worst_case : float or None
-        With every weight off by less than this share of itself, each by itself, every cell of every
+        With every weight off by less than this share of itself, separately, every cell of every
         neighbourhood is within half a colour of the right one at the end of the template's run.
-        None where no such bound is known.
+        None if no such bound is known.
     worst_case_weights : str
         The mismatch that makes a cell wrong beyond it, as in "A[1, 1] larger, z smaller in size".
     flips : tuple of FlipRate
@@ -240,7 +240,7 @@ class About:
         The meaning of the input and of the initial state.
     tags : tuple of str
     experimental : str
-        Why no check shows that the template does its job; empty where one does.
+        Why no check shows that the template does its job; empty if one does.
     published_boundary : str
         The boundary that the source names, where the library uses another.
     """
@@ -277,7 +277,7 @@ class Entry:
     Attributes
     ----------
     measured : Measured or None
-        Written by a command; None where nothing was measured yet.
+        Written by a command, or None if nothing was measured yet.
     proof : Proof or None
         Proof of a template that a command designed.
     guesses : tuple of Guess
