@@ -73,7 +73,7 @@ def jumps(template: Template) -> bool:
 
 
 def bends(template: Template) -> bool:
-    """Return whether rates may bend as states change: tables have corners, as some outputs do."""
+    """Return whether rates may have kinks as functions of the state, as with tables."""
     return not template.output.smooth or any(not c.static for c in template.nonlinear)
 
 
@@ -83,7 +83,7 @@ def autonomous(template: Template) -> bool:
 
 
 def turning_points(template: Template, duration: float) -> tuple[float, ...]:
-    """Return the times within a duration at which a gain jumps or bends: no step may cross one."""
+    """Return the times at which a gain has a jump or a kink, which no step may cross."""
     places = {place for gain in template.gains for place, _ in gain.table.points}
     return tuple(sorted(place for place in places if 0.0 < place < duration))
 

@@ -52,7 +52,7 @@ def state_bound(template: Template) -> float:
 
     Notes
     -----
-    Of an output function of one's own, |f| between samples follows from its declared slopes.
+    For a user-defined output function, |f| between samples is bounded by its declared slopes.
     """
     output = template.output
     if not template.plain:

@@ -72,7 +72,7 @@ def _wrong(template: Template, name: str, expected: str, value: object) -> Templ
 
 
 DIGITAL_TOLERANCE = 0.01
-"""Of outputs that are to be black or white."""
+"""Tolerance for outputs that should be black or white."""
 
 
 GIVEN = ("input", "previous", "state", "bias", "mask", "duration")

@@ -131,7 +131,7 @@ NEAR = 0.01
 
 _CHUNKS = 40
 _AT_REST = 0.8
-"""Of a run that is cut off, at rest for the fifth that is left."""
+"""Fraction of a run after which it is cut off if it is at rest for the remaining fifth."""
 _BIASES = np.geomspace(0.01, 8.0, 30)
 _FINER = 23
 """Steps of one per cent between two biases of the ladder."""

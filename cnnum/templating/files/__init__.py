@@ -194,7 +194,7 @@ def left_unsaid(entry: Entry, path: str | PathLike[str]) -> dict[str, object]:
     Returns
     -------
     dict of str to object
-        By keys of the TOML format, which itself says everything.
+        Keyed as in the TOML format, which can express everything.
     """
     form = _format(as_path(path, TemplateFileError))
     return {} if form is TOML else unsaid(entry, form, form.write(entry))

@@ -47,7 +47,7 @@ class Token:
 
 @dataclass(slots=True)
 class Words:
-    """The words of a file, read one after the other.
+    """The words of a file, read in sequence.
 
     Attributes
     ----------
@@ -127,7 +127,7 @@ class Words:
         return int(value)
 
     def wrong(self, line: int, expected: str, got: str) -> TemplateError:
-        """Return the error that something else stands in a line."""
+        """Return the error for unexpected content in a line."""
         return TemplateError(f"'{self.file}', line {line}: expected {expected}, got {got}.")
 
 

@@ -161,7 +161,7 @@ def stacked(kernels: Floats) -> str:
 
 
 def rows(block: Floats, indent: str = "") -> str:
-    """Return a matrix, one row a line."""
+    """Return a matrix, one row per line."""
     lines = "".join(f"{indent}  {several(row)},\n" for row in block)
     return f"[\n{lines}{indent}]"
 

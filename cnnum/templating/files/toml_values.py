@@ -87,7 +87,7 @@ def number_or_text(file: str, key: str, value: object) -> float | str:
 
 
 def per_layer(file: str, key: str, value: object) -> float | list[float]:
-    """Return a number, or a list with one a layer."""
+    """Return a number, or a list with one per layer."""
     if isinstance(value, list):
         return [number(file, key, item) for item in cast("list[object]", value)]
     return number(file, key, value)

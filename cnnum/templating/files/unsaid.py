@@ -36,7 +36,7 @@ def unsaid(entry: Entry, form: FileFormat, text: str) -> dict[str, object]:
     ----------
     entry : Entry
     form : FileFormat
-        That wrote the text.
+        Format that wrote the text.
     text : str
     """
     # some formats take the name from the file, which may come to have another one

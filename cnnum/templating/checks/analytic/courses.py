@@ -196,7 +196,7 @@ CELL_FORMS = (
 
 
 RAMPS_TOLERANCE = 1e-5
-"""Of signals of order 1 in single precision, whose layers are differences of them."""
+"""Tolerance for layers that are differences of signals of order 1 in single precision."""
 
 
 def changes(time: float, stages: int, slow: float, quick: float) -> Floats:

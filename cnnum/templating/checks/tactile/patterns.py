@@ -145,7 +145,7 @@ MOVING_PATTERNS_FORMS = (
 
 
 OUTLINES_NOISE = 2.5e-3
-"""Of one reading, as a share of the peak: 2.5 mV (Table 3.II) of 1 V."""
+"""Noise of one reading, as a share of the peak: 2.5 mV (Table 3.II) of 1 V."""
 
 OUTLINES_REST, HELD = 18, 3
 OUTLINES_DEPTH = 0.5

@@ -31,7 +31,7 @@ FINER = 5
 """Cells of the surface to a pitch: an odd number, so that taxels lie below middles."""
 
 DEPTH = 2 / 3
-"""Of the taxels, pitches: 1 mm under 1.5 mm."""
+"""Depth of the taxels, in pitches: 1 mm at a pitch of 1.5 mm."""
 
 MODULUS = 0.75
 """E of an incompressible cover whose E* = E/(1 − ν²) is 1."""
