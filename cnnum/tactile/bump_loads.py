@@ -30,7 +30,7 @@ DECONVOLUTION_RADIUS = 3
 
 ROUGH = 1e-3
 """Noise power, in powers of the reading of a load on one cell: 3 % of it. Less lets noise through,
-more rounds edges."""
+more blurs edges."""
 
 DECONVOLUTION_WAVES = 48
 """Wave numbers to each axis at which the inverse is fitted."""

@@ -93,7 +93,7 @@ class Pad:
         origin : (row, col) int
             Smallest row and column under the first bump.
         bumps : (bump_rows, bump_cols) int, optional
-            As many as fit, if not given.
+            By default, as many as fit.
         shear_gain, normal_gain : float
 
         Raises

@@ -21,7 +21,7 @@ from cnnum.tactile.contact.normal import hertz
 from cnnum.tactile.contact.torsion import TorsionSlip, sliding_torque, torsion_slip
 from cnnum.tactile.grid import Grid, make_grid
 
-# The scales converge linearly, slowest next to sliding: there 60 rounds leave less than 1 %.
+# The scales converge linearly, slowest next to sliding: there 60 iterations leave less than 1 %.
 _ROUNDS = 60
 _CLOSE = 1e-9
 

@@ -85,7 +85,7 @@ class Spline:
     knots : (n,) float
         Rising.
     pieces : (4, n − 1, ...) float
-        Of each piece the values, slopes, and coefficients of the square and the cube.
+        Polynomial coefficients of each piece, from the constant to the cubic term.
     """
 
     knots: Floats

@@ -316,7 +316,7 @@ def _linear_errors(
 def _curvature(
     s: Array, n: Array, radius: Array, z: float, force: Array, noise: list[Array]
 ) -> tuple[Array, Array]:
-    """Return the errors from the bend of the inverse: second differences over the noise.
+    """Return the errors from the curvature of the inverse: second differences over the noise.
 
     Infinite where the noise reaches signals that no load at a finite distance makes (s = 0
     under n < 0): far out, a taxel cannot bound how far.

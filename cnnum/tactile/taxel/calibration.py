@@ -178,7 +178,7 @@ class Calibration:
         Parameters
         ----------
         time : (...) float, s
-            Since switch-on, one a frame.
+            Time since switch-on, one per frame.
 
         Returns
         -------

@@ -155,7 +155,7 @@ class Readout:
         voltages : (..., rows, cols, 4) float, V
             Voltages of the half bridges.
         time : (...) float, s
-            Since switch-on, one a frame.
+            Time since switch-on, one per frame.
         rng : numpy.random.Generator, optional
             Source of the noise; without it there is none.
 

@@ -61,7 +61,7 @@ class Movement:
     solution : (unknowns,) float
         Solution for a unit displacement.
     forces : (n,) float
-        That hold the patch, on `unknowns`, for the unit displacement.
+        Forces on `unknowns` that hold the patch, for the unit displacement.
     unknowns : (n,) int
     """
 
