@@ -301,7 +301,7 @@ def _cells(frame: Frame) -> Iterator[object]:
 KIND = "cnnum recording 1"
 
 FRAMES = ("values", "sequence", "time", "quality", "truth")
-"""Members with a row a frame."""
+"""Members with one row per frame."""
 
 MARKS = "saturated"
 """Another one, (frames, rows, cols): taxels at an end of their range. It was not always there."""

@@ -33,7 +33,7 @@ MOST = 4096
 
 
 def shapes_of(taxels: int) -> list[Shape]:
-    """Return the rows and columns that a number of taxels can have; one line is a row."""
+    """Return the possible rows and columns for a number of taxels; one line counts as a row."""
     return [(taxels // cols, cols) for cols in range(taxels, 1, -1) if taxels % cols == 0]
 
 

@@ -39,7 +39,7 @@ MARKED = re.compile(r"\br(\d{1,4})_c(\d{1,4})\b")
 
 TRUTH = "truth "
 KNOWN = {"time", "sequence", "quality", "saturated", "log time (ns)", "rate (Hz)", "unit", "pads"}
-"""Columns of a data frame that are none of a taxel."""
+"""Columns of a data frame that do not belong to a taxel."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, init=False, repr=False)
