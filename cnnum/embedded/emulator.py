@@ -72,7 +72,7 @@ class Emulator:
         Returns
         -------
         dict of str to (batch, length) int or float
-            By the arrays of the outputs.
+            Values by output array.
         """
         batch = max([batch, *(len(numbers) for numbers in (*inputs.values(), *state.values()))])
         values: dict[str, Numbers] = {"first": np.full((batch, 1), int(first))}
@@ -205,7 +205,7 @@ class Emulator:
         self._note(name, self.values[name])
 
     def loop(self, statement: ir.Loop) -> None:
-        """Run rounds that add terms up; only the sums are noted."""
+        """Run a loop that accumulates terms; only the sums are recorded."""
         sizes, self.sizes = self.sizes, None
         assert isinstance(statement.start, int)
         assert isinstance(statement.end, int)
@@ -230,7 +230,7 @@ class Emulator:
         self._block(body)
 
     def counted(self, statement: ir.Counted) -> None:
-        """Run rounds while a flag holds; frames that have stopped keep their values."""
+        """Iterate while a flag holds; frames that have stopped keep their values."""
         assert isinstance(statement.end, int)
         outer, flag = self._running, statement.running
         for _ in range(statement.start, statement.end):

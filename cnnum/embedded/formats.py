@@ -76,7 +76,7 @@ class Precision:
     Attributes
     ----------
     name : str
-        As the user says it.
+        Name by which users select it.
     word : int
         Bits of a stored map and of an input; 0 for float32.
     fraction : int or None

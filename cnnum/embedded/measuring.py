@@ -250,9 +250,9 @@ class Seen:
     Attributes
     ----------
     later, early : dict of str to float
-        Of values that count; and of those in the first frames.
+        Ranges of the values that count, and of those in the first frames.
     idle : dict of str to float
-        Of all values: of use where none counted.
+        Ranges of all values, used if none counted.
     """
 
     later: dict[str, float] = field(default_factory=dict[str, float])

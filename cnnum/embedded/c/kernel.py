@@ -1,4 +1,4 @@
-"""A program as OpenCL C: the same records as the C99, by the same printer, a work item a frame."""
+"""A program as OpenCL C, from the same records and printer as C99, one work item per frame."""
 
 from cnnum.embedded.c.files import identifier, structures
 from cnnum.embedded.c.program import CText, table_lines

@@ -45,7 +45,7 @@ MISSED = ir.Name("missed", LOGIC)
 
 @dataclass(frozen=True, slots=True)
 class Carried:
-    """A value that rounds hand on: a map in an array, or a number in a variable.
+    """A loop-carried value: a map in an array, or a number in a variable.
 
     Attributes
     ----------
