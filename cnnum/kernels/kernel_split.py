@@ -1,8 +1,8 @@
 """The pass that splits a plan for large arrays at its sweeps, so that all cores share each of them.
 
 A sweep over the cells becomes a kernel whose work items take a piece each. Statements between
-sweeps become a kernel of one work item a frame. Numbers that outlive a kernel are kept in
-registers, one a frame. The host repeats the kernels of loops. Where frames of a batch take
+sweeps become a kernel of one work item per frame. Numbers that outlive a kernel are kept in
+registers, one per frame. The host repeats the kernels of loops. Where frames of a batch take
 different ways, a register of their own says whether a part is theirs.
 
 A printer gives each kernel a head. It declares the names `piece`, `frame` and `batch`, and the
@@ -48,7 +48,7 @@ PIECE = 1024
 """Values that a work item takes of a sweep that does not go by rows."""
 
 BATCH, FRAME, AT, REGISTERS, PARTIALS = ir.names("batch frame piece registers partials")
-"""Of a kernel's head: the frames, a work item's frame and piece, and what outlives the kernel."""
+"""Kernel parameters: the number of frames, a work item's frame and piece, and persistent values."""
 
 BEGIN, END, K = ir.names("begin end k")
 """The ends of a work item's piece of a sweep, and a piece whose part of a sum is added."""
@@ -98,7 +98,7 @@ class Register:
 
 
 Meaning = Register | ir.Array | ir.Expression
-"""Of a name: a register, an array by a name of its own, or a value that is always the same."""
+"""What a name refers to: a register, an array under another name, or a constant value."""
 
 
 def split_kernels(
@@ -310,7 +310,7 @@ class _Split:
         self.scope, self.guard = scope, guard
 
     def _rounds(self, loop: ir.Counted) -> Rounds:
-        """Return the rounds of the parts at hand."""
+        """Return the loop over the current parts."""
         parts = tuple(self.parts)
         if loop.running is None:
             if isinstance(loop.end, int):

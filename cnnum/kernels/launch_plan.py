@@ -1,4 +1,4 @@
-"""The host's part in a plan for large arrays: launches, steps by strips, and rounds."""
+"""The host's part in a plan for large arrays: launches, steps by strips, and loops."""
 
 import math
 from dataclasses import dataclass
@@ -71,7 +71,7 @@ class Strips:
 
 @dataclass(frozen=True, slots=True)
 class Launch:
-    """A kernel of `pieces` work items a frame."""
+    """A kernel with `pieces` work items per frame."""
 
     kernel: str
     pieces: int

@@ -81,7 +81,7 @@ class LLVMPrinter:
     Attributes
     ----------
     dtype : dtype
-        Of the kernel's numbers.
+        Data type of the kernel's numbers.
     tables : mapping of str to (n,) int
         Constant whole numbers, by name.
     scratch : list of int
@@ -291,13 +291,13 @@ class LLVMPrinter:
             self.statements(loop.body)
 
     def counted(self, rounds: ir.Counted) -> None:
-        """Append rounds one after the other."""
+        """Append a counted loop."""
         start, end = INT(rounds.start), self.value(operand(rounds.end))
         with self._counting(rounds.variable.text, start, end, 1, rounds.running):
             self.statements(rounds.body)
 
     def during(self, rounds: ir.While) -> None:
-        """Append rounds as long as a condition holds."""
+        """Append a loop that runs while a condition holds."""
         head, body, after = (self._now.body.append_basic_block() for _ in range(3))
         self._now.body.branch(head)
         self._now.body.position_at_end(head)

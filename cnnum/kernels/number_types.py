@@ -16,7 +16,7 @@ class NumberType:
     Attributes
     ----------
     dtype : dtype
-        Of the host's arrays.
+        Data type of host arrays.
     scalar : str
         Its name in OpenCL C.
     bits : str
@@ -138,4 +138,4 @@ class WholeNumbers:
 
 
 INT32 = WholeNumbers("int32_t", "int64_t", 32, "INT64_C")
-"""Of C99."""
+"""The 32-bit integer type of C99."""

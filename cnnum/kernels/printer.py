@@ -47,7 +47,7 @@ class Printer:
     names: Mapping[str, str] = field(default_factory=dict[str, str])
 
     count_type: ClassVar[str] = "int"
-    """Of variables of loops."""
+    """Type of loop variables."""
 
     def expression(self, value: ir.Expression) -> str:
         """Return the text of an expression."""
@@ -164,7 +164,7 @@ class Printer:
         return [f"case {case.number}: {{", *self.lines(case.body, 1), "    break;", "}"]
 
     def during(self, rounds: ir.While) -> list[str]:
-        """Write rounds as long as a condition holds."""
+        """Write a loop that runs while a condition holds."""
         return self._body(f"while ({self.expression(rounds.condition)})", rounds.body)
 
     def sweep(self, sweep: ir.Sweep) -> list[str]:
@@ -183,7 +183,7 @@ class Printer:
         return self._body(head, loop.body, loop.hint)
 
     def counted(self, loop: ir.Counted) -> list[str]:
-        """Write rounds one after the other."""
+        """Write a counted loop."""
         v, condition = loop.variable.text, self.expression(loop.condition)
         head = f"for ({self.count_type} {v} = {loop.start}; {condition}; ++{v})"
         return self._body(head, loop.body, loop.hint)
@@ -388,7 +388,7 @@ class C99Printer(Printer):
         return [f"{target} = {how}({target}, {self.expression(value)});"]
 
     def counted(self, loop: ir.Counted) -> list[str]:
-        """Write rounds one after the other."""
+        """Write a counted loop."""
         v = loop.variable.text
         goes_on = f"{v} < {loop.end}" + (
             f" && {self.expression(loop.running)}" if loop.running else ""

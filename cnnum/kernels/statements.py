@@ -131,7 +131,7 @@ class Branch:
 
 @dataclass(frozen=True, slots=True)
 class Sweep:
-    """A loop over `count` values, rows or rims whose rounds may run side by side.
+    """A loop over `count` values, rows or rims whose iterations are independent.
 
     Attributes
     ----------
@@ -181,9 +181,9 @@ class Counted:
     variable : Name
     start : int
     end : int or Name
-        Of a name, its value when the rounds begin.
+        For a name, its value when the loop starts.
     running : Name or None
-        A number; rounds end where it is 0, in all lanes.
+        A number; the loop ends once it is 0 in all lanes.
     body : tuple of Statement
     hint : str
         A request to compilers: a line before it.
