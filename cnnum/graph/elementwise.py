@@ -92,7 +92,7 @@ SELECT = ElementOp("select", 3, _select, "PICK(a != ZERO, b, c)")
 
 @dataclass(frozen=True, slots=True)
 class ReduceOp:
-    """A read-out of the whole array: one number a frame.
+    """A reduction of the whole array to one number per frame.
 
     Attributes
     ----------

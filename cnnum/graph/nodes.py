@@ -195,7 +195,7 @@ class Loop:
     results : tuple of Node
         The carried values after the body.
     again : Node or None
-        One flag a frame.
+        One flag per frame.
     limit : int
     """
 
@@ -275,7 +275,7 @@ CAPTURED = 1000
 """Parameters of a loop's body from this number on are captured; those below are carried."""
 
 FIGURES = ("time", "steps", "settled", "error")
-"""The figures of a run that `Pick` can ask for: one number a frame."""
+"""The results of a run that `Pick` can select, with one number per frame."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -357,7 +357,7 @@ class Graph:
         In an order in which they can run.
     outputs : dict of str to Node
     memories : list of Memory
-        By the number that `Read` names.
+        Memories, by the number that `Read` names.
     shared : int
         How often an operation was asked for that the graph already had.
     parent : Graph or None

@@ -63,7 +63,7 @@ class Parts:
     reductions : int
         Global read-outs: a map becomes one number.
     scalar : int
-        Arithmetic and logic on one number a frame.
+        Arithmetic and logic on one number per frame.
     """
 
     feedback: int = 0
@@ -123,7 +123,7 @@ class LeftOut:
     ----------
     what, why : str
     bytes : int
-        Traffic to or from the device that is saved a frame.
+        Traffic to or from the device saved per frame.
     flops : int
         Arithmetic that is saved a frame; for a transient, of one step, for a loop, of one round.
     """
