@@ -529,7 +529,7 @@ def _rename_to_free(name: Path, target: Path) -> None:
     Raises
     ------
     FileExistsError
-        If a folder with files is there, or a file.
+        If the target is a file, or a folder that is not empty.
     """
     if os.name == "nt":  # where a rename replaces no folder, not even an empty one
         with contextlib.suppress(OSError):
