@@ -26,7 +26,7 @@ class PathsAbreast:
     Parameters
     ----------
     passages : sequence of Passage
-        Of scenes whose plans are equal.
+        Passages of scenes with equal plans.
 
     Attributes
     ----------
@@ -74,7 +74,7 @@ class PathsAbreast:
         Raises
         ------
         ArrayError, SceneError, MethodError
-            As of a scene; frames of the others are lost then.
+            As for a single scene; frames of the others are then lost.
         """
         for lane, number, frame in zip(lanes, numbers, frames, strict=True):
             if self._passages[lane].tares(number, frame):

@@ -57,7 +57,7 @@ TELLS = 0.01
 of a rounded one."""
 
 PADS, NARROWEST = "pads", 3
-"""Of a pad's columns: a neighbourhood of a taxel is as wide."""
+"""Minimum columns of a pad, the width of a taxel's neighbourhood."""
 
 
 def program_of(spec: SceneSpec) -> Program:
@@ -356,7 +356,7 @@ def _contradicted(
 
 
 def refuse_unfit(program: Program, spec: SceneSpec, driver: Driver, unit: str) -> None:
-    """Refuse a program whose parameters the array's values cannot mean.
+    """Raise if a program's parameters do not fit the array's values.
 
     Parameters
     ----------

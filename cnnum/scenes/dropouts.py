@@ -33,7 +33,7 @@ APART = 1.0
 
 @dataclass(frozen=True, slots=True)
 class Gap:
-    """Scans that never came, before a frame.
+    """Scans missing before a frame.
 
     Attributes
     ----------
@@ -778,7 +778,7 @@ class Calm:
     Parameters
     ----------
     skins : sequence of (Dropouts, Liveness)
-        Of skins of one shape, all of whose taxels are looked at.
+        State of skins of one shape, all of whose taxels are checked.
     """
 
     def __init__(self, skins: Sequence[tuple[Dropouts, Liveness]]) -> None:

@@ -74,7 +74,7 @@ class Ready(NamedTuple):
         What it shows of taxels at an end of their range.
     masked : (rows, cols) bool or None
     silent : tuple of Event
-        Of arrays that fall silent, or begin to speak.
+        Events of arrays that fall silent or resume.
     started : float, s
         When its way began, by the host's clock.
     """

@@ -179,7 +179,7 @@ class Hand(OfThisProcess):
 
     @property
     def launches(self) -> int:
-        """Launches of a step in which every skin has a frame."""
+        """Launches per step in which every skin has a frame."""
         return len(self._groups)
 
     def warm_up(self) -> None:

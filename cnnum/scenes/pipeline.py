@@ -768,7 +768,7 @@ def _cure_of_times(driver: Driver, times: Floats) -> str:
 
 
 def _refuse_slow(spec: SceneSpec, driver: Driver) -> None:
-    """Refuse a recording whose times make it slower than any program can be.
+    """Raise if the times of a recording make it slower than any program allows.
 
     Raises
     ------

@@ -215,7 +215,7 @@ def read_hand(
     Returns
     -------
     dict of str to SceneSpec
-        By the names of the skins, in the file's order.
+        Keyed by skin name, in the file's order.
 
     Raises
     ------
@@ -320,7 +320,7 @@ def _parameters_of(table: Mapping[str, object]) -> list[str]:
 
 
 def _refuse_code(spec: SceneSpec, scene: str | Path, changes: Mapping[str, object]) -> None:
-    """Refuse drivers and programs that are code, but for those that the user has named."""
+    """Raise if a driver or program is code that the user has not named."""
     drivers = set(_named_drivers(changes))
     programs = {changes.get("program.name")}
     if isinstance(table := changes.get("program"), Mapping):

@@ -380,7 +380,7 @@ class SceneRecord:
 
 
 def suffix_of(target: Path) -> None:
-    """Refuse a file of an unknown kind, before the work.
+    """Raise if a file's kind is unknown, before the work starts.
 
     Raises
     ------
@@ -450,7 +450,7 @@ def _channel_of(names: Iterable[str]) -> str:
 
 
 def refuse_no_spikes(target: Path, names: Iterable[str]) -> None:
-    """Refuse to write address events of none or of several channels.
+    """Raise if address events would be written for no channel or for several.
 
     Raises
     ------
@@ -476,7 +476,7 @@ WRITERS: Mapping[str, Callable[[IO[bytes], SceneRecord], None]] = {
 
 
 def refuse_no_fields(names: tuple[str, ...], outputs: Iterable[str]) -> None:
-    """Refuse to save a scene that wants events alone.
+    """Raise if a scene to be saved outputs only events.
 
     Raises
     ------

@@ -62,7 +62,7 @@ CONFIDENCE = 0.95
 TEN_MINUTES = 600.0
 
 COLUMNS = ("recording", "begin", "end")
-"""Of a file of labels; `kind` may come, too."""
+"""Required columns of a label file; `kind` is optional."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -587,7 +587,7 @@ def _known(program: Program) -> Mapping[str, Any]:
 
 
 def _take(dial: _Dial, source: object, array: Mapping[str, object] | None, engine: Engine) -> _Take:
-    """Return a recording as the program sees it, by the scene's own path of a frame."""
+    """Return a recording as the program sees it, processed as the scene processes frames."""
     spec = dial.spec
     if array is not None:
         options = {key: value for key, value in array.items() if key != "driver"}
