@@ -173,7 +173,7 @@ BINS = 48
 def latency_chart(seconds: Floats, width: float) -> str:
     """Return the histogram of (frames,) s over a logarithmic axis.
 
-    Of a thousand frames the slowest is left to the last bar: the first one may build kernels.
+    The slowest of a thousand frames goes into the last bar, since the first may build kernels.
     """
     micros = 1e6 * seconds[np.isfinite(seconds)]
     low, high = _range(micros)

@@ -26,7 +26,7 @@ TIMES = 13
 """Times that are shown unless asked for otherwise, the start and the end among them."""
 
 MILLISECONDS = 250
-"""Of each picture of a moving one."""
+"""Duration of each picture of an animation, ms."""
 
 _STYLE = """
 :root { color-scheme: light dark; --paper: #fcfcfa; --ink: #16181d; --soft: #5b6270; }
@@ -162,7 +162,7 @@ STRIP = 7
 
 
 def _write_figure(file: IO[bytes], template: Template, times: Floats, result: Result) -> None:
-    """Write matrices as stencils above outputs in time, all as shapes and text, 24 units a cell."""
+    """Write matrices as stencils above outputs in time, as shapes and text, 24 units per cell."""
     cell, gap, x = 24.0, 16.0, 0.0
     parts, tallest = list[str](), 0
     for label, kernel in [*matrices(template), ("z", template.z)]:
