@@ -62,7 +62,7 @@ class Place:
     port : int
         0 for any that is free.
     token : str
-        That a page must know; empty if none is asked for.
+        Token that a page must present; empty if none is required.
 
     Raises
     ------
@@ -121,7 +121,7 @@ class Gate:
         self._place = place
 
     def refusal(self, headers: Mapping[str, str], path: str) -> str:
-        """Return why a WebSocket is refused; empty if it is let in."""
+        """Return why a WebSocket is refused; empty if it is accepted."""
         host, origin = headers.get("Host", ""), headers.get("Origin")
         if refusal := self.stranger(host):
             return refusal

@@ -65,7 +65,7 @@ DRAWS, COUPLED_DRAWS = 200, 20
 """Chips of one mismatch, on all neighbourhoods and on the picture where cells are coupled."""
 
 MOST_BITS = 16
-"""Of a number; more are as good as all."""
+"""Most bits of a weight that can be chosen; more are as good as exact."""
 
 AT_WORK = 8
 """Questions of a page that are worked on; more of them wait. A page has one of each kind."""
