@@ -43,7 +43,7 @@ class Answer:
     ratio : float
         Theirs over ours: above 1 the engine is ahead.
     spread : float
-        Of our time, s.
+        Spread of our time, s.
     wrong : int
         Cells in which the two pictures differ.
     """

@@ -38,7 +38,7 @@ class Judged:
     truth : str
         "reference engine", or the name of a closed form.
     frames : int
-        That were compared.
+        Number of frames compared.
     """
 
     error: float

@@ -68,7 +68,7 @@ def write_report(
     device : str
     omissions : sequence of str
     command : str, optional
-        That measured them; the benchmark's without options unless given.
+        Command that measured them; by default the benchmark's without options.
     force : bool
         Whether files that are there, and are of no benchmark, are replaced.
 

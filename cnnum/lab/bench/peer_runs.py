@@ -40,7 +40,7 @@ class PeerRun:
     peer_error, error : float
         Largest error of the state over its largest value, against the reference engine.
     spread : float
-        Of our time, s.
+        Spread of our time, s.
     """
 
     case: str

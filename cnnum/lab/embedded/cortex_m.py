@@ -52,7 +52,7 @@ class Counted:
     ----------
     core : str
     instructions : tuple of int
-        Of each frame.
+        Instructions per frame.
     flash_bytes, ram_bytes, stack_bytes : int
         Code and tables; memory, frame, answers and stack; the deepest stack alone.
     wrong : int

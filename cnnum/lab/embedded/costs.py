@@ -199,7 +199,7 @@ COUNTED = 4
 """Frames that are counted: in the middle of a slip, where loops are longest."""
 
 SCENES = 2
-"""Of each kind, in which reports are scored."""
+"""Scenes of each kind in which reports are scored."""
 
 Case = tuple[str, Shape, str, str, str]
 """Program, shape, precision, method, core."""
@@ -216,7 +216,7 @@ class CostRow:
     shape : (rows, cols)
     precision, method, core : str
     instructions : int
-        Of the longest frame: counted, not timed, and no cycles.
+        Instructions of the longest frame: counted, not timed, and not cycles.
     ram_bytes, flash_bytes : int
         From the ELF file; RAM with frame, answers and the deepest stack.
     error : float

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from cnnum.lab.reproduce.record import Item
 
 Remembered = type(lru_cache(len))
-"""Of functions that remember their results."""
+"""Type of functions with cached results."""
 
 CACHED = ("cnnum.lab.reproduce", "cnnum.tactile", "cnnum.templates")
 """Packages whose remembered results a fault would not reach."""

@@ -105,7 +105,7 @@ def _badge(row: Row) -> str:
 
 
 NAME = "reproduce.html"
-"""Of the page, in a folder."""
+"""File name of the page."""
 
 
 def figures_of(rows: Iterable[Row]) -> tuple[str, ...]:
@@ -138,7 +138,7 @@ def write_page(
     Returns
     -------
     Path
-        Of the file.
+        Path of the file.
 
     Raises
     ------

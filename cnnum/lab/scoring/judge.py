@@ -67,7 +67,7 @@ class Verdict:
     delay : float, s
         From the onset to that report; NaN without one.
     turned : float, degrees
-        Of the reported direction against the true one; NaN if either is not known.
+        Angle from the true to the reported direction; NaN if either is unknown.
     false : int
         Reports of slip that begin where nothing slips.
     twists : int

@@ -146,7 +146,7 @@ NOTE = (
 )
 Advance = Callable[[str], object]
 Scores = dict[str, list[Floats]]
-"""Of the trials, in order, by the row of the table."""
+"""Scores of the trials, in order, by row of the table."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -264,7 +264,7 @@ TURNED = ("slip_turning", "slip_pivots", "twist_strength")
 """Further outputs that are scored against the turning of the marker."""
 
 LEAVES, TREES = 8, 100
-"""Of the boosted trees."""
+"""Leaves and number of the boosted trees."""
 
 
 def turn_table(recorded: Recorded) -> Table:

@@ -29,7 +29,7 @@ class Peer:
     slow : bool
         On large arrays a run takes seconds.
     extra : str
-        That installs the package.
+        Extra that installs the package.
     whole : bool
         It compiles for every number of steps: the whole work warms it, not a few steps.
     """

@@ -19,7 +19,7 @@ from cnnum.tactile.indenters import WIDEST, Reads, Touch, drawn, readings
 from cnnum.templating.checks.program_run import RATE
 
 NOISE = 2.5e-3
-"""Of the largest reading: 2.5 mV (Table 3.II) of 1 V."""
+"""Noise, as a share of the largest reading: 2.5 mV (Table 3.II) of 1 V."""
 
 REST, HELD = 20, 3
 DEPTHS = (0.5, 0.75, 1.0, 1.3)

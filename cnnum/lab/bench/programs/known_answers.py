@@ -239,7 +239,7 @@ def bumps(side: int) -> Iterator[KnownAnswer]:
 
 
 SPEEDS = (-2.0, 1.0, 3.0)
-"""Of gratings, taxels a second."""
+"""Speeds of gratings, taxels per second."""
 
 
 def tactile_flow(taxels: int) -> KnownAnswer:

@@ -59,7 +59,7 @@ def program_rungs(
     quick : bool
         Fewer rungs.
     seconds : float
-        That the reference engine may take for the frames.
+        Time that the reference engine may take for the frames.
     """
     # once, and only if needed
     truth = cache(lambda: truths(name, SHAPE, seconds))

@@ -10,7 +10,7 @@ from cnnum.tactile.halfspace import strain
 from cnnum.tactile.indenters import Reads, Rectangle, two_bars
 
 WIDTH, LENGTH, DEPTH = 1.5, 4.0, 0.5
-"""Of the bars and of the cover above the taxels, cells."""
+"""Dimensions of the bars and depth of the cover above the taxels, cells."""
 
 GAPS = (1.0, 1.5, 2.0, 3.0)
 

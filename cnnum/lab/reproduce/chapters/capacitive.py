@@ -19,7 +19,7 @@ PRESSURE = 100e3
 
 PRESSED = (3, 5)
 RISE = 0.5
-"""Of the pressed junction's capacitance; not given."""
+"""Rise of the pressed junction's capacitance; not published."""
 
 
 def sunk() -> Floats:

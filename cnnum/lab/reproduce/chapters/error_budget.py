@@ -20,10 +20,10 @@ TAXEL = 100e-6
 """Side of the suspended plate, m (Fig. 3.8)."""
 
 TILT = np.radians(2.0)
-"""Of the needle; no value is published."""
+"""Tilt of the needle; no value is published."""
 
 UNEVEN = 5e-6
-"""Of the rubber's thickness, m: "a few microns"."""
+"""Unevenness of the rubber's thickness, m: "a few microns"."""
 
 SIDE = 13
 

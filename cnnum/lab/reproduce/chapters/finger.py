@@ -10,7 +10,7 @@ from cnnum.lab.reproduce.setup import E, Z
 from cnnum.tactile.cover.bump import BumpCover
 
 PITCH = 1.5e-3
-"""Of the taxels, m."""
+"""Pitch of the taxels, m."""
 
 FINGER = 4e-3
 """Radius of the contact of a finger, m."""

@@ -12,7 +12,7 @@ from cnnum.tactile.cover.hair import HairCover
 from cnnum.tactile.cover.protocol import FlatCover
 
 FRICTION = 0.5
-"""Of a tip that slides on rubber; no value is published."""
+"""Friction of a tip that slides on rubber; no value is published."""
 
 FORCE = 10e-3
 """N, of the tip."""

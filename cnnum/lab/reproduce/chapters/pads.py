@@ -16,13 +16,13 @@ from cnnum.tactile.halfspace import SurfaceToDepth
 from cnnum.tactile.pad import Pad
 
 PITCH = 1.5e-3
-"""Of the pressure taxels, m."""
+"""Pitch of the pressure taxels, m."""
 
 RADIUS = 1e-3
-"""Of the bumps."""
+"""Radius of the bumps."""
 
 LAYER = 0.5e-3
-"""Of rubber below the bumps."""
+"""Thickness of the rubber below the bumps."""
 
 CELLS = 6
 """Cells of the map of tractions in a pitch."""

@@ -59,7 +59,7 @@ def integrated(
     outside : str
         See `coupled`.
     taus : sequence of float
-        Of each layer.
+        Time constant of each layer.
     rtol : float
         Steps that jump over a corner of f may be off by a thousand times as much.
     """

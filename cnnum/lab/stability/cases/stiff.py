@@ -27,10 +27,10 @@ METHODS = (
     "rodas3",
 )
 FEW_STEPS = r"did not reach its end"
-"""Of a refusal: explicit steps would be too many."""
+"""Error message if explicit steps would be too many."""
 
 UNFIT = r"needs rates that are known to be real|has no propagator|No step of"
-"""Of a refusal: the method is not made for such an array."""
+"""Error message if the method does not suit such an array."""
 
 
 def cases() -> Iterator[Case]:
