@@ -215,7 +215,7 @@ class DataLayout:
 
     @property
     def numbers(self) -> int:
-        """Numbers of a frame."""
+        """Count of numbers in a frame."""
         return self.shape[0] * self.shape[1] * len(self.channels)
 
     @property

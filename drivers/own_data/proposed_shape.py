@@ -417,7 +417,7 @@ def family_of(names: Sequence[str]) -> list[str]:
 def parts_of_frame(shapes: Mapping[str, tuple[int, ...]]) -> list[str]:
     """Return the fields or arrays that make up a frame together, by their names and shapes.
 
-    They are one a channel, as "x", "y" and "z", one a taxel, as "taxel0", …, or one a row.
+    There is one per channel, as "x", "y" and "z", one per taxel, as "taxel0", …, or one per row.
     """
     alike: dict[tuple[object, ...], list[str]] = {}
     for name, shape in shapes.items():

@@ -1,4 +1,4 @@
-"""The layout of a text file: a table, or a block of lines a frame."""
+"""The layout of a text file: a table, or a block of lines per frame."""
 
 import re
 from collections import Counter
@@ -251,7 +251,7 @@ def _block_of(texts: list[str]) -> int:
 def _refuse_long(
     columns: Mapping[str, list[str]], clock: str, values: Mapping[str, Floats]
 ) -> None:
-    """Refuse a table with a row a taxel, or a row a sensor.
+    """Raise if a table has one row per taxel or per sensor.
 
     Raises
     ------

@@ -181,7 +181,7 @@ def sent_scans(path: Path, layout: DataLayout) -> Arrays:
 
 
 def blocks(path: Path, layout: DataLayout) -> Arrays:
-    """Return the frames of a text file that has a block of lines a frame, a line a row.
+    """Return the frames of a text file with a block of lines per frame, one line per row.
 
     Lines of as many numbers as the array has columns are rows. All others stand between the
     blocks; the times may stand in them, behind the word that the layout names.
