@@ -19,7 +19,7 @@ class Boundary:
     Attributes
     ----------
     name : str or float
-        As template files say it: "zero-flux", "periodic", or the constant itself.
+        Name in template files: "zero-flux", "periodic", or the constant itself.
     pad_mode : str
         The `numpy.pad` mode that fills a rim in this way.
     constant : float or None
@@ -54,7 +54,7 @@ _NAMED = {str(boundary.name): boundary for boundary in (ZERO_FLUX, PERIODIC)}
 
 
 def parse_boundary(value: float | str | Boundary) -> Boundary:
-    """Return the boundary that a number or a name stands for.
+    """Return the boundary given by a number or a name.
 
     Raises
     ------
@@ -85,7 +85,7 @@ def halo_sources(boundary: Boundary, shape: Shape, radius: int) -> NDArray[np.in
     boundary : Boundary
     shape : (rows, cols)
     radius : int
-        Width of the rim of virtual cells; it may exceed the array, mirrors then repeat.
+        Width of the rim of virtual cells; if it exceeds the array, mirrors repeat.
 
     Returns
     -------
@@ -101,20 +101,20 @@ def halo_sources(boundary: Boundary, shape: Shape, radius: int) -> NDArray[np.in
 
 
 def line_sources(boundary: Boundary, length: int, radius: int) -> NDArray[np.int64]:
-    """Return the cell that each place of a padded row or column copies, −1 for a constant."""
+    """Return the cell that each element of a padded row or column copies, −1 for a constant."""
     places = np.arange(-radius, length + radius)
     if boundary.pad_mode == "constant":
         places[(places < 0) | (places >= length)] = -1
         return places
     if boundary.pad_mode == "wrap":
         return places % length
-    # a mirror at either end: there and back in 2·length places
+    # a mirror at both ends has the period 2·length
     there = places % (2 * length)
     return np.where(there < length, there, 2 * length - 1 - there)
 
 
 def rim_copies(boundary: Boundary, shape: Shape, radius: int) -> NDArray[np.int64]:
-    """Return where the rim of a padded array lies, and the places of the cells that it copies.
+    """Return the indices of the rim of a padded array, and of the cells that it copies.
 
     Parameters
     ----------

@@ -31,7 +31,7 @@ def kernel(name: str, value: ArrayLike) -> Floats:
 
 
 def place(part: str, value: SupportsIndex) -> int:
-    """Return the number of a layer or input.
+    """Return the index of a layer or input.
 
     Raises
     ------

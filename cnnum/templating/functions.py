@@ -73,7 +73,7 @@ class Table:
         return cls(interpolation, pairs)  # type: ignore[arg-type]
 
     def __call__(self, v: Floats) -> Floats:
-        """Return the function of every number."""
+        """Return the function of every element."""
         places = np.array([place for place, _ in self.points])
         values = np.array([value for _, value in self.points])
         if self.interpolation == "linear":
@@ -82,7 +82,7 @@ class Table:
         return np.asarray(values[np.minimum(at, len(values) - 1)])
 
     def mean(self, begin: float, end: float) -> float:
-        """Return the mean of the function between two numbers, the first below the second."""
+        """Return the mean of the function over [begin, end], with begin < end."""
         total = self.points[0][1]
         for (low, before), (high, after) in pairwise(self.points):
             if self.interpolation == "constant":
@@ -218,14 +218,14 @@ OUTPUT_FUNCTIONS = {function.name: function for function in _ALL}
 
 
 def output_function(value: str | OutputFunction) -> OutputFunction:
-    """Return the output function of that name, or one of a caller's own.
+    """Return the output function of that name, or a user-defined one unchanged.
 
     Raises
     ------
     UnknownNameError
         If there is no such name.
     TemplateError
-        If one of a caller's own has the name of another, by which engines know it.
+        If a user-defined function has the name of another, by which engines identify it.
     """
     if isinstance(value, OutputFunction):
         if OUTPUT_FUNCTIONS.get(value.name, value) != value:

@@ -1,7 +1,7 @@
-"""The template library: finds a template by its name among the installed template files.
+"""The template library, which finds templates by name among the installed template files.
 
-A file of the library is called as its template, in lower case, so that one name costs one file.
-Only an alias or an unknown name makes the library read all of them.
+A library file has the name of its template in lower case, so that looking up a name reads only one
+file. Only an alias or an unknown name makes the library read all files.
 """
 
 import difflib
@@ -31,12 +31,12 @@ def get_template(name: str) -> Template:
 
 
 def get_entry(name: str) -> Entry:
-    """Return the library's template with the words about it and its measured figures.
+    """Return the library's template with its description and its measured figures.
 
     Raises
     ------
     UnknownNameError
-        If there is none; the sentence names the nearest ones.
+        If there is none; the message suggests similar names.
     """
     return _load(template_path(name))
 
@@ -52,7 +52,7 @@ def template_path(name: str) -> Path:
     Raises
     ------
     UnknownNameError
-        If there is none; the sentence names the nearest ones.
+        If there is none; the message suggests similar names.
     """
     if not isinstance(cast(object, name), str):
         raise name_error("template", name, template_names())
@@ -64,7 +64,7 @@ def template_path(name: str) -> Path:
 
 
 def as_template(template: object) -> Template:
-    """Return a template as it is, or the library's of that name.
+    """Return a template unchanged, or the library's template of that name.
 
     Raises
     ------

@@ -1,8 +1,7 @@
 """A template on an array of given size: its couplings cell by cell, and the bounds that follow.
 
-The maps that the couplings of a template read, and by how much they may change a rate.
-
-Engines and integrators ask here, so that a new kind of coupling answers here alone.
+Also the maps that the couplings of a template read, and how much they may change a rate. Engines
+and integrators query these functions, so a new kind of coupling is described only here.
 """
 
 from collections.abc import Iterator
@@ -46,7 +45,7 @@ def reads_inputs_around(template: Template) -> bool:
 
 
 def moving_inputs(template: Template) -> list[int]:
-    """Return the inputs that the cells go on reading as their states change."""
+    """Return the inputs that the cells keep reading during the transient."""
     moving = [coupling for coupling in template.nonlinear if not coupling.static]
     result = {coupling.source for coupling in moving if coupling.neighbour == "u"}
     return sorted(result | {c.centre_source for c in moving if c.centre == "u"})
@@ -63,12 +62,12 @@ def delays_inputs(template: Template) -> bool:
 
 
 def lag(template: Template, step: float) -> int:
-    """Return the delay in steps, 0 without one."""
+    """Return the delay in steps, 0 if there is none."""
     return 0 if template.delayed is None else round(template.delayed.delay / step)
 
 
 def jumps(template: Template) -> bool:
-    """Return whether rates jump as states change, which no error estimate follows."""
+    """Return whether rates are discontinuous in the states, which no error estimate covers."""
     return any(coupling.jumps for coupling in template.nonlinear)
 
 
@@ -78,7 +77,7 @@ def bends(template: Template) -> bool:
 
 
 def autonomous(template: Template) -> bool:
-    """Return whether a run may begin anew at any time: nothing is delayed or varies in time."""
+    """Return whether a run may be restarted at any time: nothing is delayed or varies in time."""
     return template.delayed is None and not template.gains
 
 
@@ -89,12 +88,12 @@ def turning_points(template: Template, duration: float) -> tuple[float, ...]:
 
 
 def gains_jump(template: Template) -> bool:
-    """Return whether a gain in time is one of steps: at a point it has two values."""
+    """Return whether a gain in time is piecewise constant, so that it jumps."""
     return any(gain.table.interpolation == "constant" for gain in template.gains)
 
 
 def widened(template: Template) -> Floats:
-    """Return by how much |dx/dt|·τ of each layer may change more than by A, (layers,)."""
+    """Return how much |dx/dt|·τ of each layer may change in addition to A, (layers,)."""
     total = np.zeros(template.layers)
     for gain in template.gains:
         weights = float(np.abs(template.A[gain.to, gain.source]).sum())

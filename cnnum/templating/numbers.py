@@ -1,4 +1,4 @@
-"""All numbers of a template by the part that they stand in, for machines and for people."""
+"""All numbers of a template, by the part that they belong to."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -89,13 +89,13 @@ def _tabled(table: Table, values: Floats | None) -> Table:
 
 
 def on_grid(values: ArrayLike, top: float, bits: int) -> Floats:
-    """Return numbers as whole multiples of the largest one over 2^(bits − 1) − 1."""
+    """Return numbers rounded to integer multiples of `top` / (2^(bits − 1) − 1)."""
     step = max(top, 1e-30) / (2 ** (bits - 1) - 1)
     return np.asarray(step * np.rint(np.asarray(values) / step), dtype=np.float64)
 
 
 def matrices(template: Template) -> list[tuple[str, Floats]]:
-    """Return each (k, k) matrix with its label, those of only zeros left out where others are."""
+    """Return each (k, k) matrix with its label, leaving out zero matrices if there are others."""
     parts = {"A": template.A, "B": template.B}
     if template.delayed is not None:
         late = f" of {template.timed(template.delayed.delay)} ago"
@@ -112,7 +112,7 @@ def matrices(template: Template) -> list[tuple[str, Floats]]:
 
 
 def functions(template: Template) -> list[tuple[str, str]]:
-    """Return each function of a nonlinear coupling or gain by its name, in words."""
+    """Return the name and a description of each function of a nonlinear coupling or gain."""
     result = [(f"f{n}", _function(coupling)) for n, coupling in enumerate(template.nonlinear, 1)]
     return result + [
         (f"gain of A[{gain.to}, {gain.source}] in time", _steps(gain.table))
@@ -133,7 +133,7 @@ def _kernels(label: str, couplings: Floats) -> list[tuple[str, Floats]]:
 
 
 def _place(template: Template, coupling: NonlinearCoupling) -> str:
-    """Return the layers of a coupling, where there are several."""
+    """Return the layers of a coupling, if the template has several."""
     if template.layers == 1 and template.inputs <= 1:
         return ""
     return f"[{coupling.to}, {coupling.source}]"

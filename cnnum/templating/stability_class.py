@@ -1,4 +1,4 @@
-"""The class of stability of a template on an array, its theorem, and the box of its states.
+"""The stability class of a template on an array, its theorem, and the box of its states.
 
 The box of states that an array never leaves, whatever inputs within [−1, 1] it is given.
 
@@ -6,9 +6,9 @@ A cell moves by τ dx/dt = −x + s with |s| ≤ K(R) while all states lie withi
 the weights times the largest output there. So a box with K(R) ≤ R holds every transient that starts
 in it (Chua & Yang 1988, theorem 1, is the case |f| ≤ 1).
 
-A theorem is named only where each of its conditions is looked at: the couplings of the array with
-its boundary, the slopes of the output, and a box that no state leaves. Time constants may differ
-from layer to layer: no proof here uses that they are equal.
+A theorem is named only if each of its conditions is checked: the couplings of the array with its
+boundary, the slopes of the output, and a box that no state leaves. Time constants may differ
+between layers: no proof here assumes that they are equal.
 """
 
 import math
@@ -23,19 +23,19 @@ from cnnum.templating.network import autonomous, cells_seen
 from cnnum.templating.template import Template
 
 INTERVALS = 4096
-"""Intervals of a box in which an output function of one's own is sampled."""
+"""Number of intervals in which a user-defined output function is sampled."""
 
 WIDER = 1.001
 """Factor between a box that is too small and the next that is tried, so that one is reached."""
 
 MOST = 200
-"""Boxes that are tried: where none holds by then, outputs grow about as fast as states."""
+"""Maximum number of boxes to try: if none holds by then, outputs grow about as fast as states."""
 
 FARTHEST = 1e12
-"""Box beyond which none is looked for."""
+"""Largest box to try."""
 
 BEYOND = 64.0
-"""Up to which |x| an output is sampled where no box is known."""
+"""Largest |x| at which an output is sampled if no box is known."""
 
 ROUNDINGS = 1e-9
 """Part of the steepest slope by which the slope between two samples may be off: they are some
@@ -43,7 +43,7 @@ ROUNDINGS = 1e-9
 
 
 def state_bound(template: Template) -> float:
-    """Return a bound on |x|, infinite where none is known.
+    """Return a bound on |x|, infinite if none is known.
 
     Parameters
     ----------
@@ -105,7 +105,7 @@ def sampled_slopes(output: OutputFunction, reach: float) -> tuple[float, float]:
     ----------
     output : OutputFunction
     reach : float
-        Largest |x|; where it is infinite, some tens.
+        Largest |x|; values above `BEYOND` are reduced to it.
 
     Returns
     -------
@@ -153,7 +153,7 @@ class StabilityClass:
 
 
 def stability_class(template: Template, shape: Shape = (8, 8)) -> StabilityClass:
-    """Return the first class that a template on an array belongs to, the plainest one first.
+    """Return the first class that a template on an array belongs to, trying the simplest first.
 
     Parameters
     ----------
@@ -163,7 +163,7 @@ def stability_class(template: Template, shape: Shape = (8, 8)) -> StabilityClass
 
     Notes
     -----
-    Slopes of an output function of one's own are those that it declares. They are held against
+    Slopes of a user-defined output function are those that it declares. They are checked against
     samples, and a declaration that samples refute proves nothing.
     """
     output = template.output
@@ -288,7 +288,7 @@ def _one_sided(template: Template) -> bool:
 
 
 def _loops(template: Template, shape: Shape) -> int:
-    """Return how many groups of cells there are that act on each other, both ways."""
+    """Return the number of strongly connected components of the cells."""
     from scipy.sparse import coo_array  # imported late: it takes longer than the rest of this
     from scipy.sparse.csgraph import connected_components
 
