@@ -1,7 +1,7 @@
-"""The same program in whole numbers: formats, an emulator that is exact to the bit, and C99.
+"""Programs in fixed-point arithmetic: formats, a bit-exact emulator, and C99.
 
-The way of a program: its schedule → `measuring` → `sizes` → `lowering` → `emulator`, or the
-printers. `measuring` finds the range of every value, in reals. `sizes` finds a format for each.
-`lowering` makes statements on whole numbers, each with an interval that it cannot leave. `emulator`
-runs them in NumPy, the printers write C99 and OpenCL C.
+A program passes through its schedule → `measuring` → `sizes` → `lowering` → `emulator` or the
+printers. `measuring` finds the range of every value in floating point, and `sizes` a format for
+each. `lowering` produces integer statements, each with an interval that it cannot leave. `emulator`
+runs them in NumPy; the printers write C99 and OpenCL C.
 """

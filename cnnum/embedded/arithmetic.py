@@ -203,7 +203,7 @@ PRIMITIVES = {
     "exponential": Primitive(_none, np.exp),
     "to_real": Primitive(_none, _as_real),
 }
-"""By name; from "ratio" on they are of reals."""
+"""Primitives by name; those from "ratio" on are for floating point."""
 
 BY_SIGN = {known.sign: known for known in PRIMITIVES.values() if known.sign}
 
@@ -237,13 +237,13 @@ def call(primitive: str, *arguments: ir.Expression) -> ir.Expression:
             f"An intermediate value of '{primitive}' would need more than 64 bits: use a "
             "precision with fewer bits, or narrower ranges."
         )
-    if bounds[0] == bounds[1]:  # expressions do nothing else than have a value
+    if bounds[0] == bounds[1]:  # expressions have no side effects
         return ir.Integer(bounds[0])
     return _record(primitive, arguments, bounds, within)
 
 
 def _decided(primitive: str, given: Sequence[ir.Bounds]) -> int | None:
-    """Return the result of a comparison that intervals decide, of which compilers would warn."""
+    """Return the result of a comparison decided by intervals, about which compilers would warn."""
     (low, high), (least, most) = given
     if primitive == "equal":
         return 0 if high < least or most < low else None
@@ -278,7 +278,7 @@ def opposite(flag: ir.Expression) -> ir.Expression:
 
 
 def item(array: str, at: ir.Expression, bounds: ir.Bounds | None) -> ir.Element:
-    """Return a number of an array."""
+    """Return an array element."""
     return ir.Element(ir.Name(array), at, bounds)
 
 
@@ -330,7 +330,7 @@ SPREAD = 30
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """An expression, and the value of its whole numbers q: q · 2^−fraction.
+    """A fixed-point expression: the integer q represents q · 2^−fraction.
 
     Attributes
     ----------
@@ -381,13 +381,13 @@ class Fixed:
     weight: int
 
     def brought(self, quantity: Quantity, fraction: int) -> ir.Expression:
-        """Return the whole numbers of a quantity at another fraction."""
+        """Return the integers of a quantity at another fraction."""
         if quantity.exact is not None:
             return ir.Integer(nearest(quantity.exact * Fraction(2) ** fraction))
         return shifted(quantity.value, fraction - quantity.fraction)
 
     def common(self, some: Sequence[Quantity], finest: int) -> int:
-        """Return the fraction at which quantities meet."""
+        """Return the common fraction of quantities."""
         known = [quantity for quantity in some if quantity.exact is None]
         fractions = [quantity.fraction for quantity in known]
         for quantity in some:
@@ -587,7 +587,7 @@ class Fixed:
 
 @dataclass(frozen=True, slots=True)
 class Reals:
-    """Reals; fractions and formats are of no meaning."""
+    """Floating-point arithmetic; fractions and formats have no meaning."""
 
     def brought(self, quantity: Quantity, fraction: int) -> ir.Expression:
         """Return the number itself."""
@@ -684,7 +684,7 @@ def applied(arithmetic: Arithmetic, name: str, given: Sequence[Quantity], finest
     Raises
     ------
     NotSupportedError
-        If the precision has no such operation.
+        If the precision does not support the operation.
     """
     if name == "not":
         return Quantity(opposite(_logic(given[0])))

@@ -59,7 +59,7 @@ class Emulator:
         first: bool,
         batch: int = 1,
     ) -> dict[str, Numbers]:
-        """Run a frame and bring the state up to date.
+        """Run a frame and update the state.
 
         Parameters
         ----------
@@ -67,7 +67,7 @@ class Emulator:
         state : mapping of str to (batch, length) int or float
         first : bool
         batch : int
-            Streams side by side, of a program that reads no channel and keeps nothing.
+            Number of streams, for a program that reads no channel and has no memory.
 
         Returns
         -------
@@ -115,7 +115,7 @@ class Emulator:
         return self._rounded(values)
 
     def literal(self, record: ir.Integer | ir.Number) -> Numbers:
-        """Return a number that is written out."""
+        """Return a literal."""
         return self._rounded(np.asarray(record.value))
 
     def name(self, record: ir.Name) -> Numbers:
@@ -123,7 +123,7 @@ class Emulator:
         return self.values[record.text]
 
     def element(self, record: ir.Element) -> Numbers:
-        """Return numbers of an array."""
+        """Return array elements."""
         at = np.atleast_1d(self.value(record.at))
         return np.take(self.values[record.array.text], at, axis=-1)
 
@@ -132,7 +132,7 @@ class Emulator:
         return self._applied(PRIMITIVES[record.function].numpy, *record.arguments)
 
     def binary(self, record: ir.Binary) -> Numbers:
-        """Return the result of a sign."""
+        """Return the result of a binary operator."""
         return self._applied(BY_SIGN[record.sign].numpy, record.left, record.right)
 
     def negative(self, record: ir.Negative) -> Numbers:
@@ -179,7 +179,7 @@ class Emulator:
         self._note(target.text, new)
 
     def _store(self, target: ir.Element, new: Numbers) -> None:
-        """Store numbers of an array."""
+        """Store array elements."""
         name = target.array.text
         array, at = self.values[name], np.atleast_1d(self.value(target.at))
         if self._running is not None:

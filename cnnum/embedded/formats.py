@@ -1,4 +1,4 @@
-"""Number formats: whole numbers that stand for real ones, and the format that each value has.
+"""Fixed-point formats, and the format of each value.
 
 A format holds q · 2^−fraction for whole q of a width in bits. Larger numbers saturate.
 """
@@ -49,7 +49,7 @@ class Format:
 
     @property
     def step(self) -> float:
-        """The distance of neighbours."""
+        """The distance between adjacent values."""
         return 2.0**-self.fraction
 
     def quantised(self, value: float) -> int:
@@ -71,7 +71,7 @@ def fitting(bits: int, largest: float) -> Format:
 
 @dataclass(frozen=True, slots=True)
 class Precision:
-    """How a program counts.
+    """The number representation of a program.
 
     Attributes
     ----------
@@ -80,7 +80,7 @@ class Precision:
     word : int
         Bits of a stored map and of an input; 0 for float32.
     fraction : int or None
-        The fraction of every stored map; by its range unless given.
+        The fraction of every stored map; by default it follows from the map's range.
     """
 
     name: str
@@ -89,7 +89,7 @@ class Precision:
 
     @property
     def integer(self) -> bool:
-        """Whether it counts in whole numbers."""
+        """Whether it is a fixed-point precision."""
         return self.word > 0
 
     @property
@@ -144,7 +144,7 @@ def precision_named(name: str) -> Precision:
 
 
 def is_integer(name: str | None) -> bool:
-    """Return whether a precision's name is one of whole numbers."""
+    """Return whether a precision's name is a fixed-point one."""
     return isinstance(name, str) and bool(re.fullmatch(r"q\d{1,2}(\.\d{1,2})?", name))
 
 

@@ -37,7 +37,7 @@ class Made:
 
     @property
     def memory_bytes(self) -> int:
-        """Bytes of the kept arrays, and of those that a frame is worked in."""
+        """Bytes of persistent arrays and of working arrays."""
         return bytes_of(c_text(self.program).memory, memory=True)
 
     def inputs(self, frames: Floats) -> dict[str, Numbers]:
@@ -136,7 +136,7 @@ def make(
     Raises
     ------
     NotSupportedError
-        If something in the schedule has no form in this precision.
+        If part of the schedule cannot be expressed in this precision.
     """
     solvers = solvers_for(schedule, method)
     seen = measured(schedule, solvers, frames) if precision.integer else Seen()

@@ -1,4 +1,4 @@
-"""A program in whole numbers, or in reals: its arrays, and the statements of one frame."""
+"""A program in fixed or floating point: its arrays, and the statements of one frame."""
 
 import re
 from collections.abc import Iterable
@@ -56,7 +56,7 @@ class Array:
     format : Format or None
         None of reals.
     about : str
-        In words.
+        Description.
     values : int or float array, optional
         Values of a table.
     logic : bool
