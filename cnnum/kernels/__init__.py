@@ -1,6 +1,6 @@
 """Kernels as records: expressions, statements, and a printer for each target.
 
-Other rooms import it as `ir` and name the records so: `ir.Sweep`, `ir.pick`.
+Other packages import it as `ir` and refer to the records as `ir.Sweep` or `ir.pick`.
 """
 
 from cnnum.kernels.expressions import (

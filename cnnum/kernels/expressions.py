@@ -1,9 +1,9 @@
-"""Expressions of a kernel, as records; Python's operators make them.
+"""Expressions of a kernel, as records built with Python's operators.
 
     rate = (drive - x[i]) * tau        # is Binary("*", Binary("-", drive, Element(x, i)), tau)
 
-A number is exact: the printer rounds it to the number type of its kernel. Whole numbers may have
-`bounds`, the interval that they cannot leave: a printer finds a type by it that is wide enough.
+A number is exact: the printer rounds it to the number type of its kernel. Integers may have
+`bounds`, the interval that they cannot leave, from which a printer chooses a wide enough type.
 
 Expressions that lower rooms hold as text, such as output functions, as records.
 
@@ -94,7 +94,7 @@ class Name(Expression):
 
 
 def names(words: str) -> list[Name]:
-    """Return the variables of these names, with blanks between them."""
+    """Return variables with these names, which are separated by blanks."""
     return [Name(word) for word in words.split()]
 
 
@@ -126,7 +126,7 @@ class Number(Expression):
 
 @dataclass(frozen=True, slots=True)
 class Element(Expression):
-    """A number of an array."""
+    """An array element."""
 
     array: Name
     at: Expression
@@ -135,7 +135,7 @@ class Element(Expression):
 
 @dataclass(frozen=True, slots=True)
 class Component(Expression):
-    """A number of a vector."""
+    """A vector component."""
 
     vector: Name
     lane: int

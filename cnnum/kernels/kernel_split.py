@@ -83,17 +83,17 @@ class Register:
 
     @property
     def where(self) -> ir.Element:
-        """Where it is stored; the frames of a batch lie side by side."""
+        """Where it is stored; the frames of a batch are adjacent."""
         return REGISTERS[ir.Integer(self.place) * BATCH + FRAME]
 
     @property
     def load(self) -> ir.Statement:
-        """The statement that brings it into a kernel."""
+        """The statement that loads it in a kernel."""
         return ir.declare(self.name, ir.Cast(self.type, self.where), of=self.type)
 
     @property
     def store(self) -> ir.Statement:
-        """The statement that keeps it."""
+        """The statement that stores it."""
         return ir.Assign(self.where, ir.Cast("scalar", self.name))
 
 
@@ -172,7 +172,7 @@ class _Split:
                     self._wait(statement)
 
     def flush(self) -> None:
-        """Make a kernel of the statements that wait."""
+        """Make a kernel of the pending statements."""
         if not self.waiting:
             return
         body: list[ir.Statement] = []
@@ -203,7 +203,7 @@ class _Split:
     # numbers
 
     def _wait(self, statement: ir.Statement, *own: Register, always: bool = False) -> None:
-        """Let a statement wait; `own` are registers that it names by their names."""
+        """Defer a statement; `own` are registers that it refers to by name."""
         meanings = self._found(uses((statement,)).names)
         guard, body = None if always else self.guard, (_meant(statement, meanings),)
         self.waiting.append(_Waiting(guard, body, (*own, *meanings.values())))
@@ -274,7 +274,7 @@ class _Split:
         self.scope, self.guard = outside
 
     def _guarded(self, condition: ir.Expression) -> Register:
-        """Return the register of a new condition within that of now."""
+        """Return the register of a new condition within the current one."""
         register = self._register("int", ir.Name("go"))
         self._renew(register, self.guard, condition)
         return register

@@ -1,4 +1,4 @@
-"""The printer of LLVM's intermediate code: one function that runs frames one after the other.
+"""The printer of LLVM intermediate code: one function that runs frames in sequence.
 
 No operations are contracted or reordered, so that processors differ only where the functions of
 their C libraries do. Whole numbers have 64 bits. Arrays lie in scratch that the caller hands over,
@@ -127,7 +127,7 @@ class LLVMPrinter:
 
     @contextmanager
     def _written(self, made: Any, names: dict[str, Any], depth: int) -> Generator[None]:
-        """Let what comes be written into a function."""
+        """Write the code of the block into a function."""
         entry, body = (_LLVM.IRBuilder(made.append_basic_block()) for _ in range(2))
         outer = getattr(self, "_now", None)
         scopes, arrays = [names, {}], [list[tuple[int, Value]]() for _ in range(depth)]
@@ -155,7 +155,7 @@ class LLVMPrinter:
 
     @contextmanager
     def _block(self) -> Generator[None]:
-        """Let names, and arrays, that come in it end with it."""
+        """Open a scope for names and arrays."""
         self._now.scopes.append({})
         self._now.arrays.append([])
         yield
@@ -205,7 +205,7 @@ class LLVMPrinter:
             self._reserve(alias.name.text, self._real.as_pointer(), place)
 
     def swap(self, swap: ir.Swap) -> None:
-        """Append that two aliases change places."""
+        """Append a swap of two aliases."""
         places = [self._named(name.text).address for name in (swap.first, swap.second)]
         first, other = (self._now.body.load(place) for place in places)
         self._now.body.store(other, places[0])
@@ -225,7 +225,7 @@ class LLVMPrinter:
         self._now.body.store(value, address)
 
     def accumulate(self, taken: ir.Accumulate) -> None:
-        """Append that a variable takes in a value."""
+        """Append an accumulation into a variable."""
         value: ir.Expression = ir.call(taken.how, taken.target, taken.value)
         if taken.how == "+":
             value = taken.target + taken.value
@@ -376,7 +376,7 @@ class LLVMPrinter:
         return self._literal(number.value)
 
     def element(self, element: ir.Element) -> Value:
-        """Return a number of an array."""
+        """Return an array element."""
         return self._now.body.load(self._address(element))
 
     def _address(self, element: ir.Element) -> Value:
@@ -394,7 +394,7 @@ class LLVMPrinter:
         return self._address(ir.Element(base, at))
 
     def binary(self, both: ir.Binary) -> Value:
-        """Return what a sign makes of two operands."""
+        """Return the result of a binary operator."""
         at, (left, right) = self._now.body, (self.value(both.left), self.value(both.right))
         if both.sign in ("&&", "||"):
             return (at.and_ if both.sign == "&&" else at.or_)(left, right)
@@ -504,7 +504,7 @@ _OWN: Mapping[str, str] = {
     "R": "same", "LARGEST_LANE": "same", "fmax": "larger", "fmin": "smaller", "clamp": "within",
     "greater": "greater",
 }  # fmt: skip
-"""The methods of functions that kernels bring along."""
+"""Methods for the functions that kernels define."""
 
 _WRITERS: dict[type, str] = {
     ir.Name: "name", ir.Constant: "constant", ir.Integer: "integer", ir.Number: "number",
@@ -514,4 +514,4 @@ _WRITERS: dict[type, str] = {
     ir.Accumulate: "accumulate", ir.Note: "note", ir.Block: "block", ir.Branch: "branch",
     ir.While: "during", ir.Sweep: "sweep", ir.Loop: "loop", ir.Counted: "counted",
 }  # fmt: skip
-"""The method of each record. Vectors and kernels of strips are the matter of OpenCL alone."""
+"""The method for each record. Vectors and strip kernels exist only in OpenCL."""

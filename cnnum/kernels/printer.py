@@ -14,10 +14,10 @@ RANKS = {
     "||": 2, "&&": 3, "|": 4, "^": 5, "&": 6, "==": 7, "!=": 7, "<": 8, "<=": 8, ">": 8, ">=": 8,
     ">>": 9, "+": 10, "-": 10, "*": 11, "/": 11, "%": 11,
 }  # fmt: skip
-"""How tightly signs bind in C."""
+"""Precedence of operators in C."""
 
 Ranked = tuple[str, int]
-"""A text, and how tightly it binds."""
+"""A text and its precedence."""
 
 _WRITERS: dict[type, str] = {
     ir.Name: "name", ir.Constant: "constant", ir.Integer: "integer", ir.Number: "number",
@@ -29,7 +29,7 @@ _WRITERS: dict[type, str] = {
     ir.Verbatim: "verbatim", ir.Block: "block", ir.Branch: "branch", ir.Case: "case",
     ir.While: "during", ir.Sweep: "sweep", ir.Loop: "loop", ir.Counted: "counted",
 }  # fmt: skip
-"""The method of each record; a target need not have all of them."""
+"""The method for each record; a target need not support all of them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,12 +54,12 @@ class Printer:
         return self.ranked(value)[0]
 
     def ranked(self, value: ir.Expression) -> Ranked:
-        """Return the text of an expression, and how tightly it binds."""
+        """Return the text of an expression and its precedence."""
         written: Ranked = getattr(self, _WRITERS[type(value)])(value)
         return written
 
     def within(self, value: ir.Expression, least: int) -> str:
-        """Return the text of an operand of a sign that binds so tightly."""
+        """Return the text of an operand, in brackets if its precedence is below `least`."""
         text, rank = self.ranked(value)
         return text if rank >= least else f"({text})"
 
@@ -91,7 +91,7 @@ class Printer:
         return self.numbers.literal(number.value), PRIMARY
 
     def element(self, element: ir.Element) -> Ranked:
-        """Write a number of an array."""
+        """Write an array element."""
         return f"{self.name(element.array)[0]}[{self.expression(element.at)}]", PRIMARY
 
     def call(self, call: ir.Call) -> Ranked:
@@ -100,7 +100,7 @@ class Printer:
         return f"{self.names.get(call.function, call.function)}({inner})", PRIMARY
 
     def binary(self, both: ir.Binary) -> Ranked:
-        """Write two operands and their sign."""
+        """Write a binary operation."""
         rank = RANKS[both.sign]
         left, right = self.within(both.left, rank), self.within(both.right, rank + 1)
         return f"{left} {both.sign} {right}", rank
@@ -137,14 +137,14 @@ class Printer:
         return [f"{'const ' if new.fixed else ''}{new.type} {', '.join(parts)};"]
 
     def accumulate(self, taken: ir.Accumulate) -> list[str]:
-        """Write that a variable takes in a value."""
+        """Write an accumulation into a variable."""
         target = self.expression(taken.target)
         if taken.how == "+":
             return [f"{target} = {target} + {self.within(taken.value, RANKS['+'] + 1)};"]
         return [f"{target} = {taken.how}({target}, {self.expression(taken.value)});"]
 
     def do(self, do: ir.Do) -> list[str]:
-        """Write a call that is made for what it does."""
+        """Write a call made for its side effect."""
         return [f"{self.expression(do.call)};"]
 
     def note(self, note: ir.Note) -> list[str]:
@@ -197,7 +197,7 @@ class OpenCLPrinter(Printer):
     """Writes records as OpenCL C."""
 
     def component(self, component: Component) -> Ranked:
-        """Write a number of a vector."""
+        """Write a vector component."""
         return f"{self.name(component.vector)[0]}.s{component.lane:x}", PRIMARY
 
     def load(self, load: Load) -> Ranked:
@@ -216,12 +216,12 @@ class OpenCLPrinter(Printer):
         return [f"__private real *{kept}{alias.name.text} = {alias.array.text}{start};"]
 
     def swap(self, swap: Swap) -> list[str]:
-        """Write that two aliases change places."""
+        """Write a swap of two aliases."""
         first, other = swap.first.text, swap.second.text
         return [f"__private real *const swap = {first}; {first} = {other}; {other} = swap;"]
 
     def store(self, store: Store) -> list[str]:
-        """Write that a place gets a vector."""
+        """Write a vector store."""
         place, value = self.expression(store.place), self.expression(store.value)
         return [f"*(__global vec *)({place}) = {value};"]
 
@@ -294,7 +294,7 @@ class C99Printer(Printer):
         return self._narrowed((f"{name}({inner})", PRIMARY), call, wide=wide)
 
     def binary(self, both: ir.Binary) -> Ranked:
-        """Write two operands and their sign."""
+        """Write a binary operation."""
         logic = both.sign in COMPARISONS or both.sign in BITS
         operands = both.left, both.right
         wide = self._wide(operands, [] if logic or both.bounds is None else [both.bounds])
@@ -380,7 +380,7 @@ class C99Printer(Printer):
         return self.numbers.scalar if bounds is None else self.whole.type_of(bounds)
 
     def accumulate(self, taken: ir.Accumulate) -> list[str]:
-        """Write that a variable takes in a value."""
+        """Write an accumulation into a variable."""
         if taken.how == "+":
             return Printer.accumulate(self, taken)
         value, target = taken.value, self.expression(taken.target)
