@@ -1,4 +1,4 @@
-"""Skins of one plan, frame by frame: ordinary frames are looked at together, and share a launch."""
+"""Skins with a common plan: ordinary frames are checked together and share a launch."""
 
 import time
 from collections.abc import Sequence

@@ -17,7 +17,7 @@ UNITS: dict[str, tuple[float, str]] = {
     "N": (1e4, "the weight of a tonne on one taxel"),
     "Pa": (1e9, "beyond the strength of every polymer that a cover is made of"),
 }
-"""By unit, the largest magnitude that a taxel can give, and why."""
+"""Largest magnitude that a taxel can give, and the reason, by unit."""
 
 WHOLE = {"float32": 2.0**24, "float64": 2.0**53}
 """By precision, the largest count up to which all whole numbers are exact."""
@@ -84,7 +84,7 @@ def unit_range(unit: str, precision: str) -> FrameRange:
     Parameters
     ----------
     unit : str
-        As a driver says it: "strain", "V", "N", "Pa", "count", or another one.
+        Unit as given by a driver: "strain", "V", "N", "Pa", "count", or another one.
     precision : "float32" or "float64"
         The engine's.
     """
@@ -206,7 +206,7 @@ class BadFrames:
         self._persistent: set[tuple[int, int]] = set()
 
     def add(self, number: int, t: float, error: CnnumError, good: int) -> None:
-        """Take in a bad frame.
+        """Record a bad frame.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""Gaps, taxels that drop out, and arrays that fall silent: none is a touch, or its end.
+"""Gaps, taxel dropouts and silent arrays, none of which is a touch or its end.
 
 A load continues from frame to frame and in its neighbours, changes no faster than the cover can
 follow, and has noise. A lost taxel does not: it is not finite or beyond the limits of its range; it
@@ -148,7 +148,7 @@ seldom reach it in a day. Readings of few levels repeat often, and slow arrays h
 `SILENT`."""
 
 FOLLOWS = 1.0
-"""s over which the noise is followed."""
+"""Time, s, over which the noise is averaged."""
 
 SHOWN = 0.05
 """s between looks at the largest loads."""
@@ -250,7 +250,7 @@ class Dropouts:
         return self._looked(frame, self._none if odd is None else odd)
 
     def tare(self) -> None:
-        """Learn rest and noise from the next frames on, with every taxel."""
+        """Relearn rest and noise from the next frames on, for every taxel."""
         self._begin, self._rest, self._power, self._span = [], None, None, None
         self.masked = self._doubted = self._shown = None
         self._lost_before = self._none
@@ -660,7 +660,7 @@ def _gone_on(values: Floats, shown: Floats, now: Mask, before: Mask, known: Mask
 
 
 class Liveness:
-    """Says when an array, or taxels of it, give no sign of life.
+    """Reports when an array or some of its taxels fall silent.
 
     Parameters
     ----------
