@@ -673,10 +673,10 @@ def _labels_of(
     for label in labels:
         fitting = [n for n, source in enumerate(sources) if label.recording in _names(n, source)]
         if len(fitting) != 1:
-            known = ", ".join(str(_names(n, source)[-1]) for n, source in enumerate(sources))
+            known = "', '".join(str(_names(n, source)[-1]) for n, source in enumerate(sources))
             raise SceneError(
                 f"A label names the recording {shown(label.recording)}, which is "
-                f"{'ambiguous' if fitting else 'unknown'}: expected one of {known}."
+                f"{'ambiguous' if fitting else 'unknown'}: expected one of '{known}'."
             )
         last = float(takes[fitting[0]].times[-1])
         if not 0.0 <= label.begin <= label.end <= last + SLACK:

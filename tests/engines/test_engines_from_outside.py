@@ -70,7 +70,7 @@ def test_it_is_found_by_its_entry_point(outside):
         cnnum.Engine("copy", device="any")
     with pytest.raises(UnknownNameError, match="'float16'"):
         cnnum.Engine("copy", precision="float16")
-    with pytest.raises(UnknownNameError, match="no precision 'q15': take the engine 'opencl' or"):
+    with pytest.raises(UnknownNameError, match="no precision 'q15': use the engine 'opencl' or"):
         cnnum.Engine("copy", precision="q15")
 
 

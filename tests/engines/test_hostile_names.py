@@ -202,9 +202,9 @@ def test_loops_have_a_limit_that_kernels_can_count(limit):
 def test_numbers_beyond_the_precision_are_refused_in_one_sentence():
     engine = cnnum.Engine("opencl")
     huge = cnnum.Program(lambda frame: {"a": frame.normal * 1e300}, "huge")
-    with pytest.raises(ArrayError, match=r"finite numbers of float32, got 1e\+300"):
+    with pytest.raises(ArrayError, match=r"finite numbers in float32, got 1e\+300"):
         engine.compile(huge, (4, 4)).warm_up() or engine.compile(huge, (4, 4)).source
-    with pytest.raises(ArrayError, match=r"finite numbers of float32, got -1e\+300"):
+    with pytest.raises(ArrayError, match=r"finite numbers in float32, got -1e\+300"):
         engine.run(cnnum.Template("t", [[-1e300]], B, duration=1.0), input=np.ones((4, 4)))
 
 

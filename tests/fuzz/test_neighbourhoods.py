@@ -137,7 +137,7 @@ def one_colour(seed):
     check = Check("rule", (("rule", as_rule(weights, beyond)),))
     template = Template("t", [[0.0]], np.ones((3, 3)), boundary=-1.0, check=check)
     table = np.full(512, -np.sign(beyond))
-    with pytest.raises(TemplateError, match=r"every right answer is (black|white)"):
+    with pytest.raises(TemplateError, match=r"every correct output is (black|white)"):
         run_check(template, Answering(table, -1.0), seed=seed % 1000, repeats=0)
 
 

@@ -201,7 +201,10 @@ WRONG = {
     "no label file": ("absent.csv", "cannot be read|no labels|there is no"),
     "no column": ("recording,begin\n0,1\n", "have no column 'end'"),
     "no number": ("recording,begin,end\n0,one,2\n", "line 2: begin and end must be times in s"),
-    "not there": ("recording,begin,end\nx.npz,1,2\n", "names the recording 'x.npz', which is not"),
+    "not there": (
+        "recording,begin,end\nx.npz,1,2\n",
+        "recording 'x.npz', which is unknown",
+    ),
     "outside": ("recording,begin,end\n0,19,27\n", "19 to 27 s is outside the recording '0'"),
     "turned": ("recording,begin,end\n0,5,4\n", "expected 0 ≤ begin ≤ end"),
     "all": ("recording,begin,end,kind\n0,0,20,x\n", "0 s of quiet time, expected at least 1 s"),

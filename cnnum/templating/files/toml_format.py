@@ -301,9 +301,9 @@ def _read(content: str, file: str) -> Entry:
     figures, proved = table.pop("measured", None), table.pop("proof", None)
     words = {key: read(file, key, table.pop(key)) for key, read in _ABOUT.items() if key in table}
     template = _template(file, table)
+    measured = None if figures is None else read_measured(file, "measured", figures)
+    proof = None if proved is None else read_proof(file, "proof", proved)
     try:
-        measured = None if figures is None else read_measured(file, "measured", figures)
-        proof = None if proved is None else read_proof(file, "proof", proved)
         return Entry(template, aliases, About(**words), measured, proof)
     except TemplateError as error:
         raise TemplateError(f"'{file}': {error}") from None
