@@ -1,4 +1,4 @@
-"""From frames to a chunk, the bytes that are appended to a file in one write, and back."""
+"""Encoding of frames as chunks, each appended to a file in one write, and decoding."""
 
 import struct
 import zlib
@@ -76,7 +76,7 @@ class ChunkMaker:
     Parameters
     ----------
     layout : Layout
-        Frames of another one are refused.
+        Layout of all frames; others raise an error.
     """
 
     def __init__(self, layout: Layout) -> None:
@@ -94,12 +94,12 @@ class ChunkMaker:
 
     @property
     def count(self) -> int:
-        """Frames that wait."""
+        """Number of pending frames."""
         return len(self._index)
 
     @property
     def size(self) -> int:
-        """Bytes that wait."""
+        """Number of pending bytes."""
         return self._size
 
     def add(self, frame: Frame, log_time: int) -> None:
@@ -124,11 +124,11 @@ class ChunkMaker:
         self._size += len(record)
 
     def end(self) -> bytes:
-        """Return the chunk of all frames that wait, with its index, and begin the next."""
+        """Return the chunk of all pending frames, with its index, and begin the next."""
         return self.take().chunk()
 
     def take(self) -> "Waiting":
-        """Return all frames that wait, and begin anew."""
+        """Return all pending frames and start over."""
         waiting = Waiting(self._opening, b"".join(self._records), tuple(self._index))
         self._records, self._size, self._index = [], 0, []
         return waiting
@@ -284,7 +284,7 @@ class RawMaker:
 
     @property
     def count(self) -> int:
-        """Messages that wait."""
+        """Number of pending messages."""
         return len(self._index)
 
     def add(self, data: bytes, log_time: int) -> None:
@@ -308,7 +308,7 @@ class RawMaker:
         self._number += 1
 
     def take(self) -> Waiting:
-        """Return all bytes that wait, and begin anew."""
+        """Return all pending bytes and start over."""
         waiting = Waiting(OPENING, b"".join(self._records), tuple(self._index), RAW_CHANNEL)
         self._records, self.size, self._index = [], 0, []
         return waiting
@@ -347,7 +347,7 @@ class Topic:
 
 
 class Decoder:
-    """Reads one chunk after the other; the layout of the first holds for all.
+    """Reads chunks in sequence; the layout of the first applies to all.
 
     A file that another program has packed anew may name the channel in its first chunk alone.
     """

@@ -1,4 +1,4 @@
-"""From chunks to the file that was asked for: MCAP with an index, NumPy, CSV or HDF5."""
+"""Export of chunks to the requested file: MCAP with an index, NumPy, CSV or HDF5."""
 
 import contextlib
 import csv
@@ -63,7 +63,7 @@ class _Summary:
 
     @property
     def place(self) -> int:
-        """Where the next record comes to stand."""
+        """Offset of the next record."""
         return self._start + self._written + self._records.count
 
     def add(self, record: McapRecord) -> None:
@@ -317,7 +317,7 @@ CALIBRATION = ("alpha_normal", "beta_ns", "limit", "offsets", "cross", "drift")
 def write_archive(file: IO[bytes], contents: Contents) -> None:
     """Write the archive that `cnnum.drivers.npz_file` reads.
 
-    The recording is read once for each member that has a row a frame: a chunk at a time is held.
+    The recording is read once for each member with one row per frame, one chunk at a time.
 
     It raises as `write_mcap`.
     """

@@ -1,4 +1,4 @@
-"""Recording while frames come: none of them waits in memory for longer than a moment."""
+"""Recording of incoming frames, none of which stays in memory for more than a moment."""
 
 import contextlib
 import os
@@ -18,7 +18,7 @@ from cnnum.tactile.taxel import Calibration
 
 
 class ChunkFile:
-    """An MCAP file in the making.
+    """An MCAP file being written.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ class ChunkFile:
         sync_folder(path.parent)
 
     def append(self, data: bytes) -> None:
-        """Write at the end; a part of a chunk is taken back.
+        """Append data; a partly written chunk is removed.
 
         Raises
         ------
@@ -102,7 +102,7 @@ class ChunkFile:
 
 
 def _write(file: IO[bytes], data: bytes) -> None:
-    """Write all of it: a full disk takes a part, and says so at the next call."""
+    """Write all data: a full disk accepts a part, and reports an error at the next call."""
     left = memoryview(data)
     while left:
         left = left[file.write(left) :]
@@ -132,7 +132,7 @@ class Journal:
     Attributes
     ----------
     came, stored : int
-        Frames that were added, and those of them that stand in the file.
+        Frames that were added, and those of them that are in the file.
     failure : OSError or None
         The error that ended the writing, if any.
 
@@ -165,7 +165,7 @@ class Journal:
         self._thread.start()
 
     def add(self, frame: Frame) -> None:
-        """Take in a frame.
+        """Add a frame.
 
         Raises
         ------
@@ -186,7 +186,7 @@ class Journal:
                 raise _full(self.path, self.failure)
 
     def add_raw(self, data: bytes, arrived: int) -> None:
-        """Take in bytes as they came at a time by the host's monotonic clock, ns.
+        """Add raw bytes with their arrival time on the host's monotonic clock, ns.
 
         It never raises: the frames that are decoded from them say that the file takes no more.
         """
@@ -231,7 +231,7 @@ class Journal:
                 self.failure = error
 
     def _store(self, waiting: Waiting) -> bool:
-        """Append frames, on a disk that is full as many of them as it takes."""
+        """Append frames, as many as fit on a full disk."""
         try:
             self._file.append(waiting.chunk())
         except OSError as error:

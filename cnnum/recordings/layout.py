@@ -1,4 +1,4 @@
-"""The layout of a recording's frames, in every chunk, and the files that travel in it."""
+"""The layout of a recording's frames, stored in every chunk, and embedded files."""
 
 import json
 import struct
@@ -66,7 +66,7 @@ class Held:
 def attached(
     file: IO[bytes], place: int, size: int, budget: Budget | None = None
 ) -> Iterator[tuple[int, int, Held]]:
-    """Yield begin, end and content of the attachments whose checksum holds.
+    """Yield start, end and content of the attachments with a valid checksum.
 
     Parameters
     ----------
@@ -189,7 +189,7 @@ class Layout:
 
     @property
     def values(self) -> int:
-        """Numbers of a frame."""
+        """Count of numbers in a frame."""
         rows, cols, channels = self.whole
         return rows * cols * channels
 

@@ -1,8 +1,8 @@
-"""Rows and columns that presses show, where only the number of the taxels is known.
+"""Rows and columns inferred from presses, if only the number of taxels is known.
 
-Under a press with one peak the load falls with the distance from it. So the loads of a frame rank
-as the distances do in the right rows and columns, and not in wrong ones, where a row goes on within
-the next.
+Under a press with one peak, the load falls with the distance from it. In the right rows and columns
+the loads of a frame therefore rank like the distances; in wrong ones, where rows wrap into each
+other, they do not.
 """
 
 from collections.abc import Sequence
@@ -26,10 +26,10 @@ LIKER, BOTH_WAYS, ONE_WAY = 0.8, 0.1, 0.02
 changes under a press that go the other way, above and below which they do so or not."""
 
 SEEN, FLOOR = 32, 4.0
-"""Frames that are looked at, and times the noise below which a taxel bears no load."""
+"""Frames to examine, and the multiple of the noise below which a taxel bears no load."""
 
 MOST = 4096
-"""Taxels up to which presses are looked at."""
+"""Maximum number of taxels for which presses are examined."""
 
 
 def shapes_of(taxels: int) -> list[Shape]:

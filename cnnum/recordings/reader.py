@@ -1,4 +1,4 @@
-"""Reading a recording back chunk by chunk, as far as it is whole."""
+"""Reading a recording chunk by chunk, as far as it is intact."""
 
 import math
 import os
@@ -41,12 +41,12 @@ WINDOW, FIRST_WINDOW = 1 << 20, 1 << 14
 """Bytes that are searched at a time, and at first: the next chunk may be near."""
 
 _BEGIN = re.compile(rb"\x06(?=...[\x00-\x04]\x00\x00\x00\x00)", re.DOTALL)
-"""A chunk that is not absurdly long: its opcode, and eight bytes of its length."""
+"""Start of a chunk of plausible length: its opcode, and eight bytes of length."""
 
 
 @dataclass(frozen=True, slots=True)
 class Hole:
-    """A stretch of a file that is no whole record: bytes from `start` to `end`."""
+    """Bytes `start` to `end` of a file, which are not an intact record."""
 
     start: int
     end: int
@@ -62,7 +62,7 @@ class End:
 def scan(
     file: IO[bytes], size: int, budget: Budget | None = None
 ) -> Iterator[WholeChunk | Hole | End]:
-    """Yield the whole chunks of a file and the holes between them in their order, then the end.
+    """Yield the intact chunks of a file and the holes between them in order, then the end.
 
     Only a chunk has a checksum, so only a chunk is believed: where the bytes after one lead to no
     other, the search begins anew at the end of that chunk. A file whose messages stand in no chunk
@@ -189,9 +189,9 @@ class Contents:
     layout : Layout
     frames : int
     gaps, missing : int
-        Places where the numbers of the scans jump, and the scans that are missing there.
+        Gaps in the scan numbers, and the scans missing in them.
     holes : int
-        Places where bytes are no whole record.
+        Regions of bytes that are not an intact record.
     unreadable, tail : int
         Bytes of all these places, and of the one at the end.
     indexed : bool
@@ -384,7 +384,7 @@ class _Tally:
         return {name: count for name, count in vars(self).items() if name[0] != "_"}
 
     def came(self, log_times: NDArray[np.uint64]) -> None:
-        """Take in when the frames of a chunk came."""
+        """Record when the frames of a chunk came."""
         if len(log_times):
             self.ordered = self.ordered and not (
                 int(log_times[0]) < self._came or (log_times[1:] < log_times[:-1]).any()

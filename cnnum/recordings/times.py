@@ -1,4 +1,4 @@
-"""Times of frames: their rate, and the scans that pauses left out."""
+"""Times of frames: their rate, and the scans missing in pauses."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,10 +29,10 @@ a burst."""
 
 
 def rate_of(times: Floats) -> float:
-    """Return the rate of frames by their times, Hz; 0 where they give none.
+    """Return the rate of frames from their times, Hz; 0 if it cannot be determined.
 
-    It is that of the usual steps. A pause is no step, however long it is, and a step in which scans
-    were lost counts as all of theirs.
+    It is the rate of the usual steps. Pauses are ignored, however long they are, and a step in
+    which scans were lost counts as that many steps.
 
     Parameters
     ----------
@@ -106,7 +106,7 @@ def numbered(
     rate : float, Hz
         Where the times give none.
     repeated : (frames,) bool, optional
-        Frames that are the scan before once more.
+        Frames that repeat the previous scan.
 
     Returns
     -------
@@ -123,7 +123,7 @@ def numbered(
 
 
 def _numbers(times: Floats, rate: float) -> NDArray[np.int64]:
-    """Return numbers of new scans."""
+    """Return the numbers of new scans."""
     ahead = np.ones(len(times), np.int64)
     ahead[:1] = 0
     bursts = bool((np.diff(times) == 0.0).any())
