@@ -1,8 +1,8 @@
 """Reports: the results of a scene, as one HTML page that stands alone.
 
-The way of the data: `record` → `verdicts` → `encoding` and the pictures → `sections` → `page` →
-`write`. `record` is collected while the scene runs. `verdicts` are against the ground truth.
-`encoding` gives all of it as JSON.
+Data flow: `record` → `verdicts` → `encoding` and the pictures → `sections` → `page` → `write`.
+`record` is collected while the scene runs. `verdicts` are against the ground truth. `encoding`
+gives all of it as JSON.
 """
 
 from cnnum.report.record import PlanCost, SceneRecord, SceneRecorder, Verdict, compare

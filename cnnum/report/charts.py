@@ -14,7 +14,7 @@ from cnnum.templating.checks import CheckResult
 
 @dataclass(frozen=True, slots=True)
 class Scale:
-    """From a quantity to a place on the page, linear or logarithmic.
+    """Maps a quantity to a position on the page, linearly or logarithmically.
 
     Attributes
     ----------
@@ -32,7 +32,7 @@ class Scale:
     log: bool = False
 
     def __call__(self, value: float) -> float:
-        """Return the place of a value."""
+        """Return the position of a value."""
         low, high = (log10(self.low), log10(self.high)) if self.log else (self.low, self.high)
         at = log10(value) if self.log else value
         return self.start + (at - low) / (high - low) * (self.end - self.start)
@@ -156,7 +156,7 @@ def path(points: Iterable[tuple[float, float]]) -> str:
 
 
 def picture(width: float, height: float, parts: Sequence[str], label: str, style: str = "") -> str:
-    """Return an SVG element that scales with its box; the label is for who does not see it."""
+    """Return an SVG element that scales with its box; the label is for screen readers."""
     return (
         f'<svg class="{style}" viewBox="0 0 {at(width)} {at(height)}" role="img" '
         f'aria-label="{escape(label)}">{"".join(parts)}</svg>'

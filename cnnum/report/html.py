@@ -38,7 +38,7 @@ class Cell:
 def table(
     head: Sequence[str], rows: Iterable[tuple[bool, Sequence[Cell]]], *, style: str = ""
 ) -> str:
-    """Return a table in a box of its own that scrolls where it is too wide.
+    """Return a table in its own box, which scrolls if the table is too wide.
 
     Parameters
     ----------
@@ -79,7 +79,7 @@ def glyph(style: str, shape: str) -> str:
 
 
 def both(wide: str, narrow: str) -> str:
-    """Return a picture for a desk and the same for a phone; one is shown."""
+    """Return a picture in a version for desktops and one for phones; one is shown."""
     return f'<div class="wide">{wide}</div><div class="narrow">{narrow}</div>'
 
 
@@ -90,7 +90,7 @@ def section(number: int, name: str, title: str, *parts: str) -> str:
 
 
 def paragraph(words: str, style: str = "") -> str:
-    """Return a paragraph of plain words."""
+    """Return a paragraph of plain text."""
     kind = f' class="{style}"' if style else ""
     return f"<p{kind}>{escape(words)}</p>"
 

@@ -15,7 +15,7 @@ from cnnum.errors import name_error
 from cnnum.safety.files import write_whole
 
 INK = "#010203"
-"""Stands for the page's own colour of text; no other colour here is like it."""
+"""Placeholder for the page's text colour, unlike any other colour here."""
 
 PALETTE = ("#0a6ebd", "#d1590b", "#2a8c5a", "#8a4fbf", "#b8860b", "#c03a72")
 """Distinct with any common colour vision; the page lightens them on dark paper."""
@@ -81,7 +81,7 @@ def inline_svg(figure: Any, title: str) -> str:
     Returns
     -------
     str
-        As wide as its place.
+        SVG element as wide as its container.
     """
     from matplotlib.backends.backend_svg import FigureCanvasSVG
 
@@ -118,7 +118,7 @@ def draw(
     *,
     force: bool = False,
 ) -> None:
-    """Draw maps of every cell, one row a kind and one column a channel.
+    """Draw maps of every cell, one row per kind and one column per channel.
 
     Parameters
     ----------
@@ -128,7 +128,7 @@ def draw(
     channels : tuple of str
     unit : str
     marked : iterable of (row, col)
-        Cells that get a cross.
+        Cells marked with a cross.
     force : bool
         Whether an existing file is replaced.
 
@@ -175,7 +175,7 @@ def refuse_unknown_kind(path: Path) -> None:
     Raises
     ------
     UnknownNameError
-        With the suffixes that are known.
+        The message lists the known suffixes.
     """
     if path.suffix.lower() not in KINDS:
         raise name_error("kind of picture", path.suffix or path.name, KINDS)
@@ -187,7 +187,7 @@ def write_picture(figure: Any, path: Path, *, force: bool = False) -> None:
     Raises
     ------
     UnknownNameError
-        If the suffix is none of a picture.
+        If the suffix is not that of a picture format.
     ReportError
         If there is such a file, or it cannot be written.
     """

@@ -28,7 +28,7 @@ WIDE = 58
 def draw_explained(
     path: Path, frames: Sequence[tuple[Explained, ...]], at: float, *, force: bool = False
 ) -> None:
-    """Draw the read-outs of slip and twist around a time, one column a kind.
+    """Draw the read-outs of slip and twist around a time, one column per kind.
 
     Parameters
     ----------

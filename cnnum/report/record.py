@@ -39,7 +39,7 @@ class SceneRecord:
         The outputs that the scene wants.
     shape : (rows, cols)
     rate : float
-        Frames a second, Hz; 0 where it is unknown.
+        Frames per second, Hz; 0 if unknown.
     pitch : float or None
         Between taxels, m, or None if it is unknown, and then no circle can be drawn to scale.
     channels : tuple of str
@@ -105,7 +105,7 @@ class SceneRecord:
 
 @dataclass(slots=True, eq=False)
 class SceneRecorder:
-    """Collects the moments of a scene as they come.
+    """Collects the results of a scene as they come.
 
     Attributes
     ----------
@@ -116,7 +116,7 @@ class SceneRecorder:
     _moments: list[FrameResult] = field(default_factory=list[FrameResult])
 
     def add(self, moment: FrameResult) -> None:
-        """Take the next moment."""
+        """Add the next result."""
         self._moments.append(moment)
 
     def record(self) -> SceneRecord:
@@ -510,8 +510,8 @@ def to_json(data: ReportData) -> str:
 def as_tree(data: ReportData) -> dict[str, object]:
     """Return the data as values of JSON.
 
-    Series have seven digits; maps are 16-bit integers with a scale, in base64. NaN is null, or
-    the integer that "missing" names.
+    Series have seven digits; maps are scaled 16-bit integers in base64. NaN is null, or the integer
+    that "missing" names.
     """
     record, every = data.record, stride(data.record)
     maps = {"values": record.values, **record.maps()}

@@ -225,7 +225,7 @@ WRITERS: Mapping[str, Callable[[IO[bytes], Template, Floats, Result], None]] = {
     ".gif": _write_moving,
     ".svg": _write_figure,
 }
-"""By the suffix of the file."""
+"""Writers by file suffix."""
 
 
 _SIDE = 132
@@ -237,8 +237,8 @@ def write_trace_page(
 ) -> None:
     """Write a self-contained page with every operation's result.
 
-    Steps stand by the function of the program that asked for them. Chains of local arithmetic are
-    folded into their last step.
+    Steps are grouped by the function of the program that requested them. Chains of local arithmetic
+    are folded into their last step.
 
     Parameters
     ----------
@@ -272,7 +272,7 @@ def write_trace_page(
 
 
 def _functions(steps: Sequence[TraceStep]) -> str:
-    """Return a section a function, in the order in which they first run."""
+    """Return one section per function, in the order in which they first run."""
     into = folds(steps)
     inside: dict[int, list[TraceStep]] = {}
     parts: dict[str, list[TraceStep]] = {}

@@ -61,7 +61,7 @@ def event_table(verdicts: Sequence[Verdict]) -> str:
 
 
 def report_table(events: Sequence[Event]) -> str:
-    """Return reported events, where nothing is known to compare them with."""
+    """Return reported events, if there is no ground truth to compare them with."""
     rows = (
         (False, (Cell(event.title, strong=True), _when(event), Cell(_direction(event))))
         for event in events
@@ -427,7 +427,7 @@ COMMANDS = (
 
 
 def further(number: int, data: ReportData) -> str:
-    """Return how to go on."""
+    """Return suggestions for further steps."""
     width = max(len(command) for command, _ in COMMANDS)
     rows = "\n".join(
         f"{escape(command.ljust(width))}  <i>{escape(words)}</i>" for command, words in COMMANDS
