@@ -1,6 +1,6 @@
-"""Local arithmetic and local logic of a cell: one record an operation, shared by every engine.
+"""Local arithmetic and logic of a cell: one record per operation, shared by all engines.
 
-A logic value is 0 or 1 in the engine's own number type, so that masks multiply and add up.
+A logic value is 0 or 1 in the engine's number type, so that masks can be multiplied and added.
 """
 
 from collections.abc import Callable
@@ -102,7 +102,7 @@ class ReduceOp:
     start : str
         An OpenCL expression: the value before the first cell.
     how : str
-        How a cell is taken into the value, in any order: "+", or an OpenCL function of both.
+        How a cell is combined with the value, in any order: "+", or an OpenCL function of both.
     logic : bool
         The result is a logic value (global OR, global AND).
     """

@@ -128,8 +128,8 @@ class RunSpec:
 class Transient:
     """A template's transient.
 
-    Arguments: its inputs, its inputs before the start, state and bias (one a layer), and mask.
-    Where frames have templates of their own, maps follow whose cells hold a frame's numbers.
+    Arguments: its inputs, its inputs before the start, state and bias (one per layer), and mask. If
+    each frame has its own template, maps follow whose cells hold the frame's numbers.
     """
 
     template: Template = field(compare=False)
@@ -155,7 +155,7 @@ class Transient:
 
     @property
     def weights(self) -> tuple[float, ...]:
-        """The numbers of the template that stand for frames' own weights, in their order."""
+        """The placeholder values in the template for per-frame weights, in order."""
         return stand_ins(self.template) if self.weight_maps else ()
 
     def by_role(self, arguments: Sequence[Argument]) -> dict[str, tuple[Argument, ...]]:
@@ -230,7 +230,7 @@ class Product:
     Attributes
     ----------
     matrices : tuple of (cells, cells) float
-        One an argument, cells row-major.
+        One per argument, cells row-major.
     constant : (cells,) float
     """
 
@@ -287,7 +287,7 @@ class Node:
     index : int
         Place in the graph; arguments come before their users.
     scalar : bool
-        One number a frame instead of a map.
+        One number per frame instead of a map.
     logic : bool
         Values are 0 or 1.
     maps : int
@@ -367,7 +367,7 @@ class Graph:
     traced : Graph or None
         For the outermost graph, the innermost body that is being traced.
     rate : float or None, Hz
-        Frames a second of the streams that it is traced for, or None if nothing says.
+        Frames per second of the streams that it is traced for, or None if unknown.
     timed : bool
         Whether something in it depends on that rate.
     quickest : dict of str to float, Hz
@@ -398,7 +398,7 @@ class Graph:
         logic: bool = False,
         maps: int = 1,
     ) -> Node:
-        """Return the node for an operation, the one that is there if it is there."""
+        """Return the node for an operation, reusing an existing one."""
         key = (operation, tuple(argument.index for argument in arguments))
         known = self._interned.get(key)
         if known is not None:
@@ -432,7 +432,7 @@ class Graph:
 
     @property
     def depth(self) -> int:
-        """How many loops it stands in."""
+        """Nesting depth in loops."""
         return 0 if self.parent is None else 1 + self.parent.depth
 
     def capture(self, node: Node, home: "Graph") -> Node:

@@ -1,4 +1,4 @@
-"""From a graph to a schedule: the operations that wanted outputs depend on, and their cost."""
+"""Scheduling of a graph: the operations that the requested outputs depend on, and their cost."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import astuple, dataclass
@@ -27,14 +27,15 @@ from cnnum.templating.template import Template
 def step_flops(template: Template, shape: Shape) -> int:
     """Return the arithmetic of one evaluation of dx/dt plus one Euler update.
 
-    Two a tap (multiply, add) and four a cell: −x, /τ, ·dt, +x. The output function is not counted.
+    Two per tap (multiply, add) and four per cell: −x, /τ, ·dt, +x. The output function is not
+    counted.
     """
     taps = int(np.count_nonzero(template.A))
     return (2 * taps + 4 * template.layers) * shape[0] * shape[1]
 
 
 def node_flops(node: Node, shape: Shape, steps: int = 1) -> int:
-    """Return the arithmetic of an operation a frame; a transient counts `steps` steps.
+    """Return the arithmetic of an operation per frame; a transient counts `steps` steps.
 
     Zero weights cost nothing: they never reach a kernel.
     """
@@ -125,7 +126,7 @@ class LeftOut:
     bytes : int
         Traffic to or from the device saved per frame.
     flops : int
-        Arithmetic that is saved a frame; for a transient, of one step, for a loop, of one round.
+        Arithmetic saved per frame; for a transient, of one step, for a loop, of one iteration.
     """
 
     what: str
@@ -135,7 +136,7 @@ class LeftOut:
 
     @property
     def saves(self) -> str:
-        """The saving a frame, in words."""
+        """Description of the saving per frame."""
         parts = [f"{self.bytes} B"] if self.bytes else []
         parts += [f"{self.flops} flops"] if self.flops else []
         return " and ".join(parts) or "a repeated run"
@@ -201,7 +202,7 @@ class Schedule:
         return self.shape if node.maps == 1 else (node.maps, *self.shape)
 
     def size_of(self, node: Node) -> int:
-        """Return how many numbers a node's value is."""
+        """Return the number of elements in a node's value."""
         return 1 if node.scalar else node.maps * self.cells
 
     @property

@@ -29,7 +29,7 @@ class TraceStep:
     origin : str
         The line of the program that asked for it, as "function module:line".
     elementwise : bool
-        Local arithmetic or logic: every cell by itself.
+        Whether it is local arithmetic or logic, applied to every cell separately.
     template : bool
         Result of the transient of a template.
     value : (..., rows, cols), (..., maps, rows, cols) or (...) float
