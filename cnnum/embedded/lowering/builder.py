@@ -59,7 +59,7 @@ class Builder:
 
     @property
     def integer(self) -> bool:
-        """Whether it is of whole numbers."""
+        """Whether it uses fixed-point arithmetic."""
         return isinstance(self.arithmetic, Fixed)
 
     def array(
@@ -114,7 +114,7 @@ class Builder:
         return made
 
     def item(self, array: Array, at: ir.Expression = CELL) -> Quantity:
-        """Return a number of an array."""
+        """Return an array element."""
         return self.loaded(array, item(array.name, at, array.held))
 
     def loaded(self, array: Array, value: ir.Expression) -> Quantity:
@@ -175,7 +175,7 @@ class Builder:
 
     @contextmanager
     def within(self) -> Generator[list[ir.Statement]]:
-        """Let statements go into the body of a loop, which is written later."""
+        """Collect statements into the body of a loop, which is written later."""
         outer, self.body = self.body, []
         try:
             yield self.body

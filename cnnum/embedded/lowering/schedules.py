@@ -1,4 +1,4 @@
-"""From a schedule to a program in whole numbers, or in reals: level by level."""
+"""Lowering of a schedule to a program in fixed or floating point, level by level."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -40,7 +40,7 @@ from cnnum.graph.schedule import Schedule
 from cnnum.integrators.solver import Solver
 
 MISSED = ir.Name("missed", LOGIC)
-"""Whether a loop of the frame came to its limit."""
+"""Whether a loop of the frame reached its iteration limit."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,7 +88,7 @@ def lower_loop(work: "Lowering", node: Node) -> None:
 
 
 def _may_not_finish(node: Node, nodes: Iterable[Node]) -> bool:
-    """Return whether a loop may come to its limit, and no operation asks whether it did."""
+    """Return whether a loop may reach its limit without any operation checking for it."""
     assert isinstance(node.operation, Loop)
     again = node.operation.again
     constant = None if again is None else again.operation
@@ -111,7 +111,7 @@ def _flag(work: "Lowering", node: Node) -> ir.Expression:
 
 
 def _carried(work: "Lowering", name: str, start: Node, result: Node) -> Carried:
-    """Write the value before the first round."""
+    """Write the value before the first iteration."""
     to, logic = work.to, start.logic and result.logic
     if result.scalar:
         form = to.formats.register(name)
@@ -133,7 +133,7 @@ def _carried(work: "Lowering", name: str, start: Node, result: Node) -> Carried:
 def _round(
     work: "Lowering", node: Node, carried: list[Carried], captured: list[Node]
 ) -> ir.Expression:
-    """Write a round; return whether another one follows."""
+    """Write an iteration; return whether another one follows."""
     loop, to = node.operation, work.to
     assert isinstance(loop, Loop)
     results = [*loop.results, *([] if loop.again is None else [loop.again])]
@@ -165,7 +165,7 @@ def _number(array: Array) -> Quantity:
 
 
 def _hand_on(inner: "Lowering", loop: Loop, carried: list[Carried], changed: ir.Name) -> None:
-    """Write the values of the next round; all are read before any is written."""
+    """Write the values of the next iteration; all are read before any is written."""
     to = inner.to
     maps = [
         (carried_map, n)
