@@ -1,7 +1,8 @@
 """Intel's OpenCL runtime for processors, where pip has installed it (the extra `intel`).
 
-Its wheel puts the library beside Python, in a folder in which no loader of OpenCL looks. For the
-first listing of platforms the loader gets a folder that names it, beside all that it would find.
+Its wheel installs the library in a folder that OpenCL loaders do not search. For the first listing
+of platforms, the loader is given a folder that lists it along with the platforms it would find
+anyway.
 """
 
 import os

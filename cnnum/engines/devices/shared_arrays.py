@@ -1,4 +1,4 @@
-"""Arrays that host and device both see: shared memory where a device has it, else copies."""
+"""Arrays visible to host and device: shared memory if the device has it, else copies."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SharedArray:
-    """Numbers of the host and the device.
+    """An array shared by host and device.
 
     Attributes
     ----------
@@ -28,12 +28,12 @@ class SharedArray:
     copied: cl.Buffer | None
 
     def push(self, queue: cl.CommandQueue) -> None:
-        """Let the device see the host's writes."""
+        """Make the host's writes visible to the device."""
         if self.copied is not None:
             cl.enqueue_copy(queue, self.copied, self.host, is_blocking=False)
 
     def pull(self, queue: cl.CommandQueue) -> None:
-        """Wait for the device, and let the host see its writes."""
+        """Wait for the device, and make its writes visible to the host."""
         if self.copied is None:
             queue.finish()
         else:
@@ -52,7 +52,7 @@ def shares_memory(device: cl.Device) -> bool:
 
 
 def shared_array(queue: cl.CommandQueue, size: int, dtype: np.dtype[np.floating]) -> SharedArray:
-    """Return an array of zeros, one number at least."""
+    """Return an array of zeros, with at least one element."""
     context, size = queue.context, max(size, 1)
     if shares_memory(queue.device):
         empty = cast(Callable[..., Any], cl.fsvm_empty)

@@ -22,7 +22,7 @@ BLOCK = 32
 """Rows that are copied before they are processed, so that they stay in a core's cache."""
 
 GROUP = 768
-"""Numbers of rows that are taken together, since a row may be short; eight such fit a cache."""
+"""Numbers processed together, since a row may be short; eight such groups fit a cache."""
 
 SHARED = 1 << 17
 """Cells from which all cores are used; starting a thread takes as long as some ten thousand
@@ -31,7 +31,7 @@ cells."""
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Seen:
-    """Pictures with what is around them, as they were read.
+    """Pictures with their rims, as they were read.
 
     Attributes
     ----------
@@ -63,12 +63,13 @@ def signs(
     ----------
     u : (frames, rows, cols) float
     start : (frames, rows, cols) float, or of no size
-        Another map that is added with its own weight, the last of `weights`.
+        Another map, added with its own weight, the last of `weights`.
     places : (couplings, 2) int
         Rows and columns of the neighbours.
     weights : (couplings + 1,) float
     levels : (constant, high, low)
-        What is added to each sum; from where on it is high, and up to where it is low.
+        The constant added to each sum, and the levels from which it is high and up to which it is
+        low.
     rim : (kind, value)
         0: virtual cells have that input; 1: zero-flux; 2: periodic.
 
@@ -144,14 +145,14 @@ def _around(u: NDArray[Real], places: NDArray[np.int64]) -> Seen:
 
 
 def _flat(places: NDArray[np.int64], seen: Seen) -> NDArray[np.int64]:
-    """Return by how much the neighbours' places lie after that of the first virtual cell."""
+    """Return the offsets of the neighbours from the first virtual cell."""
     row, col = (places + seen.radius).T
     flat: Ints = row * seen.wide.shape[2] + col
     return flat
 
 
 def _by_cores(rows: Callable[[int, int], bool], u: NDArray[np.floating]) -> bool:
-    """Take all rows of all frames, on all cores where there are many; return whether all went."""
+    """Process all rows of all frames, on all cores if many; return whether all succeeded."""
     total = u.shape[0] * u.shape[1]
     count = min(most_cores(), total) if u.size >= SHARED else 1
     if count == 1:
@@ -177,7 +178,7 @@ def _by_cores(rows: Callable[[int, int], bool], u: NDArray[np.floating]) -> bool
 
 @compiled
 def _copied(source: NDArray[Real], begin: int, to: NDArray[Real], place: int, count: int) -> int:
-    """Copy a row, and return whether a number of it is beyond 1 or none."""
+    """Copy a row, and return whether an element is beyond 1 or NaN."""
     beyond = 0
     if begin >= 0 and place >= 0:
         for c in range(count):
@@ -197,7 +198,7 @@ def _fill(
     rim: tuple[int, Real, int],
     wide: NDArray[Real],
 ) -> int:
-    """Copy some rows of a frame with what is around them; return whether one is beyond 1."""
+    """Copy some rows of a frame with their rims; return whether an element is beyond 1."""
     (rows, cols), (kind, value, radius) = shape, rim
     stride, beyond = cols + 2 * radius, 0
     top = frame * (rows + 2 * radius) + radius
@@ -273,7 +274,7 @@ def _nine(
 def _weigh_start(
     sums: NDArray[Real], row: int, start: NDArray[Real], place: int, weight: Real, count: int
 ) -> int:
-    """Add a weighted row, and return whether a number of it is beyond 1 or none."""
+    """Add a weighted row, and return whether an element is beyond 1 or NaN."""
     beyond = 0
     if place >= 0 and row >= 0:
         for c in range(count):
@@ -287,7 +288,7 @@ def _weigh_start(
 def _decide(
     sums: NDArray[Real], row: int, high: Real, low: Real, to: Floats, place: int, count: int
 ) -> int:
-    """Write the picture of some sums, and return whether one is neither high nor low."""
+    """Write the binary output for some sums, and return whether one is neither high nor low."""
     unknown = 0
     if place >= 0 and row >= 0:
         for c in range(count):
@@ -351,7 +352,7 @@ def _signs(
 def _taken_in_order(
     wide: NDArray[Real], a: int, b: int, near: NDArray[Real], i: int, j: int, count: int
 ) -> None:
-    """Copy the lesser numbers of two rows to one place, and the greater ones to another."""
+    """Copy the elementwise minima of two rows to one place, and the maxima to another."""
     if a >= 0 and b >= 0 and i >= 0 and j >= 0:
         for c in range(count):
             first, second = wide[a + c], wide[b + c]
@@ -361,7 +362,7 @@ def _taken_in_order(
 
 @compiled
 def _in_order(near: NDArray[Real], i: int, j: int, count: int) -> None:
-    """Bring the lesser numbers of two rows to the first one."""
+    """Move the elementwise minima of two rows to the first, the maxima to the second."""
     if i >= 0 and j >= 0:
         for c in range(count):
             first, second = near[i + c], near[j + c]
@@ -449,7 +450,7 @@ def _ranks(
 
 @lru_cache(maxsize=64)
 def comparisons(count: int, wanted: tuple[int, ...]) -> tuple[Ints, Ints, Ints]:
-    """Return comparisons that bring the numbers of some ranks to their places.
+    """Return the comparisons of a sorting network for the elements of some ranks.
 
     Batcher's merge exchange (Knuth, The Art of Computer Programming, vol. 3, 5.2.2 M), without the
     comparisons of which no wanted rank depends.

@@ -1,4 +1,4 @@
-"""From a template, its array and its solver to the arguments of the compiled functions."""
+"""Conversion of a template, its array and its solver to arguments of the compiled functions."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
@@ -155,7 +155,7 @@ def _controlled(scheme: AdaptiveSteps | ChebyshevSteps) -> dict[str, Any]:
 
 
 def pieces_of(solver: Solver) -> NDArray[np.float64]:
-    """Return the stretches of a run's time: first step, start, and length of fixed steps."""
+    """Return the time intervals of a run: first step, start, and length of fixed steps."""
     scheme = solver.scheme
     if isinstance(scheme, FixedSteps) and scheme.pieces:
         return np.array([[piece.first, piece.start, piece.step] for piece in scheme.pieces])
@@ -177,7 +177,7 @@ _KINDS = 6
 
 @dataclass(slots=True)
 class Couplings:
-    """All that cells do to each other, as it is collected.
+    """The couplings of a template, as they are collected.
 
     Attributes
     ----------
@@ -226,7 +226,7 @@ class Couplings:
             self.taps.append((kind, coupling.to, tap))
 
     def _function(self, function: Table | PairFunction) -> dict[str, int]:
-        """Return the fields of a tap that say its function."""
+        """Return the fields of a tap that select its function."""
         if isinstance(function, Table):
             return {"table": self.table(function)}
         own = len(_operations(function, np.dtype(np.float64)))
@@ -235,7 +235,7 @@ class Couplings:
         return {"begin": before, "operations": own}
 
     def table(self, table: Table) -> int:
-        """Return the place of a function table."""
+        """Return the index of a function table."""
         self.tables.append(table)
         return len(self.tables) - 1
 

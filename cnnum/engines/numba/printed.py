@@ -44,7 +44,7 @@ FRAMES_A_THREAD = 256
 """Minimum number of frames per thread: fewer take less time than starting a thread."""
 
 HEAD = struct.Struct("<qq")
-"""The numbers of both kinds of scratch, which stand before the machine code in the cache."""
+"""The sizes of both kinds of scratch, stored before the machine code in the cache."""
 
 PARAMETERS = (*[ctypes.c_void_p] * len(llvm.BUFFERS), *[ctypes.c_int64] * 3)
 
@@ -62,7 +62,7 @@ def _machine() -> Any:
 
 
 def _processor() -> tuple[str, str]:
-    """Return the name of this processor, and what it can do."""
+    """Return the name of this processor and its features."""
     try:
         features = _LLVM.get_host_cpu_features().flatten()
     except RuntimeError:  # LLVM does not know it on some systems
@@ -120,7 +120,7 @@ class PrintedFunction:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PrintedMemory:
-    """Numbers of the memories of a batch of streams, frame by frame."""
+    """Values of the memories of a batch of streams, frame by frame."""
 
     numbers: Reals
 

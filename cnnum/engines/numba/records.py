@@ -1,7 +1,7 @@
-"""The arguments of the compiled functions: few arrays, of the same types for every template.
+"""The arguments of the compiled functions: a few arrays, of the same types for every template.
 
-Maps lie one after the other, each with a rim around it, all flat: a neighbour is at a fixed
-distance. Cells of a rim are cells that never move, as their pace is 0.
+Maps are concatenated and flat, each with a rim around it, so a neighbour is at a fixed offset. Rim
+cells never move, since their pace is 0.
 """
 
 import ast
@@ -197,7 +197,7 @@ SETTINGS = np.dtype(
         ("slowest", "f8"),
     ]
 )
-"""Numbers of a plan."""
+"""Settings of a plan."""
 
 TAP = np.dtype(
     [
@@ -224,7 +224,7 @@ TABLE = np.dtype([("first", "i8"), ("last", "i8"), ("linear", "i8")])
 """A function table: places of its points."""
 
 GAIN = np.dtype([("place", "i8"), ("table", "i8")])
-"""A gain in time."""
+"""A time-varying gain."""
 
 
 class Plan(NamedTuple):
@@ -309,7 +309,7 @@ class Batch(NamedTuple):
 
 
 class Frame(NamedTuple):
-    """One frame while its transient runs.
+    """The working data of one frame while its transient runs.
 
     Attributes
     ----------
@@ -373,7 +373,7 @@ class Layout:
         return np.full((batch, count * self.size), value, dtype)
 
     def inner(self, maps: Reals) -> Reals:
-        """Return the cells of maps that are no rim, as a view (batch, count, rows, cols)."""
+        """Return the cells of maps without their rims, as a view (batch, count, rows, cols)."""
         count, r, (rows, cols) = maps.shape[1] // self.size, self.radius, self.shape
         blocks = maps.reshape(len(maps), count, *self.padded)
         return blocks[:, :, r : r + rows, r : r + cols]
@@ -385,7 +385,7 @@ class Layout:
         blocks[:, :, to] = blocks[:, :, source]
 
     def rim(self, boundary: Boundary) -> Ints:
-        """Return (2, rim cells): a rim's places in a map, and the places that they copy."""
+        """Return (2, rim cells): the indices of rim cells in a map, and those that they copy."""
         if boundary.constant is not None:
             return np.zeros((2, 0), np.int64)
         return rim_copies(boundary, self.shape, self.radius)

@@ -2,8 +2,8 @@
 
 One transient, compiled: generic in the template, whose couplings come as lists of taps.
 
-No order of a sum depends on the number of threads. So a frame gives the same bits alone, in any
-batch, and on any number of cores.
+The order of sums does not depend on the number of threads, so a frame gives bit-identical results
+alone, in any batch, and on any number of cores.
 """
 
 import math
@@ -20,7 +20,7 @@ from cnnum.integrators.estimate import AROUND, LEAST_SLOPE
 
 @inlined
 def copy(source: Reals, target: Reals) -> None:
-    """Set as many values as both have."""
+    """Copy as many values as both arrays have."""
     for i in range(min(source.size, target.size)):
         target[i] = source[i]
 
@@ -133,7 +133,7 @@ def show(plan: Plan, state: Reals, output: Reals) -> None:
 
 @inlined
 def largest(errors: Reals, column: Any) -> Any:
-    """Return the largest number of a column of the bands' findings."""
+    """Return the maximum of a column of the bands' results."""
     return errors[:, column].max()
 
 
@@ -242,7 +242,7 @@ def _move(plan: Plan, work: Reals, layer: Any, stage: Any, step: Any, lo: Any, h
 
 @inlined
 def _limit(pace: Reals, state: Reals) -> None:
-    """Limit the states of cells that move: virtual cells keep theirs, which may lie beyond 1."""
+    """Clip the states of cells that move; virtual cells keep theirs, which may be beyond 1."""
     one = state.dtype.type(1)
     for i in range(state.size):
         state[i] = min(max(state[i], -one), one) if pace[i] != 0 else state[i]
@@ -353,7 +353,7 @@ def _miss(work: Reals, step: Any, lo: Any, errors: Reals) -> None:
 
 @inlined
 def _change(plan: Plan, state: Reals, slope: Reals) -> Any:
-    """Return how far cells are from rest, in units of the tolerance."""
+    """Return the distance of cells from rest, in units of the tolerance."""
     real = state.dtype.type
     rtol, atol = real(plan.settings[0].rtol), real(plan.settings[0].atol)
     slowest, change = real(plan.settings[0].slowest), real(0)
@@ -441,7 +441,7 @@ def _set_gains(plan: Plan, gains: Reals, time: Any, begin: Any, step: Any) -> No
 
 @inlined
 def _recall(plan: Plan, work: Reals, stage: Any, step: Any, number: Any, gone: Any) -> None:
-    """Find the outputs a delay ago; those before the start are those at the start.
+    """Find the delayed outputs; those before the start equal those at the start.
 
     `gone` is the time of the step that is over where only a part of it is taken.
     """
@@ -504,7 +504,7 @@ def rests(plan: Plan, now: Frame, spread: bool) -> bool:
 
 @compiled
 def _note(plan: Plan, now: Frame, at: Any, state: Reals, steps: Any, error: Any) -> None:
-    """Keep what a look at a moment finds; the change there is in `found`."""
+    """Store the sample at a moment; the change there is in `found`."""
     copy(state, now.seen[at])
     now.marks[at, 0] = steps
     now.marks[at, 1] = 1.0 if largest(now.found, 2) <= 1.0 else 0.0
@@ -598,7 +598,7 @@ def _stages(plan: Plan, step: Any) -> tuple[Any, Any]:
 
 @inlined
 def _grown(plan: Plan, error: Any, step: Any, before: Any, now: Frame) -> Any:
-    """Return the error after a step, as `cnnum.integrators.estimate` has it."""
+    """Return the error after a step, as in `cnnum.integrators.estimate`."""
     grown = math.exp(min(plan.settings[0].growth * step, records.LARGEST_EXPONENT))
     grown = min(max(largest(now.found, 3) / max(before, records.SMALLEST_RATE), 1.0), grown)
     added = largest(now.found, 1) * max(grown, 1.0) ** plan.settings[0].later

@@ -1,8 +1,8 @@
 """A transient of a batch: in closed form if possible, else by compiled functions.
 
-Ends that are known without a step, of a whole batch in NumPy.
+Ends known in closed form are computed for a whole batch in NumPy.
 
-A frame gives the same bits alone and in any batch: products are summed in one order.
+A frame gives bit-identical results alone and in any batch: products have a fixed order.
 """
 
 import threading
@@ -48,7 +48,7 @@ class ExactEnd:
     ----------
     scheme : Exact
     rounding : float
-        Its rounding error, as a part of the largest number in it.
+        Its rounding error, relative to the largest value in it.
     """
 
     scheme: Exact
@@ -155,7 +155,7 @@ def _both_sides(left: Reals, maps: Reals, right: Reals) -> Reals:
 def add_products(left: Reals, right: Reals, totals: Reals, room: int = ROOM) -> None:
     """Add left · right to totals, (n, m) · (m, k) to (n, k), in one order on every machine.
 
-    Libraries add up in an order that depends on the number of their threads.
+    The order of summation in libraries depends on their number of threads.
     """
     whole = len(right) - len(right) % 4
     for row in range(len(left)):
@@ -170,7 +170,7 @@ def add_products(left: Reals, right: Reals, totals: Reals, room: int = ROOM) -> 
 
 
 def _roundings(template: Template, shape: Shape, scheme: Exact) -> float:
-    """Return how many roundings of the largest number an end holds at most.
+    """Return a bound on the error of an end, in roundings of the largest value.
 
     A sum of n rounded products is off by at most n roundings of its largest value.
     """
@@ -206,7 +206,7 @@ def _of_products(template: Template, scheme: Propagator) -> float:
 
 
 def _control(template: Template) -> float:
-    """Return how often the drive of a cell is rounded, about."""
+    """Return the approximate number of roundings in the drive of a cell."""
     return float(np.count_nonzero(template.B) / template.layers) + 2.0
 
 

@@ -1,8 +1,8 @@
 """The final state of a saturated array whose cells only pull each other along, one by one.
 
-A cell falls once what it sees no longer holds it; then its neighbours see less. In which order
-cells are looked at does not change which of them fall, so a list of those that have to is worked
-off (`cnnum.runs.wavefront` says why). An array that rises is the same with all signs reversed.
+A cell falls once its neighbours no longer hold it, which in turn weakens the hold on them. The
+order in which cells are processed does not change which of them fall, so a queue of falling cells
+suffices (`cnnum.runs.wavefront` explains why). A rising array is the same with all signs reversed.
 """
 
 import math
@@ -29,7 +29,7 @@ def front(
     *,
     alone: bool = False,
 ) -> tuple[int, float, Floats]:
-    """Let every cell fall that the others no longer hold.
+    """Let every cell fall that its neighbours no longer hold.
 
     Parameters
     ----------
