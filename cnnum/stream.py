@@ -239,9 +239,9 @@ FEWEST = 3
 class Abreast:
     """Streams of one plan whose frames share a launch, though each begins and is tared by itself.
 
-    A stream is at home or in the shared memory. Whatever is out of the ordinary (a first frame, one
-    larger than those before, a frame without the others) runs at home, as it would alone; so the
-    results are those of streams alone wherever the engine gives the same for a frame in a batch.
+    The memories of a stream are its own ("at home") or a row of the shared memory. A first frame, a
+    frame larger than those before, or one without the others runs at home, as it would alone, so
+    the results are those of separate streams if the engine gives the same for a frame in a batch.
 
     Parameters
     ----------

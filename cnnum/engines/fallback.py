@@ -31,7 +31,7 @@ class FallbackBackend:
     ----------
     first : Backend
     behind : str
-        Name of the host's engine.
+        Name of the engine on the host that takes over.
     why : str
         Why the device counts as failed; empty while it works.
     """

@@ -121,7 +121,7 @@ class LaunchPlan:
     ----------
     parts : tuple of LaunchStep
     registers, partials : int
-        Numbers per frame that are kept in registers, and for sums that are not yet complete.
+        Numbers per frame that are kept in registers, and in partial sums.
     """
 
     parts: tuple[LaunchStep, ...]
@@ -129,9 +129,9 @@ class LaunchPlan:
     partials: int
 
     def launches(self, units: int) -> int:
-        """Return the launches per frame on a number of cores; of rounds that frames end, one round.
+        """Return the launches per frame on a number of cores.
 
-        Where frames say how many levels they take, all of them are counted.
+        An iteration that frames end counts once; levels that depend on the frame all count.
         """
         return sum(_launches(part, units) for part in self.parts)
 

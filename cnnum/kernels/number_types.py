@@ -129,7 +129,7 @@ class WholeNumbers:
         return self.wide if self.needs_wide(bounds) else self.narrow
 
     def literal(self, value: int) -> str:
-        """Return a whole number; C has no negative literals, so those stand in brackets."""
+        """Return an integer as C text; C has no negative literals, so those are in parentheses."""
         if value == -1 << (self.bits - 1):
             return f"({value + 1} - 1)"
         text = str(abs(value))

@@ -48,7 +48,7 @@ class Feed(Protocol):
 
 
 class Rested:
-    """The numbers of frames less their rest, the median of the first good ones.
+    """Readings minus their rest, which is the median of the first good frames.
 
     Parameters
     ----------

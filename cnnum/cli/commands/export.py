@@ -166,7 +166,7 @@ def _names(text: str | None) -> tuple[str, ...] | None:
 
 
 def require_room(out: Path, program: str, package: str | None = None, *, force: bool) -> bool:
-    """Check before the work of a minute that a folder can be created and written.
+    """Check that a folder can be created and written, before a minute of work.
 
     Returns
     -------
@@ -176,7 +176,7 @@ def require_room(out: Path, program: str, package: str | None = None, *, force: 
     Raises
     ------
     click.UsageError
-        If a file is in its way, its place takes no files, or it holds such files of other work.
+        If a file is in the way, the place cannot be written, or it holds another program's export.
     """
     from cnnum.embedded.c.files import in_the_way, is_export
 

@@ -53,11 +53,11 @@ class ProbeFigures:
     Attributes
     ----------
     frames : int
-        All that came, repeated and bad ones too.
+        All that arrived, including repeated and bad ones.
     scans : int
-        New and good ones among them: the figures of cells are over these.
+        The new and good ones among them, which the figures of cells are based on.
     saturated, repeated, bad : int
-        Frames flagged so.
+        Frames with that flag.
     """
 
     frames: int = 0
