@@ -7,7 +7,7 @@ Cases that each build kernels of their own are thinned by `@pytest.mark.one_in(n
 every n-th of a test's, `make test-full` all. Where parameters are crossed, n and the number of
 values of the inner ones have no common factor: then no value is always left out. Of other tests
 with many cases a short run takes the first and every eighth or twelfth, and of those with few every
-fourth, drawn by their names. The slowest are left to `make test-full`: `@pytest.mark.in_full(by)`
+fourth, drawn by their names. The slowest are left to `make test-full`, or `make faults`: `@pytest.mark.in_full(by)`
 names the tests that keep a part of their promise in a short run.
 
 Tests of faults on purpose keep an account of trials and losses. `make faults` runs them in full and
@@ -61,7 +61,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     for item in items:
         mark, test = item.get_closest_marker("one_in"), item.nodeid.partition("[")[0]
         if item.get_closest_marker("in_full"):
-            spared = True
+            spared = os.environ.get("CNNUM_FAULTS") != "full"
         elif mark is not None:
             spared = seen[test] % mark.args[0]
         else:  # drawn by name, so that no value of a crossed parameter is always left out

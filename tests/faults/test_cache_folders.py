@@ -324,6 +324,7 @@ MOUNTS |= {
 }
 
 
+@pytest.mark.in_full("test_folders_that_are_not_ours_are_left_alone")
 @pytest.mark.skipif(shutil.which("unshare") is None, reason="no way to mount for a child alone")
 def test_full_and_read_only_disks(faults, copied):
     """On a disk that is full, read-only, or runs no programs, a run has the right numbers."""

@@ -138,6 +138,7 @@ def judged(faults, first, judge):
                     faults.lose(f"{case}: {why}")
 
 
+@pytest.mark.in_full("test_no_module_of_the_working_folder_runs")
 def test_children_after_opencl(faults):
     """A child forked after OpenCL was used refuses it with one sentence; `Engine()` runs there."""
     if cnnum.Engine().name != "opencl":

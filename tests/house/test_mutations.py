@@ -49,6 +49,7 @@ def test_an_entry_that_does_not_fit_is_named(change, said):
     assert said in found
 
 
+@pytest.mark.in_full("make mutate, which puts in all of them")
 def test_a_fault_is_put_in_and_taken_out(tmp_path):
     (tmp_path / "a.py").write_text("x = 1\n")
     (tmp_path / "test_a.py").write_text("from a import x\n\ndef test_x():\n    assert x == 1\n")

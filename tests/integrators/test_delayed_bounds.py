@@ -42,6 +42,7 @@ def largest_root(method, now, seen, delay, count):
     return float(np.abs(np.roots(polynomial)).max())
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("method", WITH_DELAYS)
 def test_the_bound_is_where_the_roots_of_a_mode_leave_the_unit_circle(method):
     rng, known = np.random.default_rng(1), 0

@@ -265,6 +265,7 @@ def test_texture_does_not_know_the_friction_of_a_saturated_taxel():
     assert out["friction"] == pytest.approx(0.6, rel=0.01)
 
 
+@pytest.mark.in_full("test_programs_that_read_the_marks_run_in_whole_numbers")
 @pytest.mark.parametrize(
     ("name", "flag"), [("body_fit", "sphere_fits"), ("mindlin_slip", "mindlin_holds")]
 )

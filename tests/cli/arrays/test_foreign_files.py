@@ -680,6 +680,7 @@ def test_columns_cut_from_a_table_keep_their_grid_or_are_asked_about(call, tmp_p
     np.testing.assert_array_equal(recording.values.reshape(FRAMES, -1), values)
 
 
+@pytest.mark.filterwarnings("default::cnnum.errors.RecordingWarning")
 @pytest.mark.parametrize("cut", [0, 2, 30])
 def test_a_last_line_that_was_cut_off_is_left_out(call, tmp_path, cut):
     """Also within its last number, where no other is so short; a whole line may lack its end."""

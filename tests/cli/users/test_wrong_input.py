@@ -35,7 +35,7 @@ def sentence(result) -> str:
         (["probe", "serial"], "The option 'port' is missing".lower()),
         (["probe", "serial", "--set", "port=/dev/ttyNONE9"], "There is no port '/dev/ttyNONE9'"),
         (["record", "simulated", "taps.wav"], "Unknown kind of recording '.wav'"),
-        (["record", "simulated", "no/such/folder/taps.npz"], "choose an existing folder"),
+        (["record", "simulated", "no/such/folder/taps.npz"], "choose a folder that exists"),
         (["replay", "missing.npz"], "There is no recording 'missing.npz'"),
         (["demo", "--out", "no/such/folder/report.html"], "no/such/folder"),
     ],

@@ -140,6 +140,7 @@ def test_a_step_over_a_corner_states_what_it_is_off_by(method, weight):
         assert np.median(run.error / off) < 3.0
 
 
+@pytest.mark.in_full("test_error_covers_the_truth")
 @pytest.mark.one_in(2)
 @pytest.mark.parametrize("seed", range(3))
 def test_large_arrays_are_followed_strip_by_strip(seed, monkeypatch):
