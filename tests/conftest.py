@@ -7,8 +7,8 @@ Cases that each build kernels of their own are thinned by `@pytest.mark.one_in(n
 every n-th of a test's, `make test-full` all. Where parameters are crossed, n and the number of
 values of the inner ones have no common factor: then no value is always left out. Of other tests
 with many cases a short run takes the first and every eighth or twelfth, and of those with few every
-fourth, drawn by their names. The slowest are left to `make test-full`, or `make faults`: `@pytest.mark.in_full(by)`
-names the tests that keep a part of their promise in a short run.
+fourth, drawn by their names. The slowest are left to `make test-full` and `make faults`:
+`@pytest.mark.in_full(by)` names the tests that keep a part of their promise in a short run.
 
 Tests of faults on purpose keep an account of trials and losses. `make faults` runs them in full and
 prints it; `make test` runs a short version.
