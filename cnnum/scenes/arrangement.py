@@ -8,7 +8,9 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import cast
 
-from cnnum.arrays import Shape
+import numpy as np
+
+from cnnum.arrays import Floats, Shape
 from cnnum.drivers.driver import Driver
 from cnnum.drivers.geometry import Grid
 from cnnum.drivers.registry import module_of
@@ -20,7 +22,7 @@ from cnnum.errors import (
     UnknownNameError,
     name_error,
 )
-from cnnum.frame import FORCE_AXES, differ, limits_of
+from cnnum.frame import FORCE_AXES, contradicted, differ, limits_of, time_unit_of
 from cnnum.graph.nodes import Graph
 from cnnum.programs import Program
 from cnnum.programs.library import get_program, load_program, program_names
@@ -36,6 +38,9 @@ THINNEST, LOADS = 0.5, {EVERYTHING, "contact", "load_normal", "load_x", "load_y"
 """Pitches of cover below which taxels see too little of the pressure between them, and the events
 and outputs that suffer: under a third of a pitch, pressures that differ by their sampling alone
 hold 0.63 to 1.31 times the load (`tests/tactile/test_contact_loads.py`)."""
+
+LEAST_RATE = 1e-3
+"""Hz, the least rate of a program."""
 
 COUNT = "count"
 """Unit of values without a scale."""
@@ -192,6 +197,34 @@ def events_of_everything(driver: Driver) -> tuple[str, ...]:
     """Return the events that "everything" stands for: bumps only where the array has them."""
     bumps = isinstance(getattr(driver, "bumps", None), BumpCover)
     return tuple(name for name in EVENT_RULES if bumps or name != BUMP)
+
+
+def cure_of_times(driver: Driver, times: Floats) -> str:
+    """Return a sentence on times of a recording that seem to be no seconds; "" for others."""
+    timed = getattr(driver, "timed", False) and contradicted(driver.rate, times) is None
+    sure = getattr(driver, "live", False) or timed
+    unit = "" if sure else time_unit_of(times)
+    place = "[frames] of the scene" if getattr(driver, "layout", None) is None else "the layout"
+    if not unit:
+        return ""
+    return f" They seem to be in {unit}: set time_unit = '{unit}' in {place}, or 's' if not."
+
+
+def refuse_slow(spec: SceneSpec, driver: Driver) -> None:
+    """Raise if the times of a recording make it slower than any program allows.
+
+    Raises
+    ------
+    SceneError
+        With the unit that its times seem to have.
+    """
+    if not 0.0 < driver.rate < LEAST_RATE:
+        return
+    step = 1.0 / driver.rate
+    raise SceneError(
+        f"Scene '{spec.name}': frames of the array are {step:.4g} s apart, expected at most "
+        f"{1.0 / LEAST_RATE:g} s.{cure_of_times(driver, np.array([0.0, step]))}"
+    )
 
 
 def warn_of_no_bumps(spec: SceneSpec, driver: Driver) -> None:

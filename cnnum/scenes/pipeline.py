@@ -13,7 +13,7 @@ from typing import cast
 
 import numpy as np
 
-from cnnum.arrays import Floats, Shape, number_type
+from cnnum.arrays import Shape, number_type
 from cnnum.drivers.driver import Driver
 from cnnum.drivers.geometry import Grid, Reordered
 from cnnum.drivers.recording_file import MEMORY, RecordingDriver
@@ -21,8 +21,7 @@ from cnnum.drivers.registry import open_driver
 from cnnum.drivers.timing import SAME_TIME
 from cnnum.engine import Engine
 from cnnum.errors import SceneError, name_error
-from cnnum.frame import SLOWEST as SLOWEST_STEP
-from cnnum.frame import Frame, Limits, contradicted, time_unit_of
+from cnnum.frame import SLOWEST, Frame, Limits, contradicted
 from cnnum.graph.nodes import Graph, Input
 from cnnum.graph.tracing import TraceStep, trace_steps
 from cnnum.plan import Plan
@@ -32,11 +31,13 @@ from cnnum.recordings.recording import Recording
 from cnnum.safety.values import shown
 from cnnum.scenes.arrangement import (
     bound,
+    cure_of_times,
     events_of_everything,
     grid_of,
     program_of,
     refuse_missing_axes,
     refuse_other_limits,
+    refuse_slow,
     refuse_unfit,
     rules_of,
     traced,
@@ -76,9 +77,6 @@ from cnnum.scenes.saturation import CHANNEL, Saturation
 from cnnum.scenes.scene_file import EVERYTHING, SceneSpec, read_scene, scene_names
 from cnnum.scenes.scene_record import Histogram, SceneRecord, Summary
 from cnnum.values import ByContent, OfThisProcess, same
-
-SLOWEST = 1e-3
-"""Hz, the least rate of a program."""
 
 TIMED = 64
 """Frames at the start whose times are held against the rate: as many as a median needs."""
@@ -278,7 +276,7 @@ class Scene(OfThisProcess):
             driver = open_driver(spec.driver, spec.driver_options, base=spec.base)
         try:
             driver = Reordered(driver, spec.reading) if spec.reading else driver
-            _refuse_slow(spec, driver)
+            refuse_slow(spec, driver)
             conversion = conversion_for(spec.calibration, driver, spec.base, spec.scale)
             refuse_other_limits(spec, driver)
             grid = grid_of(spec, driver)
@@ -371,10 +369,10 @@ class Scene(OfThisProcess):
         rate, live = self.plan.rate, getattr(self.driver, "live", False)
         if len(times) not in (EARLY, TIMED):
             return
-        early = bool((np.diff(times[:EARLY]) >= SLOWEST_STEP).all())
+        early = bool((np.diff(times[:EARLY]) >= SLOWEST).all())
         if len(times) < TIMED and not early:
             return
-        cure = _cure_of_times(self.driver, np.asarray(times))
+        cure = cure_of_times(self.driver, np.asarray(times))
         seen = None
         if len(times) == TIMED:
             seen = None if rate is None else contradicted(rate, np.asarray(times))
@@ -754,34 +752,6 @@ def get_scene(name: str, *, engine: Engine | None = None) -> Scene:
     if name not in scene_names():
         raise name_error("scene", name, scene_names())
     return load_scene(name, engine=engine)
-
-
-def _cure_of_times(driver: Driver, times: Floats) -> str:
-    """Return a sentence on times of a recording that seem to be no seconds; "" for others."""
-    timed = getattr(driver, "timed", False) and contradicted(driver.rate, times) is None
-    sure = getattr(driver, "live", False) or timed
-    unit = "" if sure else time_unit_of(times)
-    place = "[frames] of the scene" if getattr(driver, "layout", None) is None else "the layout"
-    if not unit:
-        return ""
-    return f" They seem to be in {unit}: set time_unit = '{unit}' in {place}, or 's' if not."
-
-
-def _refuse_slow(spec: SceneSpec, driver: Driver) -> None:
-    """Raise if the times of a recording make it slower than any program allows.
-
-    Raises
-    ------
-    SceneError
-        With the unit that its times seem to have.
-    """
-    if not 0.0 < driver.rate < SLOWEST:
-        return
-    step = 1.0 / driver.rate
-    raise SceneError(
-        f"Scene '{spec.name}': frames of the array are {step:.4g} s apart, expected at most "
-        f"{1.0 / SLOWEST:g} s.{_cure_of_times(driver, np.array([0.0, step]))}"
-    )
 
 
 def load_scene(

@@ -341,7 +341,7 @@ class RecentLoads:
 
         The torque is that of the shear about the middle of the load, over load and size. Let
         friction grow with the way from a place as k (row₀ − row, column − column₀) times the load.
-        Then its mean is the ratio of shear to load, and its torque k size². A place is told up to
+        Then its mean is the ratio of shear to load, and its torque k size². A place is known up to
         `FAR` sizes from the middle.
         """
         row, column = self.centre(pad)
