@@ -9,6 +9,7 @@ from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from pathlib import Path
 from threading import Condition, Thread, current_thread
+from threading import Event as ThreadEvent
 from typing import cast
 
 from cnnum.drivers.driver import Mailbox
@@ -143,7 +144,7 @@ class Hand(OfThisProcess):
         """Begin anew with the next frames: memories, numbers, clocks and counts of steps."""
         self._numbers = dict.fromkeys(self._skins, 0)
         self._clocks: dict[str, float] = {}
-        self._began: int | None = None
+        self._began: dict[bool, int] = {}  # by the host's two clocks, which have no common zero
         self._steps = self._missed = 0
         self._micros = Histogram()
         groups: dict[str, list[str]] = {}
@@ -193,15 +194,17 @@ class Hand(OfThisProcess):
         Parameters
         ----------
         frames : mapping of str to Frame
-            At most one of each skin.
+            At most one of each skin, and one at least.
 
         Raises
         ------
         UnknownNameError
             If there is no such skin.
         ArrayError, SceneError, MethodError
-            As of a scene.
+            As of a scene, or if there is no frame.
         """
+        if not frames:
+            raise SceneError("A step of a hand must have a frame of at least one skin, got none.")
         for name in frames:
             self[name]
         return self._step(frames)
@@ -217,10 +220,10 @@ class Hand(OfThisProcess):
                 for lane, moment in zip(lanes, group.step(lanes, numbers, own), strict=True):
                     self._skins[names[lane]].count(moment, group.paths[lane])
                     done[names[lane]] = moment
+                    self._numbers[names[lane]] += 1  # now: another group may fail
         arrived = begun
         last = -math.inf
         for name, frame in frames.items():
-            self._numbers[name] += 1
             last = max(last, self._time(name, frame))
             if frame.monotonic_ns is not None:
                 arrived = min(arrived, frame.monotonic_ns)
@@ -235,15 +238,16 @@ class Hand(OfThisProcess):
     def _time(self, name: str, frame: Frame) -> float:
         """Return the time of a frame on the hand's clock, s since the first frame of the hand."""
         if name not in self._clocks:
-            arrived = frame.monotonic_ns if frame.monotonic_ns is not None else frame.wall_ns
+            steady = frame.monotonic_ns is not None
+            arrived = frame.monotonic_ns if steady else frame.wall_ns
             if arrived is None:
                 self._clocks[name] = 0.0
             else:
-                self._began = arrived if self._began is None else self._began
-                self._clocks[name] = 1e-9 * (arrived - self._began) - frame.time
+                began = self._began.setdefault(steady, arrived)
+                self._clocks[name] = 1e-9 * (arrived - began) - frame.time
         return frame.time + self._clocks[name]
 
-    def results(self, *, newest: bool = False) -> Iterator[HandResult]:
+    def results(self, *, newest: bool = False) -> Generator[HandResult, None, None]:
         """Yield the steps of the hand until all sources end or the caller stops.
 
         Live arrays are read in threads: while a step is processed, frames wait, and the next step
@@ -262,19 +266,24 @@ class Hand(OfThisProcess):
         SceneError
             As `Scene.results`.
         """
+        self._stopped = False  # now, so that a `stop` before the first step counts
+        return self._pass(newest)
+
+    def _pass(self, newest: bool) -> Generator[HandResult, None, None]:
         self.begin()
-        self._newest, self._stopped = newest, False
+        self._newest = newest
         live = any(getattr(scene.driver, "live", False) for scene in self._skins.values())
         with closing(self._live(newest) if live else self._merged()) as steps:
             for frames in steps:
-                yield self._step(frames)
                 if self._stopped:
                     return
+                yield self._step(frames)
 
     def events(self, *, newest: bool = False) -> Iterator[tuple[str, Event]]:
         """Yield the events of the hand as they come, with the names of their skins."""
-        for step in self.results(newest=newest):
-            yield from step.events
+        with closing(self.results(newest=newest)) as steps:
+            for step in steps:
+                yield from step.events
 
     def _merged(self) -> Generator[dict[str, Frame], None, None]:
         """Yield frames that come together on the hand's clock, from sources at hand."""
@@ -307,8 +316,9 @@ class Hand(OfThisProcess):
             for name in self._skins
         }
         self._boxes = tuple(boxes.values())
+        left = ThreadEvent()
         readers = [
-            Thread(target=_read, args=(scene, boxes[name]), name=f"cnnum-{name}", daemon=True)
+            Thread(target=_read, args=(scene, boxes[name], left), name=f"cnnum-{name}", daemon=True)
             for name, scene in self._skins.items()
         ]
         for reader in readers:
@@ -325,18 +335,27 @@ class Hand(OfThisProcess):
                     given = {n: cast(Frame, box.take()) for n, box in boxes.items() if box.waiting}
                 if given:
                     yield given
-                    continue
+                # even where frames of others always wait: a hand that falls behind hears of it
                 for name in [name for name, box in boxes.items() if box.ended]:
                     boxes.pop(name).take()  # raises what ended it
         finally:
+            left.set()
             self.close()
             for reader in readers:
                 reader.join(5.0)
 
     def run(self, callback: Callable[[HandResult], object], *, newest: bool = False) -> HandSummary:
         """Call a function with each step, in this thread, until the sources end or `stop`."""
-        for step in self.results(newest=newest):
-            callback(step)
+        return self._follow(self.results(newest=newest), callback)
+
+    def _follow(
+        self,
+        results: Generator[HandResult, None, None],
+        callback: Callable[[HandResult], object],
+    ) -> HandSummary:
+        with closing(results) as steps:  # an error of the callback ends the pass, too
+            for step in steps:
+                callback(step)
         return self.summary()
 
     def start(self, callback: Callable[[HandResult], object], *, newest: bool = False) -> None:
@@ -350,9 +369,11 @@ class Hand(OfThisProcess):
         if self._thread is not None:
             raise SceneError("The hand has been started: call its method stop first.")
 
+        results = self.results(newest=newest)
+
         def work() -> None:
             try:
-                self.run(callback, newest=newest)
+                self._follow(results, callback)
             except Exception as error:  # handed on by `stop`
                 self._failed = error
 
@@ -371,9 +392,10 @@ class Hand(OfThisProcess):
         with self._changed:
             self._stopped = True
             self._changed.notify_all()
-        thread, self._thread = self._thread, None
+        thread = self._thread
         if thread is not None and thread is not current_thread():
             thread.join()
+            self._thread = None
         failed, self._failed = self._failed, None
         if failed is not None:
             raise failed
@@ -393,7 +415,7 @@ class Hand(OfThisProcess):
                 with self._changed:
                     self._stopped = True
                     self._changed.notify_all()
-                pool.submit(cast("Generator[HandResult, None, None]", steps).close)
+                pool.submit(steps.close)
 
     def tare(self, *names: str) -> None:
         """Learn rest and noise of some skins again, or of all, from their next frames on.
@@ -431,22 +453,28 @@ class Hand(OfThisProcess):
         """Return the hand itself."""
         return self
 
-    def __exit__(self, *exception: object) -> None:
-        """End the pass, and close all arrays."""
-        with self._changed:
-            self._stopped = True
-            self._changed.notify_all()
-        self.close()
+    def __exit__(self, kind: object, *exception: object) -> None:
+        """End the pass as `stop` does, and close all arrays."""
+        try:
+            self.stop()
+        except Exception:
+            if kind is None:
+                raise
+        finally:
+            self.close()
 
 
-def _read(scene: Scene, box: Mailbox) -> None:
+def _read(scene: Scene, box: Mailbox, left: ThreadEvent) -> None:
     """Bring the frames of an array into its mailbox; those of a simulation at their times."""
     try:
         with closing(scene.source()) as frames:
-            begun = time.monotonic()
+            begun: float | None = None
             for frame in frames:
                 if not getattr(scene.driver, "live", False):
-                    time.sleep(max(0.0, begun + frame.time - time.monotonic()))
+                    begun = time.monotonic() - frame.time if begun is None else begun
+                    left.wait(max(0.0, begun + frame.time - time.monotonic()))
+                if left.is_set():
+                    break
                 box.put(frame)
     except Exception as error:  # of a driver of the user's own, too: the hand raises it
         box.end(error)

@@ -221,13 +221,17 @@ def read_hand(
     ------
     SceneError
         As `read_scene`, or if the file has no skin.
+    UnknownNameError
+        If a change is for a skin that the file does not have.
     """
     table, base = _table_of(hand)
     given = by_new_names(changes or {}, RENAMED)
+    skins = _table(str(hand), table, SKIN)
     for key, value in given.items():
         if key.startswith(f"{SKIN}."):
+            if skins and (name := key.split(".")[1]) not in skins:
+                raise name_error("skin", name, tuple(skins))
             _set(table, key, value)
-    skins = _table(str(hand), table, SKIN)
     if not skins:
         raise SceneError(f"'{hand}' is a scene, not a hand: a hand has a table [skin.NAME] each.")
     common = {key: value for key, value in table.items() if key not in (SKIN, "name")}

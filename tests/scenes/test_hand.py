@@ -1,6 +1,7 @@
 """Hands: each skin gives what its scene gives alone, whatever the others do."""
 
 import asyncio
+import threading
 import time
 from dataclasses import replace
 
@@ -9,10 +10,12 @@ import pytest
 
 import cnnum
 from cnnum.drivers.driver import Counting
-from cnnum.errors import SceneError, UnknownNameError
+from cnnum.errors import ArrayError, SceneError, UnknownNameError
 from cnnum.frame import Quality
+from cnnum.scenes.abreast import Calm
 from cnnum.scenes.pipeline import Passage
 from cnnum.scenes.scene_file import read_hand
+from cnnum.stream import Abreast
 
 HAND = """
 needs = ["slip"]
@@ -86,6 +89,12 @@ def test_a_hand_gives_what_each_skin_gives_alone(hand):
     assert np.allclose([step.time for step in steps], np.arange(len(steps)) / 50.0)
 
 
+def again(frames, times):
+    """Return frames of several grasps: from the second on, none is larger than those before."""
+    count = len(frames)
+    return [replace(frames[n % count], sequence=n, time=n / 50.0) for n in range(times * count)]
+
+
 def spoilt(frame, rng):
     """Return a frame as it is, or bad, repeated, saturated, after a gap, or with a fault."""
     kind = rng.integers(60)
@@ -104,7 +113,7 @@ def test_what_befalls_one_skin_leaves_the_others_alone(hand, frames, seed):
     """Skins miss steps, are tared, and have bad frames, each at its own times."""
     hand.begin()
     rng = np.random.default_rng(seed)
-    waiting = {name: [spoilt(frame, rng) for frame in frames[name]] for name in hand}
+    waiting = {name: [spoilt(frame, rng) for frame in again(frames[name], 3)] for name in hand}
     way = {name: Passage(alone(hand[name])) for name in hand}
     at = dict.fromkeys(hand, 0)
     wrong = 0
@@ -122,7 +131,7 @@ def test_what_befalls_one_skin_leaves_the_others_alone(hand, frames, seed):
             wrong += answer(step[name]) != answer(way[name].step(at[name], frame))
             at[name] += 1
     assert wrong == 0
-    assert min(at.values()) == 80
+    assert min(at.values()) == 240
 
 
 def alone(scene):
@@ -272,3 +281,163 @@ def test_tables_of_a_skin_stand_over_the_common_ones(place, tmp_path):
     assert (c.needs, c.driver_options["path"]) == (("edge",), "b.npz")
     assert dict(c.parameters) == {"x": 1}
     assert d.usual == ("depth", "unit")
+
+
+def endless(hand, frames, late):
+    """Return a hand of arrays that give frames for longer than any test waits."""
+    return live(hand, {name: again(frames[name], 250) for name in frames}, late)
+
+
+def reading():
+    """Return the threads that read arrays."""
+    return [t.name for t in threading.enumerate() if t.name in ("cnnum-thumb", "cnnum-ring")]
+
+
+def within(seconds, work):
+    """Return what a function returns; fail where it hangs."""
+    done = []
+    thread = threading.Thread(target=lambda: done.append(work()), daemon=True)
+    thread.start()
+    thread.join(seconds)
+    assert done, f"it was not done within {seconds:g} s"
+    return done[0]
+
+
+def test_a_stop_right_after_the_start_counts(hand, frames):
+    """The thread may begin after `stop`, which must not be forgotten then."""
+    for _ in range(3):
+        fast = endless(hand, frames, 1e-3)
+        fast.start(lambda step: None)
+        within(3.0, fast.stop)
+    assert not reading()
+
+
+def test_an_error_of_a_callback_ends_the_pass(hand, frames):
+    """Its traceback holds what was at work, which must end all the same."""
+    fast = endless(hand, frames, 1e-3)
+    with pytest.raises(ZeroDivisionError) as held:
+        fast.run(lambda step: 1 / 0)
+    assert held.tb is not None
+    assert not reading()
+    fast = endless(hand, frames, 1e-3)
+
+    def left_alone():
+        with fast:
+            fast.start(lambda step: 1 / 0)
+            time.sleep(0.3)
+
+    with pytest.raises(ZeroDivisionError):  # though nobody calls `stop`
+        left_alone()
+    assert not reading()
+
+
+def test_stop_waits_for_a_callback_that_has_called_it(hand, frames):
+    fast, seen = endless(hand, frames, 1e-3), []
+
+    def callback(step):
+        fast.stop()
+        time.sleep(0.2)
+        seen.append(step.number)
+
+    fast.start(callback)
+    time.sleep(0.1)
+    assert fast.stop().steps == 1
+    assert seen == [0]
+
+
+def test_a_cancelled_coroutine_leaves_no_reader(hand, frames):
+    async def main():
+        async def follow():
+            async for _ in endless(hand, frames, 1e-3).stream():
+                pass
+
+        task = asyncio.create_task(follow())
+        await asyncio.sleep(0.2)
+        task.cancel()
+        with pytest.raises(asyncio.CancelledError):
+            await task
+
+    within(4.0, lambda: asyncio.run(main()) or True)
+    assert not reading()
+
+
+def test_an_error_of_an_array_is_raised_while_others_go_on(hand, frames):
+    """Even where the hand falls behind, so that a frame of some other skin always waits."""
+    fast = endless(hand, frames, 1e-4)
+    fast["index"].driver.frames = broken
+
+    def slow(step):
+        time.sleep(2e-3)
+        assert step.number < 100
+
+    with pytest.raises(OSError, match="unplugged"):
+        fast.run(slow, newest=True)
+
+
+class Old:
+    """A recording whose times are those of a clock that began long ago."""
+
+    live = False
+
+    def __init__(self, driver, frames, **changes):
+        self._driver, self._frames, self._changes = driver, frames, changes
+
+    def __getattr__(self, name):
+        return getattr(self._driver, name)
+
+    def frames(self):
+        for frame in self._frames:
+            yield replace(frame, time=frame.time + 1e6, **self._changes)
+
+
+def test_a_recording_beside_a_live_array_begins_with_it(hand, frames):
+    """Its frames come when they are due after its first one, and of a wall clock on its own."""
+    skins = live(hand, {name: frames[name][:20] for name in hand}, 1e-3).skins
+    skins["ring"].driver = Old(skins["thumb"].driver, frames["ring"][:20], wall_ns=10**18)
+    mixed = cnnum.Hand({"thumb": skins["thumb"], "ring": skins["ring"]})
+    steps = within(5.0, lambda: list(mixed.results()))
+    assert sum("ring" in step for step in steps) == 20
+    assert all(abs(step.time) < 5.0 for step in steps)
+
+
+def test_a_step_that_fails_keeps_the_numbers_of_what_was_done(hand, frames):
+    hand.begin()
+    for n in range(3):
+        hand.push({name: frames[name][n] for name in hand})
+    with pytest.raises(ArrayError):
+        hand.push({"thumb": frames["thumb"][3], "palm": frames["thumb"][3]})
+    step = hand.push({name: frames[name][4] for name in ("thumb", "palm")})
+    assert (step["thumb"].number, step["palm"].number) == (4, 3)
+    with pytest.raises(SceneError, match="at least one"):
+        hand.push({})
+
+
+def test_changes_make_no_skin(place):
+    with pytest.raises(UnknownNameError, match=r"thum.*thumb"):
+        cnnum.load_hand(place, changes={"skin.thum.needs": ["slip"]})
+
+
+def test_ordinary_frames_are_looked_at_together(hand, frames, monkeypatch):
+    """What is quick has to be taken: nothing else would tell that each skin goes alone."""
+    looked, shared = [], []
+    look, run = Calm.look, Abreast._together
+
+    def counted_look(self, lanes, values, times):
+        calm = look(self, lanes, values, times)
+        looked.append(int(calm.sum()))
+        return calm
+
+    def counted_run(self, lanes, values, ready):
+        done = run(self, lanes, values, ready)
+        shared.append(len(done))
+        return done
+
+    monkeypatch.setattr(Calm, "look", counted_look)
+    monkeypatch.setattr(Abreast, "_together", counted_run)
+    hand.begin()
+    grasps = {name: again(frames[name], 3) for name in ("thumb", "index", "ring")}
+    for n in range(240):
+        hand.push({name: grasps[name][n] for name in grasps})
+    # rest is learned from the first frames, and those of the first touch are the largest so far
+    assert sum(looked) > 0.9 * 3 * 240
+    assert sum(shared) > 0.4 * 3 * 240
