@@ -288,7 +288,7 @@ def test_the_studio_looks_into_a_program(browser: Browser, tmp_path: Path) -> No
                 number = browser.value(
                     f"program.shown.find((n) => n.outputs[0] === '{name}').number"
                 )
-                browser.value(f"program.values.clear(); select({number})")
+                browser.value(f"program.values.clear(); asked = null; select({number})")
                 browser.until(f"program.values.has({number})")
                 shown = browser.value(f"[...program.values.get({number})]")
                 np.testing.assert_allclose(shown, np.ravel(wanted), atol=1e-5, err_msg=name)
@@ -300,6 +300,9 @@ def test_the_studio_looks_into_a_program(browser: Browser, tmp_path: Path) -> No
         assert "EDGE" in browser.value("at('said').textContent")
         # only what is seen is sent
         assert browser.value("program.seen.size") < browser.value("program.nodes.length")
+        for _ in range(3):  # a new line to the server knows nothing of what is seen
+            browser.value("program.values.clear(); view.hello = null; view.socket.close()")
+            browser.until("view.hello && program.values.size > 0")
         browser.size(400, 900, dark=True)
         assert browser.value("document.documentElement.scrollWidth <= innerWidth")
         shot(browser, tmp_path, "program-400-dark")

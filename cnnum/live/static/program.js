@@ -5,6 +5,7 @@ const program = { nodes: [], shown: [], selected: null, values: new Map(), boxes
 
 function showProgram(graph) {
   at("program").hidden = !graph;
+  asked = null; // a new line to the server knows nothing of what is seen
   if (!graph || program.nodes.length) { if (graph) askNodes(); return; }
   program.nodes = graph.nodes.map((node) => ({ ...node, readers: [] }));
   // a folded step is shown by the step that reads it, which then reads what the folded one did
@@ -63,13 +64,12 @@ function drop(parent) {
   parent.replaceChildren();
 }
 
-let asked = "";
+let asked = null;
 function askNodes() { // results are sent of these alone
   const wanted = [...new Set([...program.seen].map((box) => Number(box.dataset.node)))].sort((a, b) => a - b);
-  const key = `${wanted}|${program.socket === view.socket}`;
+  const key = wanted.join();
   if (key === asked) return;
   asked = key;
-  program.socket = view.socket;
   send({ nodes: wanted });
 }
 
