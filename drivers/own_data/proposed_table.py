@@ -1,9 +1,11 @@
 """The layout of a text file: a table, or a block of lines per frame."""
 
+import csv
 import re
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -87,6 +89,14 @@ def _number(text: str, decimal: str, thousands: str = "") -> bool:
     return "_" not in text
 
 
+def _fields(lines: list[str], form: TextForm) -> list[list[str]]:
+    """Return the fields of each line; none if a field is too long, as without its separator."""
+    try:
+        return list(fields_of(lines, form))
+    except csv.Error:
+        return []
+
+
 def of_text(path: Path, lines: list[str], asked: str) -> Proposal:
     """Return the layout of a text file by its first lines; `asked` is the column of the times."""
     begins = {c: sum(x.lstrip().startswith(c) for x in lines) for c in ("#", "%", "//", ";")}
@@ -101,7 +111,7 @@ def of_text(path: Path, lines: list[str], asked: str) -> Proposal:
             "does, so that times are a column."
         )
     for separator in (",", *SEPARATORS):
-        rows = [fields for fields in fields_of(content, TextForm(separator)) if any(fields)]
+        rows = [fields for fields in _fields(content, TextForm(separator)) if any(fields)]
         rows = [_stripped(fields) for fields in rows]
         width, often = Counter(map(len, rows)).most_common(1)[0] if rows else (0, 0)
         wide = [fields for fields in rows if len(fields) == width]
@@ -178,7 +188,7 @@ def _of_table(
     for number, line in enumerate(lines):
         is_comment = line.lstrip().startswith(form.comment)
         bare = line.lstrip().removeprefix(form.comment) if is_comment else line
-        whole_line = next(iter(fields_of([bare], form)), [""])
+        whole_line = next(iter(_fields([bare], form)), [""])
         fields = _stripped(whole_line)
         numbers = [_number(text, form.decimal, form.thousands) for text in fields]
         fits = len(fields) in (width, width + 1) and not is_comment
@@ -241,17 +251,41 @@ def _of_table(
     return proposal
 
 
-def _block_of(texts: list[str]) -> int:
-    """Return how many rows in turn have the same text, if that is a constant; otherwise 1."""
+def _blocks_of(texts: list[str]) -> list[slice]:
+    """Return the runs of rows with the same text."""
     ends = [n for n in range(1, len(texts)) if texts[n] != texts[n - 1]]
-    sizes = set(np.diff(ends).tolist()) - {1}
-    return sizes.pop() if len(sizes) == 1 else 1
+    return [slice(begin, end) for begin, end in pairwise([0, *ends, len(texts)])]
+
+
+def _turns_of(texts: list[str]) -> list[slice]:
+    """Return the rows between which the first text comes again."""
+    size = next((n for n in range(1, len(texts)) if texts[n] == texts[0]), len(texts))
+    return [slice(n, n + size) for n in range(0, len(texts), size)]
+
+
+def _repeated(texts: list[str], blocks: list[slice]) -> int:
+    """Return how many values a column goes through in each block, in one order; 0 if it does not.
+
+    Some rows may be lost. The last block may go on in lines that were not read.
+    """
+    places = {text: n for n, text in enumerate(dict.fromkeys(texts[max(blocks, key=_rows_in)]))}
+    if len(places) < 2 or len(blocks) < TURNS or not places.keys() >= set(texts):
+        return 0
+    ranks = [[places[text] for text in texts[block]] for block in blocks]
+    whole = ranks[:-1] if len(ranks) > TURNS else ranks
+    covered = sum(len(set(some)) for some in whole)
+    ordered = all(some == sorted(some) for some in ranks)
+    return len(places) if ordered and covered > MOSTLY * len(places) * len(whole) else 0
+
+
+def _rows_in(block: slice) -> int:
+    return int(block.stop - block.start)
 
 
 def _refuse_long(
-    columns: Mapping[str, list[str]], clock: str, values: Mapping[str, Floats]
+    proposal: Proposal, columns: Mapping[str, list[str]], clock: str, values: Mapping[str, Floats]
 ) -> None:
-    """Raise if a table has one row per taxel or per sensor.
+    """Raise if a table has one row per taxel or per sensor, and say so if it only seems to.
 
     Raises
     ------
@@ -261,26 +295,27 @@ def _refuse_long(
     """
     rising = (n for n in values if not TIME.search(n) and (np.diff(values[n]) >= 0.0).all())
     keys = [clock] if clock else list(rising)
-    steps = [_block_of(columns[name]) for name in keys]
-    size_of_block = max(steps, default=1)  # rows of the same time, or of the same frame
+    # rows of the same time, or of the same frame
+    steps = [
+        blocks for name in keys if len(blocks := _blocks_of(columns[name])) < len(columns[name])
+    ]
     for name, texts in columns.items():
-        if name in keys:
+        if name in keys or COUNTER.search(name):
             continue
-        if size_of_block > 1:
-            size = size_of_block
-        elif name not in values:
-            size = next((n for n in range(1, len(texts)) if texts[n] == texts[0]), len(texts))
-        else:
-            continue
-        seen = dict.fromkeys(texts[:size])
-        periodic = all(text == texts[n % size] for n, text in enumerate(texts))
-        if len(seen) > 1 and periodic and len(texts) >= TURNS * size:
+        counts = [_repeated(texts, blocks) for blocks in steps]
+        count = max(counts, default=0) or _repeated(texts, _turns_of(texts))
+        if count and (any(counts) or name not in values):
             first = texts[0] if name in values else repr(texts[0])
             raise CodecError(
-                f"The table has several rows per frame: '{name}' repeats {len(seen)} values; "
+                f"The table has several rows per frame: '{name}' repeats {count} values; "
                 "convert the table to one row per frame, as by "
                 f"df.pivot(index='{clock or 'time'}', columns='{name}') in pandas, with one name "
                 f"per column, or keep the rows of one value, as by df[df['{name}'] == {first}]."
+            )
+        if count > 2 and (np.diff(values[name][:count]) == 1.0).all():
+            proposal.undecided.append(
+                f"rows: each is taken as a frame, and '{name}' counts {count} values again and "
+                f"again: if it is the number of a taxel, make a frame of every {count} rows"
             )
 
 
@@ -336,7 +371,7 @@ def _columns(
         ]
         first = [name for name in list(values)[:1] if named and not COUNTER.search(name)]
         clock = take_clock(proposal, asked, likely, first, values.__getitem__)
-    _refuse_long(columns, clock, values)
+    _refuse_long(proposal, columns, clock, values)
     rest = [n for n in values if n != clock and not (named and COUNTER.search(n))]
     rest = [n for n in rest if not (TIME.search(n) and named)]
     counters = [
@@ -359,7 +394,7 @@ def _block(lines: list[str], separator: str, decimal: str) -> Proposal | None:
     form = TextForm(separator, decimal)
     widths: list[int] = []
     for line in lines:
-        fields = _stripped(next(iter(fields_of([line], form)), [""]))
+        fields = _stripped(next(iter(_fields([line], form)), [""]))
         numbers = bool(line.strip()) and all(_number(text, decimal) for text in fields)
         widths.append(len(fields) if numbers and fields != [""] else 0)
     runs: list[tuple[int, int, int]] = []

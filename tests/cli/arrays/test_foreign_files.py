@@ -1,5 +1,6 @@
 """Twelve files as other programs write them: a layout, its check and the right event, by nobody."""
 
+import csv
 import json
 
 import numpy as np
@@ -394,6 +395,17 @@ REFUSED |= {
         [f"{n / 100},{k},1,2,{n}" for n in range(20) for k in range(16)],
         "several rows per frame: '2' repeats 16 values",
     ),
+    "a row a taxel, of which some are lost": (
+        [
+            "t,taxel,x,y,z",
+            *(f"{n / 100},{k},1,2,{n % 7}" for n in range(20) for k in range(16) if (n + k) % 31),
+        ],
+        "several rows per frame: 'taxel' repeats 16 values",
+    ),
+    "a quotation mark that is not closed": (
+        ['t,"x,y', *(f"{n / 100},1,{n % 7}.{'0' * 400}" for n in range(400))],
+        "shows no table of numbers",
+    ),
     "a column a frame": (
         [f"p{k}," + ",".join(f"{n}.5" for n in range(40)) for k in range(9)],
         "The first column names the rows, as 'p1', as where a frame is a column",
@@ -616,6 +628,27 @@ def test_files_of_other_kinds_are_called_so(call, tmp_path, name, content, said)
     done = call("layout", tmp_path / name)
     assert (done.exit_code, done.stderr.count("\n")) == (2, 1)
     assert said in done.stderr
+
+
+@pytest.mark.parametrize("head", ["t,taxel,z", "taxel,x,y,z"])
+def test_rows_that_may_be_of_one_taxel_each_are_said_to_be_frames(call, tmp_path, head):
+    rows = [[(16 * n + k) / 1600, k, n % 5, n % 7] for n in range(20) for k in range(16)]
+    rows = [row[head.startswith("taxel") :][: len(head.split(","))] for row in rows]
+    text = "\n".join([head, *(",".join(map(str, row)) for row in rows)])
+    (tmp_path / "a.csv").write_text(text + "\n")
+    done = call("layout", tmp_path / "a.csv")
+    assert "rows: each is taken as a frame, and 'taxel' counts 16 values again" in done.stdout
+
+
+def test_lines_longer_than_a_field_of_csv_may_be_are_read(call, tmp_path):
+    values = np.random.default_rng(0).uniform(size=(5, 90, 90, 1))
+    names = ",".join(f"r{n // 90}_c{n % 90}" for n in range(8100))
+    rows = [",".join(f"{x:.15f}" for x in frame) for frame in values.reshape(5, -1)]
+    assert len(rows[0]) > csv.field_size_limit()
+    (tmp_path / "a.csv").write_text("\n".join([names, *rows]) + "\n")
+    assert call("layout", tmp_path / "a.csv", "--set", "rate=60", "--write").exit_code == 0
+    recording = cnnum.load_recording(tmp_path / "a.csv")
+    np.testing.assert_allclose(recording.values, values, atol=1e-14)
 
 
 def test_times_among_the_numbers_of_a_frame_are_no_taxel(call, tmp_path):
