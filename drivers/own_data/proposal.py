@@ -143,9 +143,11 @@ def _of_arrays(
     clocks = {n: s for n, s in numeric.items() if max(s, default=0) == math.prod(s) and s}
     frames = {n: s for n, s in numeric.items() if len(s) > 1 and n not in clocks}
     if not frames:
-        flat = [name for name in clocks if not TIME.search(name.rpartition("/")[2])]
-        if path.suffix.lower() == PARQUET and len(flat) > 1:
-            return _of_columns(path, list(shapes), numeric, stamped, asked)
+        lines = {name: shape for name, shape in clocks.items() if len(shape) == 1}
+        usual = Counter(lines.values()).most_common(1)
+        columns = [name for name, shape in lines.items() if shape == usual[0][0]]
+        if sum(not TIME.search(name.rpartition("/")[2]) for name in columns) > 1:
+            return _of_columns(path, columns, stamped, asked)
         raise CodecError(
             f"'{path}' has no array of frames; its arrays are "
             f"{', '.join(f'{n} {s}' for n, (s, _) in list(shapes.items())[:12]) or 'none'}."
@@ -241,16 +243,9 @@ def _one_array(path: Path, name: str) -> Floats:
     return np.asarray(read_arrays(path, {name})[name], np.float64).reshape(-1)
 
 
-def _of_columns(
-    path: Path,
-    names: list[str],
-    numeric: Mapping[str, tuple[int, ...]],
-    stamped: Collection[str],
-    asked: str,
-) -> Proposal:
-    """Return the layout of a Parquet file with a column a number, as of a table in text."""
+def _of_columns(path: Path, columns: list[str], stamped: Collection[str], asked: str) -> Proposal:
+    """Return the layout of a file with an array a number, as of a table in text."""
     proposal = Proposal()
-    columns = [name for name in names if name in numeric]
     known = [name for name in columns if name in stamped or TIME.search(name)]
     known.sort(key=lambda name: name not in stamped)
     others = [name for name in columns[:1] if not COUNTER.search(name)]

@@ -586,6 +586,17 @@ def three_arrays(folder):
     return folder / "a.npz"
 
 
+def one_array_a_number(folder):
+    values = np.rint(press(4, 4, offset=900)).reshape(FRAMES, 16, 3)
+    np.savez(
+        folder / "a.npz",
+        time=times(),
+        gain=np.ones(4),
+        **{f"taxel{n}_{axis}": values[:, n, k] for n in range(16) for k, axis in enumerate("xyz")},
+    )
+    return folder / "a.npz"
+
+
 PARTS = {
     "a field a channel": three_fields(
         lambda one: {a: [v[n] for row in one for v in row] for n, a in enumerate("xyz")}
@@ -597,6 +608,7 @@ PARTS = {
         }
     ),
     "an array a channel": three_arrays,
+    "an array a number": one_array_a_number,
 }
 
 
