@@ -25,8 +25,8 @@ Feedback = Callable[[Floats], Floats]
 """Outputs, (layers, rows, cols), to their sum in the rates."""
 
 MOST_STATES = 256
-"""Cells of all layers up to which a coupling is a matrix: one product takes some microseconds, a
-correlation sixty, however small its map."""
+"""Cells of all layers up to which the neighbours of all are read at once: this takes some
+microseconds, a correlation sixty, however small its map."""
 
 _Mode = Literal["constant", "reflect", "grid-wrap"]
 _NDIMAGE_MODES: dict[str, _Mode] = {
@@ -158,21 +158,31 @@ class StateEquation:
         return _correlated(kernels, inputs, boundary, boundary.constant)
 
     def _through(self, kernels: Floats) -> Feedback:
-        """Return the sum of kernels over outputs: as a matrix, if it is small.
+        """Return the sum of kernels over outputs, all neighbours at once if the array is small.
 
-        The sum of the virtual cells of a fixed boundary does not depend on the outputs.
+        The terms of every cell are added in the same order, as those of a correlation are: cells
+        that are alike stay so, even if an array would let the least difference between them grow.
         """
         boundary, edge = self.template.boundary, self._edge("y")
-        layers, states = kernels.shape[1], kernels.shape[1] * self.shape[0] * self.shape[1]
-        if states > MOST_STATES:
+        layers, cells = kernels.shape[1], self.shape[0] * self.shape[1]
+        if layers * cells > MOST_STATES:
             return lambda y: _correlated(kernels, y, boundary, edge)
-        # all units at once, on an axis along which kernels have no neighbours
-        units = np.eye(states).reshape(states, layers, *self.shape).swapaxes(0, 1)
-        responses = _correlated(kernels[:, :, np.newaxis], units, boundary, 0.0)
-        matrix = responses.swapaxes(0, 1).reshape(states, -1).T.copy()
-        still = _correlated(kernels, np.zeros((layers, *self.shape)), boundary, edge)
-        # half the time of `@` for matrices this small
-        return lambda y: matrix.dot(y.ravel()).reshape(still.shape) + still
+        seen = np.asarray(kernels.any(axis=0))
+        places = [
+            np.where(near < cells, near + source * cells, layers * cells)
+            for source in range(layers)
+            for near in _near(seen[source], boundary, self.shape)
+        ]
+        neighbours = np.array(places, dtype=np.intp).reshape(len(places), *self.shape)
+        weights = kernels[:, seen][:, :, np.newaxis, np.newaxis]
+        beyond = None if boundary.constant is None else np.full(1, edge or 0.0)
+
+        def through(y: Floats) -> Floats:
+            cells = y if beyond is None else np.concatenate([y.ravel(), beyond])
+            total: Floats = (weights * cells.take(neighbours)).sum(axis=1)
+            return total
+
+        return through
 
     def _edge(self, quantity: str) -> float | None:
         """Return the outputs of virtual cells of a fixed boundary."""
@@ -198,15 +208,22 @@ class StateEquation:
 
 
 def _shifted(template: Template, coupling: NonlinearCoupling, shape: tuple[int, int]) -> _Places:
+    """Return the places that a nonlinear coupling reads."""
+    boundary = template.input_boundary if coupling.neighbour == "u" else template.boundary
+    return _near(coupling.weights, boundary, shape)
+
+
+def _near(
+    weights: Floats | NDArray[np.bool_], boundary: Boundary, shape: tuple[int, int]
+) -> _Places:
     """Return which cell each neighbour is, row by row; virtual ones are the one after the last."""
-    seen, radius = coupling.neighbour, coupling.weights.shape[0] // 2
-    boundary = template.input_boundary if seen == "u" else template.boundary
+    radius = weights.shape[0] // 2
     cells = np.arange(shape[0] * shape[1]).reshape(shape)
     if boundary.pad_mode == "constant":
         padded = np.pad(cells, radius, mode="constant", constant_values=cells.size)
     else:
         padded = np.pad(cells, radius, mode=boundary.pad_mode)
-    return sliding_window_view(padded, shape)[coupling.weights.nonzero()]
+    return sliding_window_view(padded, shape)[weights.nonzero()]
 
 
 def _alone(kernels: Floats, to: int, source: int) -> Floats:
