@@ -168,7 +168,7 @@ class StateEquation:
         if layers * cells > MOST_STATES:
             return lambda y: _correlated(kernels, y, boundary, edge)
         seen = np.asarray(kernels.any(axis=0))
-        places = [
+        places: list[NDArray[np.intp]] = [
             np.where(near < cells, near + source * cells, layers * cells)
             for source in range(layers)
             for near in _near(seen[source], boundary, self.shape)
