@@ -21,7 +21,7 @@ import pyopencl as cl
 
 from cnnum.engines.devices.child import run_child
 from cnnum.engines.devices.listing import Device, list_devices
-from cnnum.engines.devices.program_cache import build_program
+from cnnum.engines.devices.program_cache import build_program, make_kernel
 from cnnum.engines.devices.selection import verdict_on
 from cnnum.errors import DeviceError
 
@@ -137,7 +137,7 @@ class Bench:
         return 2.0 * size / copy
 
     def _kernel(self, arithmetic: Arithmetic, name: str) -> cl.Kernel:
-        return cl.Kernel(build_program(self._context, arithmetic.text), name)
+        return make_kernel(build_program(self._context, arithmetic.text), name)
 
     def _items(self, width: int) -> tuple[int, int]:
         """Return work items and those of a group: enough to keep every unit busy."""

@@ -45,6 +45,9 @@ PASSED_OVER = frozenset({"last_accessed", "build.log"})
 
 _LOCK = threading.Lock()
 
+_WRITING = threading.Lock()
+"""PyOpenCL writes the calls of a kernel as Python under a new name. Threads could take the same."""
+
 
 @dataclass(slots=True)
 class _Laid:
@@ -65,6 +68,12 @@ def switch_off_pyopencl_caches() -> None:
     """Let PyOpenCL keep nothing, unless the user has set its variable."""
     if "PYOPENCL_NO_CACHE" not in os.environ:
         setattr(cl, "_PYOPENCL_NO_CACHE", True)  # noqa: B010  (it has no other way after import)
+
+
+def make_kernel(program: cl.Program, name: str) -> cl.Kernel:
+    """Return a kernel of a built program; several threads may ask at once."""
+    with _WRITING:
+        return cl.Kernel(program, name)
 
 
 def build_kept(context: cl.Context, source: str, options: Sequence[str]) -> cl.Program:

@@ -31,7 +31,7 @@ from cnnum.engines.cache import Shelf
 from cnnum.engines.devices.child import Ended, run_child
 from cnnum.engines.devices.listing import Device, list_devices, partner_of
 from cnnum.engines.devices.pocl import remedy_for, rename_target
-from cnnum.engines.devices.program_cache import build_program
+from cnnum.engines.devices.program_cache import build_program, make_kernel
 from cnnum.engines.notices import how_to_get_opencl, processor
 from cnnum.errors import DeviceError, NoOpenCLError, say_once
 from cnnum.version import __version__
@@ -106,7 +106,7 @@ def _run(
     flags = cl.mem_flags
     given = cl.Buffer(context, flags.READ_ONLY | flags.COPY_HOST_PTR, hostbuf=start)
     taken = cl.Buffer(context, flags.WRITE_ONLY, end.nbytes)
-    kernel = cl.Kernel(program, "self_test")
+    kernel = make_kernel(program, "self_test")
     kernel.set_args(given, taken, np.int32(ROUNDS))
     cl.enqueue_nd_range_kernel(queue, kernel, (ITEMS,), None)
     cl.enqueue_copy(queue, end, taken)

@@ -15,6 +15,7 @@ import pyopencl as cl
 from numpy.typing import NDArray
 
 from cnnum.arrays import Floats
+from cnnum.engines.devices.program_cache import make_kernel
 from cnnum.engines.devices.shared_arrays import SharedArray, shared_array, shares_memory
 from cnnum.engines.opencl.lowering.kernel_source import TAKEN
 from cnnum.engines.opencl.lowering.storage import Places
@@ -42,7 +43,7 @@ class PlanKernels:
 
     def separate(self, name: str) -> cl.Kernel:
         """Return a separate kernel object with its own arguments."""
-        return cl.Kernel(self.program, name)
+        return make_kernel(self.program, name)
 
     def launch(self, name: str, items: tuple[int, ...], *arguments: Any) -> None:
         """Launch a kernel in work groups of one; without arguments, those set before remain."""

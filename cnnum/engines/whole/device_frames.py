@@ -10,7 +10,7 @@ from cnnum.embedded.c.program import c_text, packed, record_type, unpacked
 from cnnum.embedded.emulator import Numbers
 from cnnum.embedded.program import IntegerProgram
 from cnnum.engines.devices.child import build_failure, run_failure
-from cnnum.engines.devices.program_cache import build_program
+from cnnum.engines.devices.program_cache import build_program, make_kernel
 from cnnum.engines.devices.selection import choose_device
 from cnnum.engines.forks import refuse_after_fork
 
@@ -52,7 +52,7 @@ class DeviceFrames:
         self.source = kernel_text(program, self._parts)
         try:
             built = build_program(queue.context, self.source, ["-w"])
-            self._kernel = cl.Kernel(built, KERNEL)
+            self._kernel = make_kernel(built, KERNEL)
         except cl.Error as error:
             raise build_failure(self.source, error, queue.device) from error
 

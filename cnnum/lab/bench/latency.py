@@ -11,7 +11,7 @@ import pyopencl as cl
 
 from cnnum.engine import Engine
 from cnnum.engines.devices.listing import partner_of
-from cnnum.engines.devices.program_cache import build_program
+from cnnum.engines.devices.program_cache import build_program, make_kernel
 from cnnum.engines.devices.selection import choose_device
 from cnnum.frame import FORCE_AXES, Frame
 from cnnum.lab.bench.errors import SLOW_REFERENCE, program_error
@@ -49,7 +49,7 @@ class EmptyLaunch:
         handle = choose_device(device).handle
         context = cl.Context([(partner_of(handle) if alone else None) or handle])
         self._queue = cl.CommandQueue(context)
-        self._kernel = cl.Kernel(build_program(context, _TEXT), "nothing")
+        self._kernel = make_kernel(build_program(context, _TEXT), "nothing")
         self._given = np.zeros(max(bytes_in, 4), np.uint8)
         self._taken = np.zeros(max(bytes_out, 4), np.uint8)
         flags = cl.mem_flags

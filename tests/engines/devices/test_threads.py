@@ -1,5 +1,6 @@
 """One engine, one plan and its streams give several threads the same as one thread."""
 
+import sys
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -69,6 +70,17 @@ def test_streams_of_one_plan(fast, lead):
 
     jobs = np.random.default_rng(2).normal(size=(8, 200, 8, 8, 3))
     assert not differing(stream, list(jobs))
+
+
+def test_streams_that_threads_open_at_once(fast):
+    """PyOpenCL writes Python for every kernel; it warned of a name that two threads had taken."""
+    plan, frame = fast.compile(remembering, (8, 8)), np.ones((8, 8, 3))
+    between = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    try:
+        by_threads(lambda _: plan.stream().push(frame), range(200))
+    finally:
+        sys.setswitchinterval(between)
 
 
 @cnnum.program
