@@ -604,25 +604,42 @@ def rows_of(
     except OSError as error:
         raise unreadable(RecordingError, f"'{path}'", error) from None
     except (UnicodeError, csv.Error) as error:
-        raise CodecError(f"'{path}' is not a CSV text file in UTF-8: {error}.") from None
+        raise CodecError(f"'{path}' is not a CSV text file: {error}.") from None
+
+
+class _Text(TextIOWrapper):
+    """A text file, in which lines that are not UTF-8 are text of Windows in western Europe.
+
+    Its µ, °, ä and é stand in names and units.
+    """
+
+    def readline(self, size: int = -1, /) -> str:
+        line = super().readline(size)
+        if line.isascii() or not _SPOILT.search(line):
+            return line
+        return line.encode("utf-8", "surrogateescape").decode("cp1252", "replace")
+
+
+_SPOILT = re.compile("[\udc80-\udcff]")
+"""What stands for bytes that are not UTF-8."""
 
 
 def open_text(raw: IO[bytes]) -> TextIOWrapper:
-    """Return the text of a file, whose encoding its first bytes show.
+    """Return the text of a file, to be read by lines.
 
-    Spreadsheets write UTF-16, too, and call it "Unicode". What is not UTF-8 is taken as the text of
-    Windows in western Europe, whose µ, °, ä and é stand in names and units.
+    Spreadsheets write UTF-16, too, and call it "Unicode". Of all else, a line that is not UTF-8 is
+    taken as text of Windows, wherever in the file it stands.
     """
     begin = raw.read(1 << 16)
     raw.seek(0)
-    encoding = "utf-16" if begin.startswith((b"\xff\xfe", b"\xfe\xff")) else "utf-8-sig"
+    if begin.startswith((b"\xff\xfe", b"\xfe\xff")):
+        return TextIOWrapper(raw, "utf-16", newline="")
     try:
-        getincrementaldecoder(encoding)().decode(begin)
+        getincrementaldecoder("utf-8")().decode(begin)
     except UnicodeError:
         if b"\0" in begin:
             raise UnicodeError("it contains null bytes, which text files do not have") from None
-        encoding = "cp1252"
-    return TextIOWrapper(raw, encoding, newline="")
+    return _Text(raw, "utf-8-sig", "surrogateescape", newline="")
 
 
 def _rows(path: Path, form: TextForm, text: TextIOWrapper) -> Iterator[tuple[int, list[str]]]:

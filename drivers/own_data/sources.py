@@ -4,7 +4,6 @@ import math
 import warnings
 from array import array
 from collections.abc import Callable, Iterable, Mapping
-from io import TextIOWrapper
 from pathlib import Path
 from typing import Any, cast
 
@@ -17,7 +16,14 @@ from cnnum.drivers.codecs.wire import Asked, wire
 from cnnum.drivers.npz_file import read_arrays
 from cnnum.drivers.own_data.hdf5_file import PARQUET, read_hdf5
 from cnnum.drivers.own_data.layout import AXES, ORDERS, DataLayout
-from cnnum.drivers.text_table import LONGEST_LINE, Head, Wanted, nanoseconds, read_columns
+from cnnum.drivers.text_table import (
+    LONGEST_LINE,
+    Head,
+    Wanted,
+    nanoseconds,
+    open_text,
+    read_columns,
+)
 from cnnum.errors import CodecError, RecordingError, RecordingWarning, unreadable
 from cnnum.recordings.messages import (
     BAGS,
@@ -192,7 +198,7 @@ def blocks(path: Path, layout: DataLayout) -> Arrays:
     count, number = 0, 0
     separator = None if layout.separator == " " else layout.separator
     try:
-        with open_regular(path) as raw, TextIOWrapper(raw, "utf-8-sig", newline="") as text:
+        with open_regular(path) as raw, open_text(raw) as text:
             while line := text.readline(LONGEST_LINE):
                 number += 1
                 row = _row_of(layout, line, separator, wide)
@@ -211,7 +217,7 @@ def blocks(path: Path, layout: DataLayout) -> Arrays:
     except OSError as error:
         raise unreadable(RecordingError, f"'{path}'", error) from None
     except UnicodeError as error:
-        raise CodecError(f"'{path}' is not a text file in UTF-8: {error}.") from None
+        raise CodecError(f"'{path}' is not a text file: {error}.") from None
     if not count or count % rows:
         raise CodecError(
             f"'{path}' ends in row {count % rows} of {rows} of a frame: expected whole blocks of "

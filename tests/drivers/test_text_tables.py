@@ -263,3 +263,28 @@ def test_a_pointer_in_place_of_a_template_and_of_a_trials_file(tmp_path):
     (tmp_path / "xela_sensor2.csv").write_bytes(POINTERS["Git LFS"])
     with pytest.raises(CnnumError, match="git lfs pull"):
         cnnum.load_recording(tmp_path)
+
+
+@pytest.mark.parametrize(("name", "spoilt"), [("a", False), ("µ", False), ("a", True)])
+def test_bytes_of_windows_far_down_are_read_and_in_a_number_their_line_is_said(
+    name, spoilt, tmp_path
+):
+    """One after 64 KiB was said to be no UTF-8; names that are keep their µ."""
+    rows = [f"{n},{n}.5" for n in range(9000)]
+    note = b"7\xb0,1" if spoilt else b"# 21 \xb0C, caf\xe9"
+    text = b"\n".join([f"{name},b".encode(), *map(str.encode, rows), note, b"1,2", b""])
+    assert text.index(note) > 1 << 16
+    layout = LAYOUT.replace('"a"', f'"{name}"') + "rate = 10.0\n"
+    if spoilt:
+        with pytest.raises(CnnumError, match="line 9002: expected a number in the column 'a', got"):
+            load(tmp_path, text, layout)
+    else:
+        recording = load(tmp_path, text, layout)
+        assert recording.values[-2:].ravel().tolist() == [8999.0, 8999.5, 1.0, 2.0]
+
+
+def test_blocks_of_lines_may_be_text_of_windows(tmp_path):
+    heads = [f"Zeit: {n / 10} (20 °C)\n1,2\n3,4\n" for n in range(5)]
+    layout = 'shape = [2, 2]\nchannels = ["z"]\nblock = true\ntime = "Zeit"\n'
+    recording = load(tmp_path, "".join(heads).encode("cp1252"), layout)
+    assert (len(recording), recording.rate) == (5, pytest.approx(10.0))
