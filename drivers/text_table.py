@@ -147,6 +147,7 @@ MISSING = frozenset(
             "#n/a",
             "<na>",
             "nan",
+            "nat",
             "-nan",
             "null",
             "none",
@@ -607,28 +608,10 @@ def rows_of(
         raise CodecError(f"'{path}' is not a CSV text file: {error}.") from None
 
 
-class _Text(TextIOWrapper):
-    """A text file, in which lines that are not UTF-8 are text of Windows in western Europe.
-
-    Its µ, °, ä and é stand in names and units.
-    """
-
-    def readline(self, size: int = -1, /) -> str:
-        line = super().readline(size)
-        if line.isascii() or not _SPOILT.search(line):
-            return line
-        return line.encode("utf-8", "surrogateescape").decode("cp1252", "replace")
-
-
-_SPOILT = re.compile("[\udc80-\udcff]")
-"""What stands for bytes that are not UTF-8."""
-
-
 def open_text(raw: IO[bytes]) -> TextIOWrapper:
-    """Return the text of a file, to be read by lines.
+    """Return the text of a file, for `read_line`.
 
-    Spreadsheets write UTF-16, too, and call it "Unicode". Of all else, a line that is not UTF-8 is
-    taken as text of Windows, wherever in the file it stands.
+    Spreadsheets write UTF-16, too, and call it "Unicode".
     """
     begin = raw.read(1 << 16)
     raw.seek(0)
@@ -639,7 +622,22 @@ def open_text(raw: IO[bytes]) -> TextIOWrapper:
     except UnicodeError:
         if b"\0" in begin:
             raise UnicodeError("it contains null bytes, which text files do not have") from None
-    return _Text(raw, "utf-8-sig", "surrogateescape", newline="")
+    return TextIOWrapper(raw, "utf-8-sig", "surrogateescape", newline="")
+
+
+def read_line(text: TextIOWrapper, most: int) -> str:
+    """Return the next line; one that is not UTF-8 is text of Windows in western Europe.
+
+    Its µ, °, ä and é stand in names and units.
+    """
+    line = text.readline(most)
+    if line.isascii() or not _SPOILT.search(line):
+        return line
+    return line.encode("utf-8", "surrogateescape").decode("cp1252", "replace")
+
+
+_SPOILT = re.compile("[\udc80-\udcff]")
+"""What stands for bytes that are not UTF-8."""
 
 
 def _rows(path: Path, form: TextForm, text: TextIOWrapper) -> Iterator[tuple[int, list[str]]]:
@@ -657,7 +655,7 @@ def _rows(path: Path, form: TextForm, text: TextIOWrapper) -> Iterator[tuple[int
         len(names)
     ):
         # the header is a comment, as NumPy and rostopic write it; some columns may have words
-        said = next(fields_of([lines.comment.removeprefix(form.comment)], form), list[str]())
+        said = next(fields_of([lines.comment.lstrip(form.comment)], form), list[str]())
         if len(said) == len(names):
             rest, (line, names) = [first], (lines.commented, said)
     names = [name.strip() for name in names]
@@ -766,7 +764,7 @@ class _Lines:
         return first not in MISSING  # "#N/A" is a word of Excel
 
     def _next(self) -> str:
-        line = self._text.readline(LONGEST_LINE)
+        line = read_line(self._text, LONGEST_LINE)
         self.number += bool(line)
         self.torn = self.torn if not line else line[-1] not in "\r\n"
         if len(line) >= LONGEST_LINE:

@@ -509,7 +509,8 @@ def _value(path: Path, message: Message, content: Any, name: str) -> Any:
     if name == PUBLISH_TIME:
         return message.publish_time
     try:
-        value = part_of(content, name)
+        whole = not name and "values" in names_of(content)
+        value = part_of(content, "values" if whole else name)
     except LookupError as error:
         there = ", ".join(names_of(content)[:FEW]) or "none"
         raise CodecError(

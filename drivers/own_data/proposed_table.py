@@ -32,6 +32,7 @@ from cnnum.drivers.text_table import (
     groups,
     nanoseconds,
     open_text,
+    read_line,
 )
 from cnnum.errors import CodecError, RecordingError, unreadable
 from cnnum.safety.reading import open_regular
@@ -65,7 +66,9 @@ def first_lines(path: Path) -> list[str] | None:
                 return None
             raw.seek(0)
             with open_text(raw) as text:
-                return [line for line in (text.readline(LONGEST) for _ in range(LOOKED_AT)) if line]
+                return [
+                    line for line in (read_line(text, LONGEST) for _ in range(LOOKED_AT)) if line
+                ]
     except OSError as error:
         raise unreadable(RecordingError, f"'{path}'", error) from None
     except UnicodeError:

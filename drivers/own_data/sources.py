@@ -23,6 +23,7 @@ from cnnum.drivers.text_table import (
     nanoseconds,
     open_text,
     read_columns,
+    read_line,
 )
 from cnnum.errors import CodecError, RecordingError, RecordingWarning, unreadable
 from cnnum.recordings.messages import (
@@ -199,7 +200,7 @@ def blocks(path: Path, layout: DataLayout) -> Arrays:
     separator = None if layout.separator == " " else layout.separator
     try:
         with open_regular(path) as raw, open_text(raw) as text:
-            while line := text.readline(LONGEST_LINE):
+            while line := read_line(text, LONGEST_LINE):
                 number += 1
                 row = _row_of(layout, line, separator, wide)
                 if row is not None:

@@ -311,6 +311,7 @@ def test_a_wrong_recording_is_one_sentence(name):
 @pytest.mark.parametrize(
     ("order", "turn"),
     [
+        ("", lambda v: v),
         ("frames taxels channels", lambda v: v),
         ("channels taxels frames", lambda v: v.transpose(2, 1, 0)),
         ("taxels frames channels", lambda v: v.transpose(1, 0, 2)),

@@ -28,6 +28,7 @@ def load(folder, text, layout, name="p.csv"):
 HEADERS = {
     "a header as NumPy writes it": "# a,b\n1.5,2\n3,4\n",
     "without the blank": "#a,b\n1.5,2\n3,4\n",
+    "behind two signs": "## a,b\n1.5,2\n3,4\n",
     "comments before and between": "# of a logger\n# at night\na,b\n# start\n1.5,2\n#\n3,4\n",
     "a comment of words before the header of NumPy": "# notes, of all, kinds\n# a,b\n1.5,2\n3,4\n",
     "a comma at the end of each row": "a,b\n1.5,2,\n3,4,\n",
@@ -57,7 +58,7 @@ def test_blanks_between_fields_and_other_comments(tmp_path):
     assert load(tmp_path, text, layout).values.reshape(2, 2).tolist() == [[1.5, 2.0], [3.0, 4.0]]
 
 
-WORDS = ["NA", "N/A", "#N/A", "NaN", "NULL", "null", "None", "none", "-", "--", "?", "<NA>"]
+WORDS = ["NA", "N/A", "#N/A", "NaN", "NaT", "NULL", "null", "None", "none", "-", "--", "?", "<NA>"]
 
 
 @pytest.mark.parametrize("word", ["", " ", *WORDS, "1.#QNAN", "-1.#IND"])

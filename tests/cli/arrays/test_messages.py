@@ -69,6 +69,13 @@ def test_json_in_every_form_of_mcap(form, tmp_path):
         assert recording.times == pytest.approx(np.arange(60) / 100.0, abs=1e-9)
 
 
+def test_a_layout_that_names_no_field_means_values(tmp_path):
+    """All numbers of a message were taken, and its time with them."""
+    lines = [{"t": n / 100.0, "values": one.tolist()} for n, one in enumerate(VALUES)]
+    (tmp_path / "a.jsonl").write_text("\n".join(map(json.dumps, lines)))
+    assert np.array_equal(read(tmp_path / "a.jsonl", LAYOUT + 'time = "t"\n').values, VALUES)
+
+
 SPOILT = {
     "a field that is missing": (lambda one: {"header": one["header"]}, "has no field 'data'"),
     "a list that is cut off": (lambda one: one | {"data": [1.0]}, "has the shape (1,)"),
