@@ -10,6 +10,7 @@ from .graph.nodes import RunSpec as RunSpec
 from .integrators.stability import stability_bound as stability_bound
 from .pictures import as_picture as as_picture
 from .pictures import load_picture as load_picture
+from .pictures import save_film as save_film
 from .pictures import save_picture as save_picture
 from .plan import Plan as Plan
 from .programs import Program as Program

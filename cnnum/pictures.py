@@ -3,24 +3,32 @@
 from __future__ import annotations  # signatures that `help` shows as they are written
 
 import io
+from collections.abc import Iterable
+from fractions import Fraction
 from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, cast
+from typing import IO, Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cnnum.arrays import Floats, finite
-from cnnum.errors import ArrayError, PictureError, missing_extra, unreadable
-from cnnum.safety.files import write_whole
+from cnnum.errors import ArrayError, PictureError, missing_extra, name_error, unreadable
+from cnnum.safety.files import write_whole, written
 from cnnum.safety.reading import open_regular
-from cnnum.safety.values import as_path
+from cnnum.safety.values import as_path, is_real
 
 WHITE = 255
 """White among 8-bit pixels; 0 is black."""
 
 MOST_PIXELS = 1 << 26
 """Largest number of pixels in a picture file, more than any engine can run."""
+
+CODECS = {".mp4": "libx264", ".webm": "libvpx-vp9"}
+"""Encoders of films that PyAV writes."""
+
+FILMS = (".gif", *CODECS)
 
 
 LEAST_SIDE = 16
@@ -179,6 +187,114 @@ def save_picture(
     except (OSError, ValueError, KeyError) as error:
         raise PictureError(f"'{path}' cannot be written as a picture: {error}.") from None
     write_whole(target, made.getvalue(), error=PictureError, force=force)
+
+
+def save_film(
+    pictures: ArrayLike,
+    path: str | Path,
+    *,
+    rate: float = 10.0,
+    scale: int = 1,
+    force: bool = False,
+) -> None:
+    """Write pictures as a film: the times of a transient, or what a program gives frame by frame.
+
+    Parameters
+    ----------
+    pictures : (times, rows, cols) float
+        +1 is black, −1 is white.
+    path : str or Path
+        Ends in .gif, .mp4 (H.264) or .webm (VP9).
+    rate : float, 1/s
+        Pictures a second, up to 50, which viewers can show of a .gif.
+    scale : int
+        Side length of a cell, in pixels.
+    force : bool
+        Whether an existing file is replaced.
+
+    Raises
+    ------
+    ArrayError
+        If the pictures do not have three axes, or are not finite; if rate or scale is out of range.
+    UnknownNameError
+        If the suffix is another one.
+    PictureError
+        If the file exists already or cannot be written.
+    MissingExtraError
+        If Pillow, or PyAV for .mp4 and .webm, is not installed.
+    """
+    target, pixels = as_path(path, PictureError), as_pixels(pictures)
+    suffix = film_kind(target)
+    whole = isinstance(cast(object, scale), int | np.integer)
+    if pixels.ndim != 3 or not pixels.size or not whole or scale < 1:
+        raise ArrayError(
+            "A film needs (times, rows, cols) pixels and a scale of at least 1, got "
+            f"{pixels.shape} and {scale!r:.60}."
+        )
+    if pixels[0].size * int(scale) ** 2 > MOST_PIXELS:
+        raise ArrayError(
+            f"A film's pictures can have up to {MOST_PIXELS:,} pixels: use a smaller scale."
+        )
+    if not (is_real(rate) and 0.0 < rate <= FASTEST):
+        raise ArrayError(
+            f"A film has up to {FASTEST} pictures a second, got the rate {rate!r:.60}."
+        )
+    frames = (page.repeat(scale, axis=0).repeat(scale, axis=1) for page in pixels)
+    with written(target, error=PictureError, force=force) as file:
+        write_film(file, suffix, frames, float(rate))
+
+
+FASTEST = 50
+"""Pictures a second, at most: browsers slow down a .gif whose pictures last less than 20 ms."""
+
+
+def film_kind(path: Path) -> str:
+    """Return the suffix of a film's file in lower case, if such a film can be written here.
+
+    Raises
+    ------
+    UnknownNameError
+        If it is none.
+    MissingExtraError
+        If Pillow, or PyAV for .mp4 and .webm, is not installed.
+    """
+    suffix = path.suffix.lower()
+    if suffix not in FILMS:
+        raise name_error("kind of film", path.suffix or path.name, FILMS)
+    if suffix not in CODECS:
+        pillow("films as .gif")
+    elif find_spec("av") is None:
+        instead = "or write a .gif, which needs Pillow alone"
+        raise missing_extra(f"films as {suffix}", "av", "film", instead)
+    return suffix
+
+
+def write_film(
+    file: IO[bytes], suffix: str, frames: Iterable[NDArray[np.uint8]], rate: float
+) -> None:
+    """Write (rows, cols) grey levels or (rows, cols, 3) colours one after the other.
+
+    `film_kind` says whether it can be done.
+    """
+    if suffix not in CODECS:
+        image = pillow("films as .gif")
+        first, *rest = (image.fromarray(frame) for frame in frames)
+        lasts = round(1000.0 / rate)
+        first.save(file, "GIF", save_all=True, append_images=rest, duration=lasts, loop=0)
+        return
+    av: Any = import_module("av")
+    with av.open(file, "w", format=suffix[1:]) as container:
+        stream = container.add_stream(CODECS[suffix], rate=Fraction(rate).limit_denominator(1000))
+        stream.pix_fmt, stream.options = "yuv420p", {"crf": "18", "b": "0"}
+        for number, frame in enumerate(frames):
+            # colours are stored for two by two pixels
+            even = [(0, side % 2) for side in frame.shape[:2]]
+            shown = np.pad(frame, [*even, (0, 0)][: frame.ndim], mode="edge")
+            if number == 0:
+                stream.height, stream.width = shown.shape[:2]
+            kind = "gray" if shown.ndim == 2 else "rgb24"
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(shown, format=kind)))
+        container.mux(stream.encode())
 
 
 def pillow(things: str, instead: str = "") -> Any:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, cast
 
 import click
 
-from cnnum.cli.options import target_option
+from cnnum.cli.options import target_option, to_write
 from cnnum.cli.output import Output, facts, progress
 from cnnum.cli.signals import stoppable
 
@@ -33,6 +33,62 @@ rerun_option = click.option(
     metavar="FILE.rrd|ADDRESS",
     help="Send pictures and events to Rerun: to a file or a running viewer.",
 )
+
+
+def _to_film(ctx: click.Context, parameter: click.Parameter, out: Path | None) -> Path | None:
+    if out is not None:
+        from cnnum.pictures import film_kind
+
+        film_kind(out)
+    return to_write(ctx, parameter, out)
+
+
+film_option = click.option(
+    "--film",
+    type=click.Path(path_type=Path, dir_okay=False),
+    metavar="FILE.gif|mp4|webm",
+    callback=_to_film,
+    help="Write a film of taxels and flags, with up to 25 pictures a second.",
+)
+
+
+class Filmed:
+    """Keeps the moments of a scene while it is followed, and writes its film.
+
+    Parameters
+    ----------
+    path : Path or None
+        Nothing is kept without one.
+    scene : Scene
+    force : bool
+        Whether an existing file is replaced.
+    """
+
+    def __init__(self, path: Path | None, scene: "Scene", *, force: bool = False) -> None:
+        self._path, self._force = path, force
+        if path is not None:
+            from cnnum.report.record import SceneRecorder
+
+            self._record = SceneRecorder(scene)
+
+    def add(self, moment: "FrameResult") -> None:
+        """Keep a moment."""
+        if self._path is not None:
+            self._record.add(moment)
+
+    def write(self) -> Mapping[str, str]:
+        """Write the film, and return its place for the summary."""
+        if self._path is None:
+            return {}
+        from cnnum.report.films import write_scene_film
+
+        write_scene_film(self._path, self._record.record(), force=self._force)
+        return {"film": str(self._path)}
+
+
+def kept(*writers: Callable[[], Mapping[str, str]]) -> Callable[[], Mapping[str, str]]:
+    """Return the function that calls all writers, and joins their results."""
+    return lambda: {key: place for write in writers for key, place in write().items()}
 
 
 @contextmanager

@@ -9,24 +9,27 @@ from pathlib import Path
 from typing import IO, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cnnum import sharing
 from cnnum.arrays import Floats
 from cnnum.engine import Engine
 from cnnum.errors import name_error
 from cnnum.graph.tracing import TraceStep, folds, function_of
-from cnnum.pictures import as_pixels, pillow
+from cnnum.pictures import FASTEST, FILMS, as_pixels, pillow, write_film
 from cnnum.runs.result import Result
 from cnnum.safety.files import write_whole, written
 from cnnum.sharing import picture, style_rules
 from cnnum.templating.numbers import matrices
 from cnnum.templating.template import Template
 
+Writer = Callable[[IO[bytes], Template, Floats, Result], None]
+
 TIMES = 13
 """Times that are shown unless asked for otherwise, the start and the end among them."""
 
-MILLISECONDS = 250
-"""Duration of each picture of an animation, ms."""
+SLOWEST, LASTS = 4.0, 4.0
+"""Pictures a second of a film, at least, and seconds that one of more pictures lasts."""
 
 _STYLE = """
 :root { color-scheme: light dark; --paper: #fcfcfa; --ink: #16181d; --soft: #5b6270; }
@@ -86,15 +89,16 @@ def _stacked(shown: Floats, count: int) -> Floats:
 def write_transient(
     path: Path, template: Template, times: Floats, result: Result, *, force: bool = False
 ) -> None:
-    """Write the transient: .html with states, .png with outputs side by side, .gif moving,
-    and .svg for a paper, with the template's matrices above outputs at up to seven times.
+    """Write the transient: .html with states, .png with outputs side by side, .gif, .mp4 and .webm
+    as a film, and .svg for a paper, with the template's matrices above outputs at up to seven
+    times.
 
     Raises
     ------
     UnknownNameError, ReportError
         If the suffix is another one; if there is such a file, or it cannot be written.
     MissingExtraError
-        If Pillow is not installed, for .png and .gif.
+        If Pillow is not installed, for .png and .gif, or PyAV, for .mp4 and .webm.
     """
     suffix = path.suffix.lower()
     if suffix not in WRITERS:
@@ -131,30 +135,33 @@ def _write_page(file: IO[bytes], template: Template, times: Floats, result: Resu
     file.write(text.encode("utf-8"))
 
 
-def _frames(template: Template, result: Result) -> list[Any]:
-    """Return the outputs as images, enlarged to a size that is easy to see."""
+def _frames(template: Template, result: Result) -> list[NDArray[np.uint8]]:
+    """Return the outputs as pixels, enlarged to a size that is easy to see."""
     pixels = as_pixels(_layers(result.output, template))
     scale = max(1, 128 // max(pixels.shape[1:]))
-    image = _pillow()
-    return [image.fromarray(p.repeat(scale, axis=0).repeat(scale, axis=1)) for p in pixels]
+    return [page.repeat(scale, axis=0).repeat(scale, axis=1) for page in pixels]
 
 
 def _write_strip(file: IO[bytes], template: Template, times: Floats, result: Result) -> None:
-    frames = _frames(template, result)
-    width, height = frames[0].size
+    image, frames = _pillow(), _frames(template, result)
+    height, width = frames[0].shape
     across = min(len(frames), 7)
     gap = 6
     down = -(-len(frames) // across)
     size = (across * (width + gap) - gap, down * (height + gap) - gap)
-    sheet = _pillow().new("L", size, 160)
+    sheet = image.new("L", size, 160)
     for n, frame in enumerate(frames):
-        sheet.paste(frame, ((n % across) * (width + gap), (n // across) * (height + gap)))
+        place = ((n % across) * (width + gap), (n // across) * (height + gap))
+        sheet.paste(image.fromarray(frame), place)
     sheet.save(file, "PNG")
 
 
-def _write_moving(file: IO[bytes], template: Template, times: Floats, result: Result) -> None:
-    first, *rest = _frames(template, result)
-    first.save(file, "GIF", save_all=True, append_images=rest, duration=MILLISECONDS, loop=0)
+def _film(suffix: str) -> Writer:
+    def write(file: IO[bytes], template: Template, times: Floats, result: Result) -> None:
+        rate = min(max(len(times) / LASTS, SLOWEST), FASTEST)
+        write_film(file, suffix, _frames(template, result), rate)
+
+    return write
 
 
 STRIP = 7
@@ -219,10 +226,10 @@ def _pillow() -> Any:
     return pillow("pictures of a transient", "or write a .html page, which needs no library")
 
 
-WRITERS: Mapping[str, Callable[[IO[bytes], Template, Floats, Result], None]] = {
+WRITERS: Mapping[str, Writer] = {
     ".html": _write_page,
     ".png": _write_strip,
-    ".gif": _write_moving,
+    **{suffix: _film(suffix) for suffix in FILMS},
     ".svg": _write_figure,
 }
 """Writers by file suffix."""

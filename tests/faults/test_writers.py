@@ -122,6 +122,13 @@ WRITERS = {
         lambda target, *, force: cnnum.save_picture(np.eye(40), target, force=force),
     ),
     **{
+        f"save_film {suffix}": (
+            suffix,
+            lambda target, *, force: cnnum.save_film(np.ones((2, 8, 8)), target, force=force),
+        )
+        for suffix in (".gif", ".mp4", ".webm")
+    },
+    **{
         f"Recording.save {suffix}": (
             suffix,
             lambda target, *, force: recording().save(target, force=force),
@@ -667,8 +674,10 @@ def test_a_templates_name_leads_to_no_other_folder(name, folder):
 OUTPUTS = {
     "demo --out": ["demo"],
     "run --save": ["run", "demo"],
+    "run --film": ["run", "demo"],
     "run --trace": ["run", "demo"],
     "replay --save": ["replay", "none.mcap"],
+    "replay --film": ["replay", "none.mcap"],
     "templates show --transient": ["templates", "show", "EDGE"],
     "templates gallery --out": ["templates", "gallery"],
     "sweep --page": ["sweep", "e.toml"],
@@ -724,7 +733,7 @@ def test_commands_refuse_before_the_work(faults, folder):
     for name, kind in faults.each(cases, short=len(cases)):
         option = name.split()[-1]
         drawn = option in ("--picture", "--chart") or name == "explain --out"
-        suffix = ".npz" if option == "--save" else ".png" if drawn else ".html"
+        suffix = ".png" if drawn else {"--save": ".npz", "--film": ".gif"}.get(option, ".html")
         target = folder / f"out{suffix}"
         why = in_the_way(kind, target)
         before = tree(folder)

@@ -125,6 +125,10 @@ CALLS: dict[str, tuple[Any, dict[str, Any]]] = {
     ),
     "Check": (cnnum.Check, {"name": "rule", "parameters": {}}),
     "save_picture": (cnnum.save_picture, {"picture": PICTURE, "path": "none/none.png", "scale": 1}),
+    "save_film": (
+        cnnum.save_film,
+        {"pictures": np.array([PICTURE]), "path": "none/none.gif", "rate": 5.0, "scale": 1},
+    ),
     "save_template": (cnnum.save_template, {"template": cnnum.get_template("EDGE"), "path": 7}),
     "get_template": (cnnum.get_template, {"name": "EDGE"}),
     "get_program": (cnnum.get_program, {"name": "contact"}),

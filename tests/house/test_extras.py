@@ -41,6 +41,12 @@ picture = 1.0 - 2.0 * np.eye(4)
 cnnum.save_picture(picture, "a.png")
 assert (cnnum.load_picture("a.png") == picture).all()
 """,
+    "film": """
+cnnum.save_film(np.zeros((3, 16, 16)), "a.webm")
+import av
+with av.open("a.webm") as film:
+    assert len(list(film.decode(video=0))) == 3
+""",
     "hdf5": """
 taxels = np.arange(60.0).reshape(5, 2, 2, 3)
 cnnum.Recording(taxels, rate=9.0).save("a.h5")

@@ -34,6 +34,7 @@ DEFAULT = "demo"
 @scene_options
 @trust_option
 @following.save_option
+@following.film_option
 @following.rerun_option
 @frames_option
 @click.option(
@@ -57,6 +58,7 @@ def command(
     topic: str,
     changes: Changes,
     save: Path | None,
+    film: Path | None,
     rerun: str | None,
     frames: int | None,
     speed: float,
@@ -90,15 +92,16 @@ def command(
 
             loaded.driver = Paced(loaded.driver, speed, begin, end, keeps_before=True)
     saver = following.FieldSaver(save, loaded, force=force)
+    filmed = following.Filmed(film, loaded, force=force)
     with following.to_rerun(loaded, rerun, force=force) as send:
-        watch = following.watching(saver.add, send)
+        watch = following.watching(saver.add, filmed.add, send)
         return follow(
             loaded,
             Output(as_json),
             frames=frames,
             begin=begin or 0.0,
             watch=watch,
-            keep=saver.write,
+            keep=following.kept(saver.write, filmed.write),
         )
 
 

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 @scene_options
 @trust_option
 @following.save_option
+@following.film_option
 @following.rerun_option
 @frames_option
 @target_option(
@@ -48,6 +49,7 @@ def command(
     scene: str,
     changes: Changes,
     save: Path | None,
+    film: Path | None,
     rerun: str | None,
     frames: int | None,
     trace: Path | None,
@@ -68,6 +70,7 @@ def command(
 
         loaded = load_scene(scene, changes=changes, trust=trust)
     saver = following.FieldSaver(save, loaded, force=force)
+    filmed = following.Filmed(film, loaded, force=force)
     eventful: list[int] = []
 
     def watch(moment: "FrameResult") -> None:
@@ -75,8 +78,14 @@ def command(
             eventful.append(moment.number)
 
     with following.to_rerun(loaded, rerun, force=force) as send:
-        watches = following.watching(watch, saver.add, send)
-        code = follow(loaded, output, frames=frames, watch=watches, keep=saver.write)
+        watches = following.watching(watch, saver.add, filmed.add, send)
+        code = follow(
+            loaded,
+            output,
+            frames=frames,
+            watch=watches,
+            keep=following.kept(saver.write, filmed.write),
+        )
     if trace is None:
         return code
     number = trace_frame if trace_frame is not None else next(iter(eventful), 0)

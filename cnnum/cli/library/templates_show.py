@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 @click.argument("name", shell_complete=completed("template"))
 @target_option(
     "--transient",
-    "FILE.html|png|gif|svg",
+    "FILE.html|png|svg|gif|mp4|webm",
     "Run it on a picture, and write its state or output at several times.",
 )
 @click.option(
@@ -73,9 +73,12 @@ def show(
 
 def _refuse_unknown_kind(path: Path) -> None:
     from cnnum.errors import name_error
+    from cnnum.pictures import FILMS, film_kind
     from cnnum.report.run_pages import WRITERS
 
-    if path.suffix.lower() not in WRITERS:
+    if path.suffix.lower() in FILMS:
+        film_kind(path)
+    elif path.suffix.lower() not in WRITERS:
         raise name_error("kind of picture", path.suffix or path.name, WRITERS)
 
 

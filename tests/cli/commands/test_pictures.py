@@ -105,6 +105,24 @@ def test_a_figure_for_a_paper_has_the_numbers_and_the_answer_as_shapes(call, tmp
     assert painted[:, :9].all()  # HOLE begins black everywhere
 
 
+def test_a_film_of_a_run_has_the_events_beside_it(call, tmp_path):
+    """One picture for each frame of a slow array, and one sentence for what is no film."""
+    out = tmp_path / "run.gif"
+    given = ("--frames", 30, "--set", "array.rate=20", "--engine", "numba")
+    done = call("run", "contact", *given, "--film", out)
+    assert done.exit_code == 0, done.stderr
+    assert str(out) in done.stdout
+    with image.open(out) as moving:
+        lasts = 0
+        for number in range(moving.n_frames):
+            moving.seek(number)
+            lasts += moving.info["duration"]
+    assert lasts == 30 * 50  # pictures that are equal are stored as one
+    done = call("run", "contact", "--film", tmp_path / "run.avi")
+    assert (done.exit_code, done.stdout) == (2, "")
+    assert "kind of film" in done.stderr
+
+
 @pytest.mark.parametrize("name", ["t.wav", "no/t.html"])
 def test_what_cannot_be_written_is_said_before_anything(call, name):
     done = call("templates", "show", "HOLE", "--transient", name)
