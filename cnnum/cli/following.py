@@ -1,4 +1,4 @@
-"""Following a scene: its events as they come, its fields into a file (`--save`), and a summary."""
+"""Following a scene or a hand: events as they come, fields into a file (`--save`), a summary."""
 
 import sys
 from collections.abc import Callable, Generator, Mapping, Sequence
@@ -10,13 +10,14 @@ from typing import TYPE_CHECKING, cast
 import click
 
 from cnnum.cli.options import target_option, to_write
-from cnnum.cli.output import Output, facts, progress
+from cnnum.cli.output import Output, facts, progress, table
 from cnnum.cli.signals import stoppable
 
 if TYPE_CHECKING:
     from cnnum.graph.schedule import LeftOut
     from cnnum.scenes.events import Event
     from cnnum.scenes.frame_path import FrameResult
+    from cnnum.scenes.hand import Hand
     from cnnum.scenes.pipeline import Scene
     from cnnum.scenes.scene_record import Summary
 
@@ -247,6 +248,78 @@ def follow(
     return code
 
 
+def follow_hand(hand: "Hand", output: Output, *, name: str, frames: int | None = None) -> int:
+    """Run a hand to its end, print the events of its skins and a summary, and return the exit code.
+
+    Parameters
+    ----------
+    hand : Hand
+    output : Output
+    name : str
+        Of the hand, for the summary.
+    frames : int, optional
+        Steps to stop after.
+    """
+    from cnnum.scenes.dropouts import GapWatch
+
+    code, wide = 0, max(map(len, hand))
+    gaps = {skin: GapWatch() for skin in hand}
+    try:
+        with (
+            stoppable(),
+            progress("steps", frames, as_json=output.as_json) as steps,
+            closing(hand.results()) as results,
+        ):
+            for result in results:
+                for skin, moment in result.skins.items():
+                    gap = gaps[skin].seen(moment.number, moment.frame)
+                    if gap is not None:
+                        output.record({"skin": skin} | gap.record(), f"{skin:{wide}}  {gap}")
+                    for event in moment.events:
+                        line = f"{skin:{wide}}  {event_text(event)}"
+                        output.record({"skin": skin} | event.record(), line)
+                    if moment.error is not None:
+                        _name_bad(hand[skin], output, moment.number, skin)
+                steps.advance()
+                if frames is not None and result.number + 1 >= frames:
+                    break
+    except KeyboardInterrupt:
+        code = STOPPED
+    finally:
+        if not isinstance(sys.exc_info()[1], BrokenPipeError):
+            _summarise_hand(hand, output, name)
+    return code
+
+
+def _summarise_hand(hand: "Hand", output: Output, name: str) -> None:
+    """Print the last line of a hand's run: its steps, and the frames of each skin."""
+    seen = hand.summary()
+    output.record(
+        {
+            "kind": "summary",
+            "hand": name,
+            "steps": seen.steps,
+            "waiting": seen.waiting,
+            "dropped": seen.dropped,
+            "p50_us": round(seen.p50_us, 3),
+            "p99_us": round(seen.p99_us, 3),
+            "launches": hand.launches,
+            "skins": {skin: _frame_counts(own) for skin, own in seen.skins.items()},
+        }
+    )
+    skins = table("skin", ">frames", ">bad", ">dropped", ">repeated", ">saturated", ">masked")
+    for skin, own in seen.skins.items():
+        counts = (own.frames, own.bad_frames, own.dropped, own.repeated, own.saturated, own.masked)
+        skins.add_row(skin, *map(str, counts))
+    pairs = [
+        ("steps", f"{seen.steps}, of {hand.launches} launches where all skins have a frame"),
+        ("a step", f"{seen.p50_us:.0f} µs (99 %: {seen.p99_us:.0f} µs)"),
+    ]
+    if seen.dropped:
+        pairs.append(("lost", f"{seen.dropped} frames, for which the hand was too slow"))
+    output.show("", skins, facts(pairs))
+
+
 def _refuse_nothing_shown(scene: "Scene", begin: float) -> None:
     """Say that the whole source lies before the part that was asked for."""
     from cnnum.errors import SceneError
@@ -281,11 +354,12 @@ def _show_fields(output: Output, moment: "FrameResult", names: Sequence[str]) ->
         output.record(record | {"name": name, "value": value})
 
 
-def _name_bad(scene: "Scene", output: Output, number: int) -> None:
+def _name_bad(scene: "Scene", output: Output, number: int, skin: str = "") -> None:
     """Print the record of a bad frame, if it is one of those that are named."""
     named = scene.bad.named
     if named is not None and named.frame == number:
-        output.record(named.record())  # in words it stands on standard error already
+        of = {"skin": skin} if skin else {}
+        output.record(of | named.record())  # in words it stands on standard error already
 
 
 def event_text(event: "Event") -> str:
@@ -302,13 +376,9 @@ def event_text(event: "Event") -> str:
     return "  ".join([*parts, *event.further()])
 
 
-def summarise(scene: "Scene", output: Output, more: Mapping[str, str]) -> None:
-    """Print the last line of a run."""
-    seen, left_out = scene.summary(), scene.plan.explain().left_out
-    gaps, longest_gap = seen.counters.gaps, seen.longest_gap
-    record = {
-        "kind": "summary",
-        "scene": scene.spec.name,
+def _frame_counts(seen: "Summary") -> dict[str, object]:
+    """Return what became of the frames of a scene, for its record."""
+    return {
         "frames": seen.frames,
         "before": seen.before,
         "bad_frames": seen.bad_frames,
@@ -321,8 +391,19 @@ def summarise(scene: "Scene", output: Output, more: Mapping[str, str]) -> None:
         "saturated": seen.saturated,
         "masked": seen.masked,
         "dropouts": seen.dropouts,
-        "gaps": gaps,
-        "longest_gap_s": round(longest_gap, 6),
+        "gaps": seen.counters.gaps,
+        "longest_gap_s": round(seen.longest_gap, 6),
+    }
+
+
+def summarise(scene: "Scene", output: Output, more: Mapping[str, str]) -> None:
+    """Print the last line of a run."""
+    seen, left_out = scene.summary(), scene.plan.explain().left_out
+    gaps, longest_gap = seen.counters.gaps, seen.longest_gap
+    record = {
+        "kind": "summary",
+        "scene": scene.spec.name,
+        **_frame_counts(seen),
         "p50_us": round(seen.p50_us, 3),
         "p99_us": round(seen.p99_us, 3),
         "arrival_p50_us": seen.arrival_p50_us,

@@ -280,6 +280,15 @@ def open_source(source: str, settings: Mapping[str, object], *, trust: bool = Fa
     return open_driver(spec.driver, spec.driver_options, base=spec.base)
 
 
+def is_hand_file(source: str) -> bool:
+    """Return whether a source is the file of a hand, not a driver or a scene."""
+    from cnnum.drivers.registry import is_driver
+    from cnnum.scenes.scene_file import is_hand, scene_names
+
+    named = is_driver(source) or source in scene_names()
+    return not named and names_something(Path(source)) and is_hand(source)
+
+
 def scene_text(source: str) -> str:
     """Return the text of a scene; empty where the source is a driver, or cannot be read."""
     from cnnum.drivers.registry import is_driver

@@ -126,8 +126,13 @@ class Hand(OfThisProcess):
     def __init__(self, skins: Mapping[str, Scene], *, deadline: float | None = None) -> None:
         if not skins:
             raise SceneError("A hand must have at least one skin, got none.")
-        for name in skins:
+        for name, scene in skins.items():
             checked_name("a skin", name, SceneError)
+            if not isinstance(cast("object", scene), Scene):
+                raise SceneError(
+                    f"Skin {name!r} must be a scene that cnnum.load_scene has opened, got "
+                    f"{shown(scene)}."
+                )
         if len({id(scene) for scene in skins.values()}) < len(skins):
             raise SceneError("A hand must have a scene for each skin: one is given twice.")
         if deadline is not None and not (is_real(deadline) and 0.0 < deadline < math.inf):
@@ -269,7 +274,12 @@ class Hand(OfThisProcess):
         self._stopped = False  # now, so that a `stop` before the first step counts
         return self._pass(newest)
 
-    def _pass(self, newest: bool) -> Generator[HandResult, None, None]:
+    def frames(self, *, newest: bool = False) -> Generator[dict[str, Frame], None, None]:
+        """Yield the frames of each step by the names of their skins, without processing them."""
+        self._stopped = False
+        return self._frames(newest)
+
+    def _frames(self, newest: bool) -> Generator[dict[str, Frame], None, None]:
         self.begin()
         self._newest = newest
         live = any(getattr(scene.driver, "live", False) for scene in self._skins.values())
@@ -277,6 +287,11 @@ class Hand(OfThisProcess):
             for frames in steps:
                 if self._stopped:
                     return
+                yield frames
+
+    def _pass(self, newest: bool) -> Generator[HandResult, None, None]:
+        with closing(self._frames(newest)) as steps:
+            for frames in steps:
                 yield self._step(frames)
 
     def events(self, *, newest: bool = False) -> Iterator[tuple[str, Event]]:

@@ -185,7 +185,10 @@ def read_scene(
         _set(table, key, value)
         usual = [name for name in usual if not f"program.parameters.{name}.".startswith(f"{key}.")]
     if SKIN in table:
-        raise SceneError(f"'{scene}' is a hand of several skins: load it by cnnum.load_hand.")
+        raise SceneError(
+            f"'{scene}' is a hand of several skins, for 'cnnum run', 'cnnum record' and "
+            "cnnum.load_hand."
+        )
     spec = replace(_spec(str(scene), table, base), usual=tuple(usual))
     if not trust:
         _refuse_code(spec, scene, changes or {})

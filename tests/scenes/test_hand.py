@@ -1,14 +1,18 @@
 """Hands: each skin gives what its scene gives alone, whatever the others do."""
 
 import asyncio
+import itertools
+import json
 import threading
 import time
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 import cnnum
+from cnnum.cli import main
 from cnnum.drivers.driver import Counting
 from cnnum.errors import ArrayError, SceneError, UnknownNameError
 from cnnum.frame import Quality
@@ -441,3 +445,35 @@ def test_ordinary_frames_are_looked_at_together(hand, frames, monkeypatch):
     # rest is learned from the first frames, and those of the first touch are the largest so far
     assert sum(looked) > 0.9 * 3 * 240
     assert sum(shared) > 0.4 * 3 * 240
+
+
+def test_the_shell_runs_a_hand_and_records_each_skin(place, hand, tmp_path):
+    def call(*arguments):
+        return CliRunner().invoke(main, [str(part) for part in arguments])
+
+    result = call("run", place, "--json")
+    assert result.exit_code == 0, result.stderr
+    *events, summary = [json.loads(line) for line in result.stdout.splitlines()]
+    assert {record["skin"] for record in events} == {"thumb", "index", "ring", "palm"}
+    want = [(name, event.kind, event.frame) for name, event in hand.events()]
+    assert [(r["skin"], r["kind"], r["frame"]) for r in events] == want
+    assert {name: of["frames"] for name, of in summary["skins"].items()} == dict.fromkeys(hand, 80)
+
+    recorded = call("record", place, tmp_path / "grasp.npz", "--frames", 40)
+    assert recorded.exit_code == 0, recorded.stderr
+    for name in hand:
+        frames = [step[name].values for step in itertools.islice(hand.frames(), 40)]
+        loaded = cnnum.load_recording(tmp_path / f"grasp-{name}.npz")
+        np.testing.assert_array_equal(loaded.values, np.array(frames))
+    again = call("record", place, tmp_path / "grasp.npz")
+    assert again.exit_code == 2
+    assert "already exists" in again.stderr
+
+
+def test_what_is_for_one_scene_is_refused_for_a_hand(place, tmp_path):
+    for option, value in (("--save", "a.npz"), ("--trace", "a.html")):
+        result = CliRunner().invoke(main, ["run", str(place), option, str(tmp_path / value)])
+        assert (result.exit_code, list(tmp_path.iterdir())) == (2, [])
+        assert f"{option} is for one scene" in result.stderr
+    with pytest.raises(SceneError, match="opened, got 3"):
+        cnnum.Hand({"a": 3})

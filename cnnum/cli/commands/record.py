@@ -1,7 +1,8 @@
 """`cnnum record`: an array's frames to a file."""
 
 import time
-from contextlib import suppress
+from collections.abc import Mapping
+from contextlib import ExitStack, closing, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -27,7 +28,7 @@ from cnnum.recordings.export import export, suffix_of
 from cnnum.recordings.journal import Journal
 from cnnum.recordings.layout import CALIBRATION, SCENE, Held
 from cnnum.recordings.reader import look
-from cnnum.safety.files import beside, put, refuse_target, sentences, taken
+from cnnum.safety.files import beside, named_after, put, refuse_target, sentences, taken
 
 if TYPE_CHECKING:
     from cnnum.drivers.driver import Driver
@@ -209,17 +210,21 @@ def command(
     trust: bool,
     as_json: bool,
 ) -> int:
-    """Record the frames of the array SOURCE (a driver's name, or a scene) to FILE.
+    """Record the frames of the array SOURCE (a driver's name, a scene or a hand) to FILE.
 
+    Of a hand each skin gets a file of its own: for FILE.mcap, FILE-thumb.mcap and so on.
     FILE ends in .mcap (also for Foxglove), .npz (NumPy), .h5 (HDF5) or .csv. Frames are on disk
     within a second, and `cnnum recover` rescues a file that was cut off. The recording ends at
     --seconds or --frames, on Ctrl-C, or when the array goes away.
     """
-    from cnnum.cli.commands.record import Recorder
-    from cnnum.cli.options import scene_text
-    from cnnum.recordings.export import suffix_of
+    from cnnum.cli.options import is_hand_file, scene_text
 
     suffix_of(file)  # before the array is opened
+    if is_hand_file(source):
+        given = assignments(settings)
+        return record_hand(
+            source, file, given, seconds, frames, Output(as_json), force=force, raw=raw, trust=trust
+        )
     with open_source(source, assignments(settings), trust=trust) as driver:
         scene, stopped = scene_text(source), True
         recorder = Recorder(file, driver, force=force, scene=scene, raw=raw)
@@ -243,10 +248,75 @@ def command(
     return 130 if stopped else 0
 
 
-def _report(output: Output, outcome: "Outcome", driver: "Driver") -> None:
+def record_hand(
+    source: str,
+    file: Path,
+    settings: Mapping[str, object],
+    seconds: float | None,
+    frames: int | None,
+    output: Output,
+    *,
+    force: bool = False,
+    raw: bool = True,
+    trust: bool = False,
+) -> int:
+    """Record each skin of a hand to a file of its own, and return the exit code.
+
+    Raises
+    ------
+    RecordingError
+        If a file is there, or a skin had no frame; the others are kept.
+    """
+    from cnnum.cli.options import scene_text
+    from cnnum.scenes.hand import load_hand
+
+    changes = {f"array.{key}": value for key, value in settings.items()}
+    problems, stopped, begin = list[str](), True, time.monotonic()
+    with load_hand(source, changes=changes, trust=trust) as hand, ExitStack() as undone:
+        scene, targets, recorders = scene_text(source), list[Path](), dict[str, Recorder]()
+        for skin in hand:
+            target = named_after(file.parent, f"{file.stem}-{skin}", file.suffix)
+            if target in targets:
+                raise RecordingError(f"Two skins of '{source}' would have the file '{target}'.")
+            targets.append(target)
+            recorders[skin] = Recorder(target, hand[skin].driver, force=force, scene=scene, raw=raw)
+            undone.callback(recorders[skin].finish)
+        undone.pop_all()  # all could be made: what they hold is reported below
+        try:
+            with (
+                suppress(KeyboardInterrupt),
+                stoppable() as stop,
+                closing(hand.frames()) as steps,
+                progress("steps", frames, as_json=output.as_json) as shown,
+            ):
+                for count, step in enumerate(steps, start=1):
+                    with stop.shield():
+                        for skin, frame in step.items():
+                            recorders[skin].add(frame)
+                    shown.advance()
+                    late = seconds is not None and time.monotonic() - begin >= seconds
+                    if late or (frames is not None and count >= frames):
+                        break
+                stopped = False
+        finally:
+            with undisturbed():
+                outcomes = {skin: recorder.finish() for skin, recorder in recorders.items()}
+            for skin, outcome in outcomes.items():
+                if outcome.frames:
+                    _report(output, outcome, hand[skin].driver, skin)
+                problem = outcome.problem or f"nothing was recorded of skin '{skin}': no frame came"
+                problems += [problem] if outcome.problem or not outcome.frames else []
+    if problems:
+        raise RecordingError("; ".join(problems))
+    return 130 if stopped else 0
+
+
+def _report(output: Output, outcome: "Outcome", driver: "Driver", skin: str = "") -> None:
     counters, size = driver.counters, outcome.file.stat().st_size
+    of = {"skin": skin} if skin else {}
     output.record(
-        {
+        of
+        | {
             "kind": "recording",
             "file": str(outcome.file),
             "frames": outcome.frames,

@@ -1,5 +1,6 @@
-"""`cnnum run`: a scene, its events as they come, and a summary."""
+"""`cnnum run`: a scene or a hand, its events as they come, and a summary."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -22,6 +23,7 @@ from cnnum.safety.values import visible
 
 if TYPE_CHECKING:
     from cnnum.scenes.frame_path import FrameResult
+    from cnnum.scenes.hand import Hand
     from cnnum.scenes.pipeline import Scene
 
 
@@ -60,6 +62,8 @@ def command(
 ) -> int:
     """Run SCENE (a TOML file, or the name of a packaged scene) and print its events.
 
+    A file with tables [skin.NAME] is a hand: each event comes with the name of its skin.
+
     Ctrl-C (or SIGTERM, SIGHUP) stops the run and prints the summary.
     """
     _refuse_trace(trace, trace_frame)
@@ -67,7 +71,12 @@ def command(
     output = Output(as_json)
     with busy(COMPILING, as_json=as_json):
         from cnnum.scenes.pipeline import load_scene
+        from cnnum.scenes.scene_file import is_hand
 
+        if is_hand(scene):
+            asked = {"--save": save, "--rerun": rerun, "--trace": trace, "--film": film}
+            hand = _hand(scene, changes, trust, asked)
+            return following.follow_hand(hand, output, name=scene, frames=frames)
         loaded = load_scene(scene, changes=changes, trust=trust)
     saver = following.FieldSaver(save, loaded, force=force)
     filmed = following.Filmed(film, loaded, force=force)
@@ -94,6 +103,17 @@ def command(
     _write_trace(trace, loaded, number, force)
     click.echo(visible(f"Written: {trace} (frame {number})"), err=as_json)
     return code
+
+
+def _hand(scene: str, changes: Changes, trust: bool, asked: Mapping[str, object]) -> "Hand":
+    """Open a hand, unless options are given that are those of one scene."""
+    from cnnum.scenes.hand import load_hand
+
+    for option in (name for name, value in asked.items() if value is not None):
+        raise click.UsageError(f"{option} is for one scene, and '{scene}' is a hand of skins.")
+    hand = load_hand(scene, changes=changes, trust=trust)
+    hand.warm_up()
+    return hand
 
 
 def _refuse_trace(page: Path | None, frame: int | None) -> None:
