@@ -22,8 +22,8 @@ STATED = [
     ("scoring.md", r"together take ([\d.]+) µs", "slip and twist"),
     ("scoring.md", r"slip alone ([\d.]+) µs", "slip"),
     ("scoring.md", r"twist alone ([\d.]+) µs", "twist"),
-    ("programs/halfspace.md", r"transform and take ([\d.]+) µs", "halfspace_stress"),
-    ("programs/halfspace.md", r"9e-6 and take ([\d.]+) µs", "halfspace_layers"),
+    ("programs/halfspace.md", r"transform, and take ([\d.]+) µs", "halfspace_stress"),
+    ("programs/halfspace.md", r"transform and takes ([\d.]+) µs", "halfspace_layers"),
     ("programs/halfspace.md", r"8×8 taxels takes ([\d.]+) µs", "halfspace_equilibrium"),
     ("programs/edges.md", r"8×8 taxels takes ([\d.]+) µs", "edges"),
 ]
