@@ -19,14 +19,16 @@ How robust are the published weights of a template, and could they be better? `c
 design` was given the local rules of {count} uncoupled templates, without their weights.
 
 * The *relative margin* is the smallest drive of any cell towards its colour, divided by the sum of
-  the absolute weights. The new one is proven to be the largest possible. It is larger than the
-  published one for {larger} templates, equal for {equal} and smaller for {smaller}.
+  the absolute weights. That of the redesigned template is proven to be the largest possible; it is
+  larger than that of the published one for {larger} templates, equal for {equal} and
+  smaller for {smaller}.
 * The *worst case* is the largest relative error of all weights at once at which no cell is wrong
-  at the end of the run. It is larger than the published one for {safer} templates.
+  at the end of the run. It is larger for the redesigned template than for the published one in
+  {safer} of the {count} templates.
 
 `python docs/figures/design_table.py` writes this page.
 
-| templates | relative margin | published | worst case | published |
+| templates | relative margin | of the published | worst case | of the published |
 |---|--:|--:|--:|--:|
 """
 
