@@ -79,6 +79,10 @@ that are long against a growth do so, too, and do not count."""
 RESOLVED = 0.1
 """Part of the time of a growth by e in which a step is not long against it."""
 
+LONGEST = 2.0
+"""Part of the time of a growth by e beyond which a step jumps over what a limited state does at its
+limit: any number of such steps may end there, and agree."""
+
 MOST_KEPT = 2**26
 """Numbers of a frame that the steps of a delay keep, half a gigabyte in double precision."""
 
@@ -129,7 +133,18 @@ def in_halves(request: Request, down: Callable[[Request], Result]) -> Result:
         growth=delayed_growth(template),
         turns=bool(turning_points(template, solver.duration)),
     )
-    return unknown(result) if lets_go(template, solver.duration) else result
+    return jumped(result, template, solver.duration)
+
+
+def jumped(result: Result, template: Template, duration: float) -> Result:
+    """Return a run with a delay without its error where steps may jump over the end of a limit."""
+    if lets_go(template, duration):
+        return unknown(result)
+    if not template.output.limited:
+        return result
+    step = np.asarray(result.time) / np.maximum(result.steps, 1)
+    long = step * delayed_growth(template) > LONGEST
+    return replace(result, error=np.where(long, np.inf, result.error))
 
 
 def lets_go(template: Template, duration: float) -> bool:

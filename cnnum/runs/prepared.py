@@ -20,6 +20,7 @@ from cnnum.runs.linear_range import may_stay_linear
 from cnnum.runs.request import LEAST_SQUARES, ROLES, Ask, Form, Request, refuse_grey_levels
 from cnnum.runs.result import Result, result_of, with_fallback, with_proof
 from cnnum.runs.settling import saturated
+from cnnum.runs.symmetry import moves_of
 from cnnum.runs.wavefront import begins_saturated, monotone
 from cnnum.templating.template import Template
 
@@ -97,7 +98,7 @@ class PreparedRun:
 
     __slots__ = (
         *("_frame", "_one", "_plan", "_roles", "_solver", "_square", "_turn"),
-        *("monotone", "template"),
+        *("_moves", "monotone", "template"),
     )
 
     def __init__(
@@ -108,6 +109,7 @@ class PreparedRun:
         (self._solver,) = plan.solvers.values()
         self._roles = tuple(roles) if may_grow(template, self._solver) else ()
         schedule = plan.schedule
+        self._moves = moves_of(template, self._solver, schedule.shape)
         self._frame = np.empty((*schedule.shape, len(schedule.channels_read)))
         largest = float(np.finfo(plan.precision).max)
         self._square = largest**2 if largest < 1e100 else math.inf
@@ -146,6 +148,9 @@ class PreparedRun:
             outputs = self._one.run(self._frame, first=True)
             packed = self._one.packed
             begun = self._begun() if self._roles else 0.0
+            planes = self._frame.transpose(2, 0, 1)
+            if any(np.array_equal(move(planes), planes) for move in self._moves):
+                return None
         if not all_finite(packed):
             self._plan.refuse_infinite(outputs)
         result = result_of(outputs, 1, self._solver.method, self._solver.reason)

@@ -25,11 +25,11 @@ from cnnum.runs.growth import (
     compared,
     delay_of,
     follows,
-    lets_go,
-    unknown,
+    jumped,
 )
 from cnnum.runs.request import Ask, Request, as_frame, maps_by_role
 from cnnum.runs.result import ROLES, Result
+from cnnum.runs.symmetry import with_broken
 from cnnum.templating.batch import TemplateBatch
 from cnnum.templating.network import Network, turning_points
 from cnnum.templating.template import Duration, Template
@@ -77,7 +77,9 @@ def at_times(ask: Ask, down: Callable[[Ask], Result]) -> Result:
         maps: dict[str, ArrayLike | None] = dict(zip(ROLES, ask.arrays, strict=True))
         given, shape = maps_by_role(ask.template, maps)
         spec = ask.until(times[-1]).spec
-        looks = _looks(Request(ask.engine, ask.template, given, shape, spec), times[:-1], end)
+        request = Request(ask.engine, ask.template, given, shape, spec)
+        looks = _looks(request, times[:-1], end)
+        looks = looks and with_broken(looks, request)
     if looks is None:
         ends = [*(down(ask.until(time)) for time in times[:-1]), end]
         return stacked(template, ends, times)
@@ -121,7 +123,7 @@ def _halved_looks(request: Request, times: tuple[float, ...], end: Result) -> Re
         results.append(looked_at(own.plan, own.given, own.lead, times, cuts=4 // coarser))
     turns = bool(turning_points(template, times[-1]))
     looks = by_differences(results, (spec.rtol, spec.atol), precision, turns=turns)
-    return unknown(looks) if lets_go(template, times[-1]) else looks
+    return jumped(looks, template, times[-1])
 
 
 def _finely(plan: Plan) -> bool:

@@ -274,8 +274,9 @@ def run(engine: cnnum.Engine, net: Network, **options: Any) -> Any:
 class Truth:
     """Where all frames of a network are at its times: one system, of (frames, states)."""
 
-    def __init__(self, net: Network) -> None:
+    def __init__(self, net: Network, *, alike: bool = True) -> None:
         self.net = net
+        self.first = _alike(net) if alike else np.arange(net.x[0, 0].size)
         self.frames, *shape = net.x.shape
         self.shape = tuple(shape)
         self.n = self.shape[1] * self.shape[2]
@@ -315,7 +316,7 @@ class Truth:
         """Return the cell that every cell sees there; the one after the last beyond a fixed rim."""
         rows, cols = self.shape[1:]
         cells = [self._cell(i + di, j + dj, edge) for i in range(rows) for j in range(cols)]
-        return np.array([self.n if at is None else at for at in cells])
+        return np.array([self.n if at is None else self.first[at] for at in cells])
 
     def _matrix(self, kernels: Any) -> tuple[Any, Any]:
         """Return the matrix of all couplings, and what fixed virtual cells add to them."""
@@ -431,24 +432,103 @@ class Truth:
         return np.array(found).reshape(-1, self.frames, *self.shape)
 
 
-def alone(net: Network) -> Network | None:
-    """Return one cell that moves as every cell of a network does; None where they may differ.
+MIRRORS: tuple[Callable[[Any], Any], ...] = (
+    lambda maps: maps[..., ::-1],
+    lambda maps: maps[..., ::-1, :],
+    lambda maps: maps[..., ::-1, ::-1],
+    lambda maps: np.swapaxes(maps, -1, -2),
+    lambda maps: np.swapaxes(maps, -1, -2)[..., ::-1, ::-1],
+    lambda maps: np.rot90(maps, axes=(-2, -1)),
+)
+"""The symmetries of a square but for the turn that is the last one backwards."""
 
-    Roundings of any solver may tell cells apart that are alike, and then grow: one cell has none.
-    """
-    reads = net.B.any() or net.late is not None or any(b.neighbour == "u" for b in net.bends)
-    maps = [net.x, *([] if net.bias is None else [net.bias]), *([net.u] if reads else [])]
-    alike = all(np.ptp(one, axis=(-2, -1)).max() == 0.0 for one in maps)
+
+def symmetries(net: Network) -> Iterator[Callable[[Any], Any]]:
+    """Yield the mirrors, turns and shifts of an array that change nothing in a network."""
+    rows, cols = net.x.shape[2:]
+    kernels = [net.A, net.B, *([net.late.A, net.late.B] if net.late else [])]
+    kernels += [bend.weights for bend in net.bends]
+    maps = [
+        net.x,
+        *([] if net.bias is None else [net.bias]),
+        *([] if net.held is None else [net.held]),
+    ]
+    reads = (
+        net.B.any()
+        or net.late is not None
+        or any(b.neighbour == "u" or b.centre == "u" for b in net.bends)
+    )
+    maps += [net.u] if reads else []
+    for mirror in MIRRORS[: 6 if rows == cols else 3]:
+        if all(np.array_equal(mirror(one), one) for one in (*kernels, *maps)):
+            yield mirror
+    if net.boundary == "periodic" and (net.rim == "periodic" or not reads):
+        for by in np.ndindex(rows, cols):
+            if any(by) and all(np.array_equal(np.roll(one, by, (-2, -1)), one) for one in maps):
+                yield lambda maps, by=by: np.roll(maps, by, (-2, -1))
+    uniform = all((one == one[..., :1, :1]).all() for one in maps)
     edges = (net.boundary, net.rim) if reads else (net.boundary,)
-    if not alike or any(isinstance(edge, float) for edge in edges):
-        return None
-    if net.held is not None and net.held.any() != net.held.all():
-        return None
-    one = (..., slice(1), slice(1))
-    u = net.u[one] if reads else np.zeros_like(net.u[one])
-    bias = None if net.bias is None else net.bias[one]
-    held = None if net.held is None else net.held[one]
-    return replace(net, u=u, x=net.x[one], bias=bias, held=held, rim="periodic")
+    if uniform and not any(isinstance(edge, float) for edge in edges):
+        yield lambda maps: np.broadcast_to(maps[..., :1, :1], maps.shape)
+
+
+def _alike(net: Network) -> Any:
+    """Return for each cell the first one that always has the same state, by symmetry.
+
+    Roundings of any solver may tell such cells apart, and then grow.
+    """
+    cells = np.arange(net.x[0, 0].size).reshape(net.x.shape[2:])
+    found = cells
+    kept = list(symmetries(net))
+    while True:
+        before = found
+        for moved in kept:
+            other = moved(cells).ravel()  # the cell that comes to each place
+            first = np.minimum(found, found.ravel()[other].reshape(cells.shape))
+            np.minimum.at(first.reshape(-1), other, found.ravel())
+            found = first
+        if np.array_equal(found, before):
+            return found.ravel()
+
+
+def symmetric(net: Network, rng: np.random.Generator) -> Network:
+    """Return a network with a symmetry, half of whose starts decay while others would grow far."""
+    square = net.x.shape[2] == net.x.shape[3] and rng.random() < 0.5
+    kinds = [[0], [1], [2], [0, 1]] + ([[3], [4], [2, 5], [0, 1, 3]] if square else [])
+    taken = [MIRRORS[at] for at in kinds[int(rng.integers(len(kinds)))]]
+
+    def even(maps: Any) -> Any:
+        for mirror in taken:
+            maps = 0.5 * (maps + mirror(maps))
+        return maps
+
+    late = net.late and Late(net.late.delay, even(net.late.A), even(net.late.B))
+    bends = tuple(replace(bend, weights=even(bend.weights)) for bend in net.bends)
+    held = net.held
+    for mirror in taken if held is not None else []:
+        held = held & mirror(held)
+    bias = None if net.bias is None else even(net.bias)
+    A = even(net.A)
+    net = replace(net, A=A, B=even(net.B), late=late, bends=bends, u=even(net.u), x=even(net.x),
+                  bias=bias, held=held)  # fmt: skip
+    if net.output == "sign" or rng.random() < 0.5:
+        return net
+    matrix = Truth(replace(net, late=None, bends=()), alike=False).feedback
+    folded = Truth(replace(net, late=None, bends=())).feedback
+    pace = np.repeat(1.0 / net.tau, net.x[0, 0].size)
+    every, kept = (
+        float(np.linalg.eigvals(pace[:, None] * one).real.max()) for one in (matrix, folded)
+    )
+    if every - kept > 1e-6 * abs(every):  # all that is symmetric decays, and something else grows
+        length = net.times[-1]
+        scale = float(rng.uniform(20.0, 60.0)) / ((every - kept) * length)
+        A = A * scale
+        decay = float(rng.uniform(-0.5, 1.0))
+        for layer in range(len(net.tau)):
+            A[layer, layer, A.shape[-1] // 2, A.shape[-1] // 2] += decay - kept * scale * float(
+                net.tau[layer]
+            )
+    return replace(net, A=A)
 
 
 # the judgement
@@ -470,8 +550,7 @@ class Verdict:
 
 def truth_of(net: Network, tolerance: float = FINE) -> tuple[Any, Any]:
     """Return the true states (times, frames, layers, rows, cols), and how well they are known."""
-    shape, single = net.x.shape[1:], alone(net)
-    truth = Truth(net if single is None else single)
+    truth = Truth(net)
     # a state that is limited stops at once: every stop takes many steps
     loose = 10.0 if net.output in ("full-range", "steep") else 1.0
     tolerance *= loose
@@ -479,12 +558,18 @@ def truth_of(net: Network, tolerance: float = FINE) -> tuple[Any, Any]:
     # two solutions may agree by chance to more than their tolerance
     least = 10.0 * tolerance * np.abs(fine).max(axis=(2, 3, 4))
     unknown = np.maximum(np.abs(fine - coarse).max(axis=(2, 3, 4)), least)
-    return np.broadcast_to(fine, (*fine.shape[:2], *shape)), unknown
+    return fine, unknown
+
+
+SYMMETRIC = 500_000_000
+"""Seeds from here on give networks with a symmetry."""
 
 
 def network_of(seed: int, number: int) -> Network:
     """Return one of the networks of a seed."""
-    return draw(np.random.default_rng([seed, number]))
+    rng = np.random.default_rng([seed, number])
+    net = draw(rng)
+    return net if seed < SYMMETRIC else symmetric(net, rng)
 
 
 def judged(engine: cnnum.Engine, net: Network, number: int, known: Any = None) -> Iterator[Verdict]:
