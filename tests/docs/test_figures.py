@@ -16,9 +16,6 @@ ROWS = {
 # of a frame, in microseconds: where a page says it, and of which program
 STATED = [
     ("../README.md", r"through slip and twist in ([\d.]+) µs", "slip and twist"),
-    ("results.md", r"slip and twist program ([\d.]+) µs", "slip and twist"),
-    ("results.md", r"diffusion waves take ([\d.]+) µs", "halfspace_stress"),
-    ("results.md", r"depth layers takes ([\d.]+) µs", "halfspace_layers"),
     ("scoring.md", r"together take ([\d.]+) µs", "slip and twist"),
     ("scoring.md", r"slip alone ([\d.]+) µs", "slip"),
     ("scoring.md", r"twist alone ([\d.]+) µs", "twist"),
