@@ -13,7 +13,7 @@ from cnnum.frame import Frame
 
 UNITS: dict[str, tuple[float, str]] = {
     "strain": (10.0, "no rubber stretches to eleven times its length"),
-    "V": (120.0, "the end of extra-low voltage, which an array under a hand may be fed with"),
+    "V": (120.0, "the upper limit of extra-low DC voltage, for an array under a hand"),
     "N": (1e4, "the weight of a tonne on one taxel"),
     "Pa": (1e9, "beyond the strength of every polymer that a cover is made of"),
 }
