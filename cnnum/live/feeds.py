@@ -3,17 +3,20 @@
 import logging
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from base64 import b64decode
+from collections.abc import Callable, Mapping, Sequence
 from threading import Condition, Thread
 from typing import Any, Protocol, TypeGuard
 
 import numpy as np
 
 from cnnum.arrays import Floats
-from cnnum.drivers.driver import Driver
+from cnnum.drivers.driver import Counters, Driver
+from cnnum.engine import Engine
 from cnnum.errors import CnnumError
 from cnnum.frame import Frame
 from cnnum.live.hub import Hub, Inside
+from cnnum.programs.library import get_program
 from cnnum.safety.values import is_real
 from cnnum.scenes.conversion import unit_of
 from cnnum.scenes.explaining import explained, explained_kinds, read_outs_of
@@ -320,6 +323,94 @@ class RecordingFeed(_Threaded):
                 if self._changed.wait_for(lambda: self._stopped or self._woken, wait):
                     self._due = time.monotonic()
             self._woken = False
+
+
+SIDE = 32
+"""Rows and columns of a picture that is drawn for a program."""
+
+
+class PictureFeed(_Threaded):
+    """A program of pictures, run on what the page draws.
+
+    Parameters
+    ----------
+    name : str
+        Of a program of the library whose frames have one channel, "picture".
+    parameters : mapping of str to object
+        Of the program.
+    engine : Engine, optional
+    """
+
+    def __init__(
+        self, name: str, parameters: Mapping[str, object], engine: Engine | None = None
+    ) -> None:
+        super().__init__()
+        program = get_program(name).bind(**parameters)
+        engine = Engine("numba") if engine is None else engine
+        plan = engine.compile(program, (SIDE, SIDE), channels=("picture",))
+        self._plan = plan.keeping_everything(beside=True)
+        self.hub = Hub(
+            name,
+            (SIDE, SIDE),
+            ("picture",),
+            "picture",
+            0.0,
+            lambda frame: (frame.values + 1.0) / 2.0,
+            Counters,
+            inside=Inside(self._plan.schedule),
+            drawn=True,
+        )
+        self._changed = Condition()
+        self._wanted: Floats | None = first_picture()
+
+    def command(self, wanted: dict[str, Any]) -> None:
+        """Take a picture: base64 of a byte a cell, from −100 (white) to 100 (black)."""
+        try:
+            cells = np.frombuffer(b64decode(wanted["picture"], validate=True), np.int8)
+            picture = np.clip(cells.reshape(SIDE, SIDE) / 100.0, -1.0, 1.0)
+        except (KeyError, TypeError, ValueError):
+            return
+        with self._changed:
+            self._wanted = picture
+            self._changed.notify_all()
+
+    def stop(self) -> None:
+        """End."""
+        with self._changed:
+            self._stopped = True
+            self._changed.notify_all()
+        self._thread.join(5.0)
+
+    def _work(self) -> None:
+        begin, number = time.monotonic(), 0
+        while not self._stopped:
+            with self._changed:
+                self._changed.wait_for(lambda: self._stopped or self._wanted is not None)
+                shown, self._wanted = self._wanted, None
+            if shown is None:
+                return
+            since = time.monotonic()
+            values = shown[..., np.newaxis]
+            frame = Frame(values, ("picture",), "picture", number, since - begin)
+            outputs = self._plan(values)
+            seconds = time.monotonic() - since
+            self.hub.offer(FrameResult(number, frame, values, outputs, (), seconds))
+            number += 1
+
+
+def first_picture() -> Floats:
+    """Return a picture to begin with: a ring with a hole, a blinker, a block and a bar."""
+    picture = -np.ones((SIDE, SIDE))
+    for rows, cols, colour in (
+        ((4, 14), (4, 14), 1.0),
+        ((7, 11), (7, 11), -1.0),
+        ((6, 7), (20, 23), 1.0),
+        ((18, 20), (6, 8), 1.0),
+        ((20, 27), (16, 19), 1.0),
+        ((24, 27), (16, 27), 1.0),
+    ):
+        picture[slice(*rows), slice(*cols)] = colour
+    return picture
 
 
 def _is_number(value: object) -> TypeGuard[float]:

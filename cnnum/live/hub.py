@@ -165,6 +165,8 @@ class Hub:
         From a moment to what is said of slip and twist in it, as JSON objects.
     inside : Inside, optional
         The program's operations, where the plan keeps their results.
+    drawn : bool
+        Whether a page draws the frames.
     """
 
     def __init__(
@@ -179,8 +181,9 @@ class Hub:
         duration: float = 0.0,
         why: Why | None = None,
         inside: Inside | None = None,
+        drawn: bool = False,
     ) -> None:
-        self._why, self.inside = why, inside
+        self._why, self.inside, self.drawn = why, inside, drawn
         self._told: FrameResult | None = None
         self.name, self.shape, self.channels = name, shape, channels
         self.unit, self.rate, self.duration = unit, rate, duration
@@ -242,6 +245,7 @@ class Hub:
             "duration": self.duration,
             "events": events,
             "count": self.count,
+            "drawn": self.drawn,
             "graph": self.inside.record() if self.inside else None,
         }
 
@@ -263,12 +267,17 @@ class Hub:
         newest = self._newest
         if newest is None or newest is shown:
             return shown, b""
-        loads = planes(self._read(newest.frame), self.channels)
-        if newest.masked is not None and newest.masked.shape == loads.shape[1:]:
-            loads = np.where(newest.masked, 0.0, loads)
+        loads = self.loads(newest)
         slip = self._slip
         going_on = slip is not None and 0 <= newest.frame.time - slip[0] < SLIPPING
         return newest, encoded(newest, loads, slip[1] if slip and going_on else None)
+
+    def loads(self, moment: FrameResult) -> Floats:
+        """Return shear x, shear y and normal of a moment, (3, rows, cols), as a page shows them."""
+        loads = planes(self._read(moment.frame), self.channels)
+        if moment.masked is not None and moment.masked.shape == loads.shape[1:]:
+            loads = np.where(moment.masked, 0.0, loads)
+        return loads
 
     def why(self) -> dict[str, object] | None:
         """Return every read-out of slip and twist against its level, unless it was returned."""

@@ -371,12 +371,20 @@ def run(feed: Feed, place: Place, ready: Callable[[str], object]) -> None:
     asyncio.run(forever())
 
 
-def run_door(door: Door, what: str, ready: Callable[[str], object]) -> None:
-    """Let pages in until Ctrl-C; `ready` is given the page's address."""
+def run_door(
+    door: Door, what: str, ready: Callable[[str], object], feed: Feed | None = None
+) -> None:
+    """Let pages in until Ctrl-C; `ready` is given the page's address, and a feed runs meanwhile."""
 
     async def forever() -> None:
         async with listening(door, what) as (_, port):
             ready(door.place.address(port))
-            await asyncio.Event().wait()
+            if feed is not None:
+                feed.start()
+            try:
+                await asyncio.Event().wait()
+            finally:
+                if feed is not None:
+                    await asyncio.to_thread(feed.stop)
 
     asyncio.run(forever())

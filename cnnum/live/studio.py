@@ -11,7 +11,7 @@ import contextlib
 import json
 import math
 import struct
-from base64 import b64decode
+from base64 import b64decode, b64encode
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, replace
 from threading import Lock
@@ -25,6 +25,7 @@ from cnnum.design.finding import compare, figures
 from cnnum.engine import Engine
 from cnnum.errors import CnnumError, TemplateError
 from cnnum.integrators.stability import stability_bound
+from cnnum.live.feeds import Feed
 from cnnum.live.server import Door, Place
 from cnnum.templating.batch import TemplateBatch
 from cnnum.templating.checks.robustness import Judge, coarse, flips, mismatched, wilson
@@ -300,12 +301,15 @@ class Studio(Door):
     place : Place
     entry : Entry
         Library entry of the template that the page shows first.
+    feed : Feed, optional
+        An array, scene or recording whose loads are the picture.
     """
 
     longest = 1 << 17
 
-    def __init__(self, place: Place, entry: Entry) -> None:
+    def __init__(self, place: Place, entry: Entry, feed: Feed | None = None) -> None:
         super().__init__(place, FILES)
+        self._feed, self._peak = feed, 0.0
         self._first = page_of(entry.template)
         self._known = {entry.template.digest: entry}
         # films never wait for what takes longer
@@ -319,6 +323,7 @@ class Studio(Door):
             "compare": self._compare,
             "load": self._load,
             "save": self._save,
+            "live": self._live,
         }
 
     async def talk(self, connection: "ServerConnection") -> None:
@@ -326,7 +331,12 @@ class Studio(Door):
         from websockets.exceptions import ConnectionClosed
 
         with contextlib.suppress(ConnectionClosed):
-            hello = {"kind": "hello", "template": self._first, "names": template_names()}
+            hello = {
+                "kind": "hello",
+                "template": self._first,
+                "names": template_names(),
+                "live": self._feed is not None,
+            }
             await connection.send(json.dumps(hello))
             at_work = set[asyncio.Task[None]]()
             async for message in connection:
@@ -450,6 +460,21 @@ class Studio(Door):
         page = page_of(entry.template)
         self._known[entry.template.digest] = entry
         return {"template": page}
+
+    def _live(self, asked: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the newest loads as a picture: 0 is white, the largest one so far black."""
+        if self._feed is None:
+            raise TemplateError("No array is connected: start the studio with --live SOURCE.")
+        hub = self._feed.hub
+        if hub.newest is None:
+            return {"number": -1, "ended": hub.ended}
+        load = np.abs(hub.loads(hub.newest)[2])[:SIDE, :SIDE]
+        self._peak = max(self._peak, float(load.max()))
+        share = load / self._peak if self._peak else load
+        cells = np.rint(200.0 * share - 100.0).astype(np.int8)
+        rows, cols = cells.shape
+        picture = {"rows": rows, "cols": cols, "picture": b64encode(cells.tobytes()).decode()}
+        return {"number": hub.newest.number, "ended": hub.ended, **picture}
 
     def _save(self, asked: Mapping[str, Any]) -> dict[str, Any]:
         """Return TOML; what was known of the same numbers and the same rule stays with them."""

@@ -22,8 +22,10 @@ from scipy.integrate import solve_ivp
 import cnnum
 from cnnum.cli.root import main
 from cnnum.errors import TemplateError
+from cnnum.live.feeds import PictureFeed
 from cnnum.live.server import Place, listening, static
 from cnnum.live.studio import FILES, NEIGHBOURHOODS, Studio, page_of, template_of
+from cnnum.recordings.recording import Recording
 from cnnum.templating.library import get_entry
 
 from .browser import CHROMIUM, WAIT, Browser
@@ -316,6 +318,108 @@ def test_from_an_idea_to_a_checked_template_in_the_page(address: str, tmp_path: 
         shot(browser, tmp_path, "studio-400-dark")
     finally:
         browser.close()
+
+
+@pytest.mark.skipif(not CHROMIUM, reason="no Chromium is here")
+def test_an_array_is_the_picture_of_a_template(tmp_path: Path) -> None:
+    """A recording with two corners pressed: the page shows them as it does pictures, and runs."""
+    values = np.zeros((200, 9, 12, 3))
+    values[40:, 2:5, 3:8, 2] = 4.0
+    values[40:, 6, 10, 2] = 1.0
+    Recording(values, rate=100.0).save(tmp_path / "own.npz")
+    command = [sys.executable, "-m", "cnnum", "studio", "EDGE", "--json", "--port", "0"]
+    live = ["--live", str(tmp_path / "own.npz")]
+    process = subprocess.Popen([*command, *live], stdout=subprocess.PIPE, text=True)
+    assert process.stdout is not None
+    browser = Browser(tmp_path / "profile")
+    try:
+        browser.size(1300, 1000)
+        browser.open(json.loads(process.stdout.readline())["address"])
+        browser.until("view.film && view.film.cols === 12 && view.picture[2 * 12 + 3] === 100")
+        held = numbers(browser)
+        wanted = -np.ones((9, 12))
+        wanted[2:5, 3:8], wanted[6, 10] = 1.0, -0.5  # the largest load is black, no load white
+        np.testing.assert_allclose(np.reshape(held["picture"], (9, 12)), wanted, atol=0.006)
+        template = template_of(held["template"])
+        output = cnnum.Engine("reference").run(template, input=wanted).output
+        np.testing.assert_array_equal(np.reshape(held["last"], (9, 12)) > 0.0, output > 0.0)
+        assert (output > 0.0).sum() == 12
+        browser.value("at('live').click()")  # to draw again
+        assert browser.value("at('live').checked") is False
+        shot(browser, tmp_path, "studio-live")
+    finally:
+        browser.close()
+        process.send_signal(signal.SIGTERM)
+        process.wait(WAIT)
+        process.stdout.close()
+
+
+@pytest.mark.skipif(not CHROMIUM, reason="no Chromium is here")
+def test_a_program_runs_on_what_is_drawn(tmp_path: Path) -> None:
+    """Three strokes close a cell in; SciPy fills what the page then shows, and that alone."""
+    command = [sys.executable, "-m", "cnnum", "studio", "holes", "--json", "--port", "0"]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    assert process.stdout is not None
+    browser = Browser(tmp_path / "profile")
+    try:
+        browser.size(1300, 1500)
+        browser.open(json.loads(process.stdout.readline())["address"])
+        browser.until("view.shown && program.selected")
+        hand, before = Hand(browser), browser.value("view.newest.number")
+        browser.value("at('clear').click()")
+        browser.until(f"view.newest.number > {before}")
+        stops = [(3, 3), (3, 9), (9, 9), (9, 3), (3, 3), (20, 3)]
+        hand.drag("at('taxels')", *[((c + 0.5) / 32, (r + 0.5) / 32) for r, c in stops])
+        wanted = -np.ones((32, 32))
+        wanted[3:10, [3, 9]] = wanted[[3, 9], 3:10] = wanted[3:21, 3] = 1.0
+        shown = "[...view.newest.loads.slice(-1024)].map((v) => 2 * v - 1)"
+        drawn = json.dumps(wanted.astype(int).ravel().tolist(), separators=(",", ":"))
+        browser.until(f"JSON.stringify({shown}) === '{drawn}'")
+        filled = ndimage.binary_fill_holes(wanted > 0.0)
+        truth = {"filled": filled, "holes": filled & (wanted < 0.0), "area": 25}
+        for name, right in truth.items():
+            number = browser.value(f"program.shown.find((n) => n.outputs[0] === '{name}').number")
+            browser.value(f"program.values.clear(); asked = null; select({number})")
+            browser.until(f"program.values.has({number}) && program.time === view.newest.time")
+            got = browser.value(f"[...program.values.get({number})]")
+            np.testing.assert_array_equal(np.array(got) > 0.0 if name != "area" else got,
+                                          np.ravel(right), err_msg=name)  # fmt: skip
+        number = browser.value("program.shown.find((n) => n.outputs[0] === 'holes').number")
+        browser.value(f"select({number})")
+        browser.until(f"program.values.has({number})")
+        browser.value("at('again').click()")
+        browser.until(f"{shown}.reduce((a, b) => a + b) === {25 - (1024 - 25)}")
+        shot(browser, tmp_path, "studio-drawn")
+        browser.size(400, dark=True)
+        assert browser.value("document.documentElement.scrollWidth <= innerWidth")
+    finally:
+        browser.close()
+        process.send_signal(signal.SIGTERM)
+        process.wait(WAIT)
+        process.stdout.close()
+
+
+def test_only_a_picture_of_the_right_size_is_taken() -> None:
+    feed = PictureFeed("holes", {})
+    feed.start()
+    deadline = time.monotonic() + WAIT
+    try:
+        for wrong in ({}, {"picture": 3}, {"picture": "AAAA"}, {"picture": "!"}):
+            feed.command(wrong)
+        black = b64encode(np.full(1024, 127, np.int8).tobytes()).decode()
+        while feed.hub.newest is None or feed.hub.newest.outputs["area"] != 0.0:
+            assert time.monotonic() < deadline
+            time.sleep(0.01)
+            feed.command({"picture": black})
+        assert (feed.hub.newest.frame.values == 1.0).all()
+        assert not feed.hub.ended
+    finally:
+        feed.stop()
+    with pytest.raises(cnnum.CnnumError, match="generations"):
+        PictureFeed("life", {"generation": 3})
+    done = CliRunner().invoke(main, ["studio", "life", "--set", "array.rate=3"])
+    assert done.exit_code == 2
+    assert "--set program.parameters.NAME=VALUE" in done.stderr
 
 
 def _a_drag_changes_the_bias(browser: Browser, hand: Hand) -> None:

@@ -19,6 +19,7 @@ from cnnum.cli.output import COMPILING, Output, busy
 from cnnum.cli.signals import stoppable
 
 if TYPE_CHECKING:
+    from cnnum.live.feeds import Feed
     from cnnum.live.server import Door, Place
 
 SCENE_KEYS = {"array", "program", "needs"}
@@ -28,6 +29,7 @@ SCENE_KEYS = {"array", "program", "needs"}
 @click.command("studio")
 @click.argument("source", default="EDGE", shell_complete=completed("template", files=True))
 @click.option("--scene", help="Scene whose program runs on a recording; 'demo' by default.")
+@click.option("--live", help="Array, scene or recording whose loads are a template's picture.")
 @page_options(8766)
 @scene_options
 @trust_option
@@ -35,6 +37,7 @@ SCENE_KEYS = {"array", "program", "needs"}
 def command(
     source: str,
     scene: str | None,
+    live: str | None,
     host: str,
     port: int,
     token: str,
@@ -47,9 +50,10 @@ def command(
     SOURCE is a template (of the library, or a file), a scene, a tactile program, a driver or a
     recording. The page of a template also finds weights for a rule, counts flips under mismatch,
     compares two templates, and saves TOML. The page of a program shows its graph and the result of
-    each step as frames come. Only this machine can reach it; with --host others can, and need a
-    token.
+    each step as frames come, or on the picture that you draw for a program of pictures. Only this
+    machine can reach it; with --host others can, and need a token.
     """
+    from cnnum.cli.arrays.view import feed_of
     from cnnum.live.server import Place, is_loopback, run, run_door
 
     if not is_loopback(host) and not token:
@@ -65,19 +69,21 @@ def command(
     try:
         with stoppable():
             if is_of_program(source):
-                from cnnum.cli.arrays.view import feed_of
-
+                if live is not None:
+                    raise click.UsageError(f"'{source}' is no template: --live is of templates.")
                 with busy(COMPILING, as_json=as_json):
-                    feed = feed_of(*_scene_of(source, scene, changes), trust, inside=True)
+                    feed = _feed(source, scene, changes, trust)
                 run(feed, where, ready)
             else:
-                if scene is not None or changes or trust:
+                if live is None and (scene is not None or changes or trust):
                     raise click.UsageError(
-                        f"'{source}' is a template: --scene, --set and --trust are of programs."
+                        f"'{source}' is a template: --scene, --set and --trust are of programs, or "
+                        "of --live."
                     )
                 with busy(COMPILING, as_json=as_json):
-                    door = _studio(where, source)
-                run_door(door, "the studio", ready)
+                    feed = None if live is None else feed_of(live, scene, changes, trust)
+                    door = _studio(where, source, feed)
+                run_door(door, "the studio", ready, feed)
     except KeyboardInterrupt:
         return 130
     return 0
@@ -101,6 +107,23 @@ def is_of_program(source: str) -> bool:
         return False  # what reads it as a template says why it cannot
 
 
+def _feed(source: str, scene: str | None, changes: Changes, trust: bool) -> "Feed":
+    """Return the feed of a program: one of pictures runs on what is drawn."""
+    from cnnum.cli.arrays.view import feed_of
+    from cnnum.programs.library import program_names
+
+    if source not in program_names("pictures"):
+        return feed_of(*_scene_of(source, scene, changes), trust, inside=True)
+    prefix = "program.parameters."
+    if scene is not None or not all(key.startswith(prefix) for key in changes):
+        raise click.UsageError(
+            f"'{source}' runs on the picture that you draw: only --set {prefix}NAME=VALUE applies."
+        )
+    from cnnum.live.feeds import PictureFeed
+
+    return PictureFeed(source, {key.removeprefix(prefix): v for key, v in changes.items()})
+
+
 def _scene_of(
     source: str, scene: str | None, changes: Changes
 ) -> tuple[str, str | None, dict[str, object]]:
@@ -117,9 +140,10 @@ def _scene_of(
     return source, scene, dict(changes)
 
 
-def _studio(where: "Place", source: str) -> "Door":
+def _studio(where: "Place", source: str, feed: "Feed | None") -> "Door":
     from cnnum.live.studio import Studio
     from cnnum.templating.files import load_entry
     from cnnum.templating.library import get_entry
 
-    return Studio(where, load_entry(source) if is_place(source) else get_entry(source))
+    entry = load_entry(source) if is_place(source) else get_entry(source)
+    return Studio(where, entry, feed)

@@ -94,6 +94,7 @@ function answered(message) {
   else if (kind === "load") { keep(); view.template = message.template; filled(); }
   else if (kind === "second") { view.other = message.template; changed(); }
   else if (kind === "save") save(message.toml);
+  else if (kind === "live") sensed(message);
   done(kind);
 }
 
@@ -125,7 +126,25 @@ function greet(hello) {
   at("second").replaceChildren(Object.assign(document.createElement("option"), { textContent: "none", value: "" }), ...list);
   if (!view.template) { view.template = hello.template; shapes(); }
   at("library").value = view.template.name;
+  at("source").hidden = !hello.live;
   filled();
+  if (hello.live) ask("live", () => ({}));
+}
+
+let number = -1;
+function sensed(message) { // the newest loads of an array
+  if (!at("live").checked) return;
+  if (message.number !== number && message.picture) {
+    number = message.number;
+    const cells = Int8Array.from(atob(message.picture), (c) => c.charCodeAt(0));
+    if (cells.length !== view.picture.length || cells.some((v, n) => v !== view.picture[n])) {
+      Object.assign(view, { picture: cells, rows: message.rows, cols: message.cols });
+      draw();
+      changed();
+    }
+  }
+  if (message.ended) say(message.ended);
+  else setTimeout(() => ask("live", () => ({})), 40);
 }
 
 // ---- the template and its fields -----------------------------------------------------------------
@@ -274,7 +293,7 @@ function showFacts(message) {
   const time = settled(), moving = time === view.film.times[view.film.times.length - 1];
   const list = [
     ["stability class", message.stability],
-    ["outputs rest from", view.film.times.length === 2 ? "…" : moving ? "not in this film" : `${round(time)} ${view.template.tau === 1 ? "τ" : ""}`],
+    ["outputs rest from", view.film.times.length === 2 ? "…" : moving ? "not in this film" : `${Number(time.toPrecision(3))} ${view.template.tau === 1 ? "τ" : ""}`],
     ["black cells at the end", `${message.black} of ${view.rows * view.cols}`],
     ["products per cell", `${message.products} a step, ${message.once} once`],
     ["steps of the film", `${Number(view.film.step.toPrecision(2))}${view.template.tau === 1 ? " τ" : ""}, Runge–Kutta`],
@@ -481,7 +500,7 @@ function drawPhase() {
   view.rests = rests;
   const reach = 1.15 * Math.max(1.5, Math.abs(now), ...rests.map((r) => Math.abs(r.x)));
   const bends = [-reach, -1, 1, reach], high = 1.1 * Math.max(0.5, ...bends.map((v) => Math.abs(rate(v))));
-  const { pen, x, y, colour } = sheet(at("phase"), [-reach, reach], [-high, high], "state x", "dx/dt");
+  const { pen, x, y, colour } = sheet(at("phase"), [-reach, reach], [-high, high], "state x", view.template.tau === 1 ? "dx/dt, 1/τ" : "dx/dt");
   pen.strokeStyle = colour("soft");
   line(pen, [[x(-reach), y(0)], [x(reach), y(0)]]);
   pen.strokeStyle = colour("curve"); pen.lineWidth = 2;
@@ -583,6 +602,7 @@ function begin() {
   at("clear").addEventListener("click", () => { keep(); view.picture.fill(-100); filled(); });
   at("shapes").addEventListener("click", () => { keep(); shapes(); filled(); });
   at("file").addEventListener("change", () => { if (at("file").files[0]) loaded(at("file").files[0]); at("file").value = ""; });
+  at("live").addEventListener("change", () => { if (at("live").checked) ask("live", () => ({})); else { resized(Number(at("side").value)); filled(); } });
   let ink = 100, held = false, last = null;
   const stroke = (event) => {
     const [r, c] = cellOf(event, at("picture"), view.rows, view.cols), [r0, c0] = last || [r, c];
@@ -596,6 +616,7 @@ function begin() {
     const [r, c] = cellOf(event, at("picture"), view.rows, view.cols);
     keep();
     held = true;
+    at("live").checked = false; // what is drawn stays
     ink = view.picture[r * view.cols + c] > 0 ? -100 : 100;
     at("picture").setPointerCapture(event.pointerId);
     stroke(event);

@@ -7,7 +7,7 @@ const MARK = { contact: 1, bump: 2, edge: 4 };
 
 const view = {
   hello: null, past: [], whys: [], events: [], shown: null, held: null, paused: false, scale: 0, shearScale: 0,
-  pictures: 0, drawn: 0, latency: 0, wait: 500, dirty: true, lineDirty: true,
+  pictures: 0, counted: 0, drawn: null, latency: 0, wait: 500, dirty: true, lineDirty: true,
 };
 
 // ---- the line to the server -------------------------------------------------------------------
@@ -45,8 +45,9 @@ function greet(hello) {
   const same = view.hello && view.hello.name === hello.name;
   view.hello = hello;
   state("on", hello.duration ? "recording" : "live");
-  at("name").textContent = `${hello.name}, ${hello.shape[0]}×${hello.shape[1]} taxels`;
-  at("what").textContent = `normal (${hello.unit})`;
+  at("name").textContent = `${hello.name}, ${hello.shape[0]}×${hello.shape[1]} ${hello.drawn ? "cells" : "taxels"}`;
+  at("what").textContent = hello.drawn ? "draw on it" : `normal (${hello.unit})`;
+  document.body.classList.toggle("drawn", hello.drawn);
   at("speed").hidden = !hello.duration;
   at("live").hidden = Boolean(hello.duration);
   if (!same) view.past = [];
@@ -63,8 +64,8 @@ function status(s) {
   at("dropped").textContent = s.dropped;
   at("badCount").textContent = s.bad;
   at("gaps").textContent = s.gaps;
-  at("pictures").textContent = `${view.pictures - view.drawn > 0 ? 2 * (view.pictures - view.drawn) : 0} /s`;
-  view.drawn = view.pictures;
+  at("pictures").textContent = `${view.pictures - view.counted > 0 ? 2 * (view.pictures - view.counted) : 0} /s`;
+  view.counted = view.pictures;
   at("latency").textContent = `${view.latency.toFixed(1)} ms`;
   if (s.ended) state("ended", s.ended);
   warn(s.warnings);
@@ -242,6 +243,7 @@ function rescale(one, taxels) {
     normal = Math.max(normal, Math.abs(one.loads[2 * taxels + n]));
     shear = Math.max(shear, Math.hypot(one.loads[n], one.loads[taxels + n]));
   }
+  if (view.hello.drawn) normal = view.scale = 1;
   // it rises at once and falls slowly, so that noise does not fill the range after a touch
   if (!view.held) {
     view.scale = Math.max(normal, 0.999 * view.scale);
@@ -263,7 +265,8 @@ function drawTaxels() {
   drawBumps(pen, one, rows, cols, w, h);
   drawOutline(pen, one, rows, cols, w, h);
   drawArrows(pen, one, taxels, cols, w, h, shear, scale);
-  at("high").textContent = scale.toPrecision(3);
+  at("low").textContent = view.hello.drawn ? "white" : "0";
+  at("high").textContent = view.hello.drawn ? "black" : scale.toPrecision(3);
 }
 
 function drawArrows(pen, one, taxels, cols, w, h, shear, scale) {
@@ -438,6 +441,39 @@ addEventListener("resize", fit);
 addEventListener("keydown", (e) => {
   if (e.target.tagName === "BODY" && e.key === " ") { e.preventDefault(); at("pause").click(); }
   if (e.target.tagName === "BODY" && e.key === "t" && !e.ctrlKey && !e.metaKey) at("tare").click();
+});
+
+// ---- a picture that is drawn for a program --------------------------------------------------------
+
+function sendPicture(cells) { // from −100, white, to 100
+  view.drawn = cells;
+  send({ picture: btoa(String.fromCharCode(...new Uint8Array(cells.buffer))) });
+}
+
+const pictureNow = () => Int8Array.from(view.drawn || view.newest.loads.slice(-view.newest.marks.length).map((v) => 200 * v - 100));
+
+let ink = null, last = null;
+function stroke(event) {
+  const [rows, cols] = view.hello.shape, box = at("taxels").getBoundingClientRect();
+  const inside = (share, count) => Math.min(count - 1, Math.max(0, Math.floor(share * count)));
+  const r = inside((event.clientY - box.top) / box.height, rows), c = inside((event.clientX - box.left) / box.width, cols);
+  const cells = pictureNow(), [r0, c0] = last || [r, c], many = Math.max(1, Math.abs(r - r0), Math.abs(c - c0));
+  ink ??= cells[r * cols + c] > 0 ? -100 : 100;
+  for (let n = 0; n <= many; n += 1) cells[Math.round(r0 + ((r - r0) * n) / many) * cols + Math.round(c0 + ((c - c0) * n) / many)] = ink;
+  last = [r, c];
+  sendPicture(cells);
+}
+at("taxels").addEventListener("pointerdown", (event) => {
+  if (!view.hello || !view.hello.drawn || !view.newest) return;
+  at("taxels").setPointerCapture(event.pointerId);
+  stroke(event);
+});
+at("taxels").addEventListener("pointermove", (event) => { if (ink !== null) stroke(event); });
+for (const kind of ["pointerup", "pointercancel"]) at("taxels").addEventListener(kind, () => { ink = last = null; });
+at("clear").addEventListener("click", () => sendPicture(pictureNow().fill(-100)));
+at("again").addEventListener("click", () => { // such as the next generation of a game
+  const values = program.values.get(program.selected.number);
+  if (values && values.length === view.newest.marks.length) sendPicture(Int8Array.from(values, (v) => (v > 0 ? 100 : -100)));
 });
 
 function draw() {
