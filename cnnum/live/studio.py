@@ -312,9 +312,10 @@ class Studio(Door):
         self._feed, self._peak = feed, 0.0
         self._first = page_of(entry.template)
         self._known = {entry.template.digest: entry}
-        # films never wait for what takes longer
+        # films, and what an array says, never wait for what takes longer
         self._engine, self._slow = (Engine("numba") for _ in range(2))
-        self._locks = {True: Lock(), False: Lock()}
+        self._quick = {"run": Lock(), "live": Lock()}
+        self._lock = Lock()
         self._answers: dict[str, Callable[[Mapping[str, Any]], dict[str, Any] | bytes]] = {
             "run": self._run,
             "facts": self._facts,
@@ -361,7 +362,7 @@ class Studio(Door):
         except (ValueError, LookupError, TypeError, OverflowError, RecursionError):
             return json.dumps({"do": "", "id": 0, "error": "This question is malformed."})
         try:
-            with self._locks[head["do"] == "run"]:
+            with self._quick.get(head["do"], self._lock):
                 found = answer(cast("dict[str, Any]", asked))
         except CnnumError as error:
             found = {"error": str(error)}

@@ -328,7 +328,7 @@ def test_an_array_is_the_picture_of_a_template(tmp_path: Path) -> None:
     values[40:, 6, 10, 2] = 1.0
     Recording(values, rate=100.0).save(tmp_path / "own.npz")
     command = [sys.executable, "-m", "cnnum", "studio", "EDGE", "--json", "--port", "0"]
-    live = ["--live", str(tmp_path / "own.npz")]
+    live = ["--live", "npz", "--set", f"array.path={tmp_path / 'own.npz'}"]
     process = subprocess.Popen([*command, *live], stdout=subprocess.PIPE, text=True)
     assert process.stdout is not None
     browser = Browser(tmp_path / "profile")
@@ -343,7 +343,7 @@ def test_an_array_is_the_picture_of_a_template(tmp_path: Path) -> None:
         template = template_of(held["template"])
         output = cnnum.Engine("reference").run(template, input=wanted).output
         np.testing.assert_array_equal(np.reshape(held["last"], (9, 12)) > 0.0, output > 0.0)
-        assert (output > 0.0).sum() == 12
+        assert (output > 0.0).sum() == 13  # the rim of the block, and the lighter cell
         browser.value("at('live').click()")  # to draw again
         assert browser.value("at('live').checked") is False
         shot(browser, tmp_path, "studio-live")

@@ -131,11 +131,11 @@ function greet(hello) {
   if (hello.live) ask("live", () => ({}));
 }
 
-let number = -1;
+let sensedLast = -1;
 function sensed(message) { // the newest loads of an array
   if (!at("live").checked) return;
-  if (message.number !== number && message.picture) {
-    number = message.number;
+  if (message.number !== sensedLast && message.picture) {
+    sensedLast = message.number;
     const cells = Int8Array.from(atob(message.picture), (c) => c.charCodeAt(0));
     if (cells.length !== view.picture.length || cells.some((v, n) => v !== view.picture[n])) {
       Object.assign(view, { picture: cells, rows: message.rows, cols: message.cols });
@@ -288,8 +288,8 @@ function settled() {
 }
 
 function showFacts(message) {
-  if (!view.film) return;
   view.facts = message;
+  if (!view.film) return; // they are shown with it
   const time = settled(), moving = time === view.film.times[view.film.times.length - 1];
   const list = [
     ["stability class", message.stability],
