@@ -81,9 +81,9 @@ def command(
                         "of --live."
                     )
                 with busy(COMPILING, as_json=as_json):
-                    feed = None if live is None else feed_of(live, scene, changes, trust)
-                    door = _studio(where, source, feed)
-                run_door(door, "the studio", ready, feed)
+                    sensed = None if live is None else feed_of(live, scene, changes, trust)
+                    door = _studio(where, source, sensed)
+                run_door(door, "the studio", ready, sensed)
     except KeyboardInterrupt:
         return 130
     return 0
