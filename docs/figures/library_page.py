@@ -16,29 +16,29 @@ PAGE = Path(__file__).parents[1] / "template-library.md"
 HEAD = """# The template library
 
 The library has {count} templates: those of the CNN Software Library, MatCNN, CNNSim and other
-sources with their published numbers (HORSKELR and VERSKELB differ in one sign), and those of this
-project. `cnnum templates show NAME` prints the definition, the source, the meaning of input and
-state, the check, the settling time on its pictures, and how much the bias may change before a cell
-is wrong. Other commands of `cnnum templates`:
+sources with their published numbers (except for one sign each in HORSKELR and VERSKELB), and those
+of this project. `cnnum templates show NAME` prints the definition of a template, its source, the
+meaning of its input and state, its check, the settling time on the check's pictures, and how much
+the bias may change before a cell is wrong. Other commands of `cnnum templates` are
 
 | command | what it does |
 |---|---|
 | `find` | searches the library by words or by an example |
-| `gallery` | writes a searchable page with pictures of every template during its run |
+| `gallery` | writes a searchable page with pictures of a run of every template |
 | `check` | runs the checks of the library, or of your own files and folders, on all engines |
-| `audit` | counts the wrong cells under the boundaries 0, -1 and zero-flux |
-| `design NAME --weights` | shows how far each weight may move |
+| `audit` | counts the wrong cells of every template with the boundaries 0, -1 and zero-flux |
+| `design NAME --weights` | shows how far each weight may change |
 
-A check compares the function of a template, its mean final state, margin and settling time, and a
-digest of its numbers. The function alone would be a weak test: of 1,272 variants of black-and-white
-templates with one number multiplied by 1.2, 992 still compute the same function, but only 68 also
-keep final state, margin and settling time (`python -m docs.figures.changed_weights --digital`).
+A check tests what a template computes, and also its mean final state, margin and settling time. The
+function alone would be a weak test: of 1,272 variants of black-and-white templates with one number
+multiplied by 1.2, 992 still compute the same function, but only 68 also keep the final state, margin
+and settling time (`python -m docs.figures.changed_weights --digital`).
 
 ## Experimental templates
 
 For {experimental} templates ({share:.1f} %), no check shows that they do what their name promises.
-Most are only checked for correct integration, against a finer solution of their own equation.
-`cnnum templates show NAME` says what is missing.
+For most of them, the check only shows that their equation is integrated correctly. `cnnum templates
+show NAME` says what is missing.
 
 {doubtful}
 """
