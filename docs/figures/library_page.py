@@ -29,10 +29,10 @@ the bias may change before a cell is wrong. Other commands of `cnnum templates` 
 | `audit` | counts the wrong cells of every template with the boundaries 0, -1 and zero-flux |
 | `design NAME --weights` | shows how far each weight may change |
 
-A check tests what a template computes, and also its mean final state, margin and settling time. The
-function alone would be a weak test: of 1,272 variants of black-and-white templates with one number
-multiplied by 1.2, 992 still compute the same function, but only 68 also keep the final state, margin
-and settling time (`python -m docs.figures.changed_weights --digital`).
+A check tests what a template computes, and also its mean final state, margin and settling time.
+The function alone would be a weak test: of 1,272 variants of black-and-white templates with one
+number multiplied by 1.2, 992 still compute the same function, but only 68 also keep the final
+state, margin and settling time (`python -m docs.figures.changed_weights --digital`).
 
 ## Experimental templates
 
