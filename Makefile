@@ -82,6 +82,12 @@ gpu: $(VENV)/dev.stamp
 portability: $(VENV)/dev.stamp
 	$(BIN)/python tests/situations/other_opencl.py portability
 
+# a data set as LeRobot itself reads it, in an environment of its own: some gigabytes
+lerobot: $(VENV)/dev.stamp
+	test -x $(VENV)/lerobot/bin/python || python3.12 -m venv $(VENV)/lerobot
+	$(VENV)/lerobot/bin/pip install --quiet 'lerobot[dataset]>=0.6'
+	$(BIN)/python tests/situations/real_lerobot.py --with $(VENV)/lerobot/bin/python
+
 # faults put into a copy of the code, one at a time: the tests must catch each (tests/mutations)
 mutate: $(VENV)/dev.stamp
 	CNNUM_TESTS=full OPENBLAS_NUM_THREADS=1 $(BIN)/python tests/mutations/run.py

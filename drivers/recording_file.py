@@ -11,6 +11,7 @@ from cnnum.drivers.own_data.sources import READERS
 from cnnum.drivers.registry import open_driver
 from cnnum.errors import CnnumError, RecordingError, missing_file
 from cnnum.frame import Frame, Quality
+from cnnum.recordings.lerobot import TACTILE, episode_of, is_lerobot, read_lerobot
 from cnnum.recordings.messages import holds_frames, is_bag, topics
 from cnnum.recordings.reader import Contents, look
 from cnnum.recordings.recording import Recording
@@ -93,6 +94,26 @@ class McapFile(Counting):
             yield frame
 
 
+@dataclass(frozen=True, slots=True)
+class LerobotOptions:
+    """Options of the driver "lerobot".
+
+    Attributes
+    ----------
+    path : Path
+        "SET/episode-000003", or the folder of a LeRobot data set that has one episode.
+    feature : str
+        The feature with the taxels; `read_lerobot` says which shapes it may have.
+    """
+
+    path: Path
+    feature: str = TACTILE
+
+    def open(self) -> "RecordingDriver":
+        """Read the episode; it raises as `read_lerobot`."""
+        return RecordingDriver(read_lerobot(self.path, self.feature))
+
+
 MEMORY = "memory"
 """Its name in a scene; no file can name it."""
 
@@ -148,6 +169,8 @@ def array_of(file: Path, topic: str = "") -> dict[str, object]:
     RecordingError
         If there is no such file, or it is none of the known kinds.
     """
+    if episode_of(file) is not None or is_lerobot(file):
+        return {"driver": "lerobot", "path": str(file.absolute())}
     known = ", ".join(READERS)
     expected = f"expected a file of the kind {known}, or the folder of a trial."
     if not names_something(file):

@@ -115,6 +115,7 @@ DRIVERS: Mapping[str, str] = {
     "uskin-csv": "cnnum.drivers.uskin_csv:UskinCsvOptions",
     "mcap": "cnnum.drivers.recording_file:McapOptions",
     "npz": "cnnum.drivers.npz_file:NpzOptions",
+    "lerobot": "cnnum.drivers.recording_file:LerobotOptions",
     "file": "cnnum.drivers.own_data.driver:DataFileOptions",
 }
 """Name in a scene file to the record of its options, imported when it is asked for."""

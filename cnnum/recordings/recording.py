@@ -254,6 +254,26 @@ class Recording(ByContent):
         return cls.from_frames(frames, rate=layout.rate, pads=layout.pads)
 
     @classmethod
+    def from_lerobot(cls, folder: str | Path, episode: int | None = None) -> Recording:
+        """Return the taxels of an episode of a LeRobot data set (layout 3.0; extra `lerobot`).
+
+        Parameters
+        ----------
+        folder : str or Path
+        episode : int, optional
+            May be left out if the set has one.
+
+        Raises
+        ------
+        RecordingError
+            If there is no such episode, or the set has another layout or no taxels.
+        """
+        from cnnum.recordings.lerobot import read_lerobot
+
+        path = as_path(folder, RecordingError)
+        return read_lerobot(path if episode is None else path / f"episode-{episode:06d}")
+
+    @classmethod
     def from_xarray(cls, dataset: Any) -> Recording:
         """Return the recording in a dataset from `to_xarray`, or in a similar one of your own.
 

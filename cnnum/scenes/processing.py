@@ -32,6 +32,7 @@ from cnnum.errors import (
     missing_extra,
     name_error,
 )
+from cnnum.recordings.lerobot import episodes_of, is_lerobot
 from cnnum.recordings.messages import is_bag
 from cnnum.safety.files import beside, refuse_target, write_whole, written
 from cnnum.safety.reading import MEGABYTE, open_regular, read_text
@@ -226,8 +227,9 @@ def run_part(job: str, part: Part) -> tuple[Task, str]:
 def sources_of(words: Sequence[str | PathLike[str]]) -> list[Path]:
     """Return the recordings that files, folders and patterns such as "day*/*.mcap" name, sorted.
 
-    In a folder these are, at any depth, the files that `cnnum replay` reads and the folders of
-    uSkin trials and bags. A file that is named itself is taken as it is.
+    In a folder these are, at any depth, the files that `cnnum replay` reads, the folders of uSkin
+    trials and bags, and the episodes of LeRobot sets. A file that is named itself is taken as it
+    is.
 
     Raises
     ------
@@ -255,6 +257,9 @@ def sources_of(words: Sequence[str | PathLike[str]]) -> list[Path]:
 def _within(folder: Path, above: tuple[Path, ...] = ()) -> Iterator[Path]:
     if (folder / PAD_FILES[0]).exists() or is_bag(folder):
         yield folder
+        return
+    if is_lerobot(folder):
+        yield from episodes_of(folder)
         return
     above = (*above, folder.resolve())
     for path in sorted(folder.iterdir()):

@@ -15,7 +15,6 @@ from cnnum.arrays import Floats, Shape
 from cnnum.drivers.codecs.wire import Asked, wire
 from cnnum.drivers.driver import Counters, Counting, Driver, lost_before
 from cnnum.drivers.npz_file import NpzOptions, rate_that_counts
-from cnnum.drivers.own_data.hdf5_file import list_hdf5, read_hdf5
 from cnnum.drivers.own_data.layout import EXAMPLE, DataLayout, read_layout
 from cnnum.drivers.own_data.sources import (
     DATED,
@@ -53,6 +52,7 @@ from cnnum.recordings.export import (
     RATE,
     calibration_of,
 )
+from cnnum.recordings.hdf5_file import list_hdf5, read_hdf5
 from cnnum.recordings.messages import LOG_TIME, holds_frames, is_bag
 from cnnum.recordings.recording import Recording
 from cnnum.recordings.times import rate_of

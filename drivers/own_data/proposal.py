@@ -14,7 +14,6 @@ import numpy as np
 from cnnum.arrays import Floats
 from cnnum.drivers.codecs.wire import Asked, protocol_names, wire
 from cnnum.drivers.npz_file import array_shapes
-from cnnum.drivers.own_data.hdf5_file import PARQUET, list_hdf5, read_hdf5
 from cnnum.drivers.own_data.proposed_shape import (
     Proposal,
     family_of,
@@ -37,6 +36,7 @@ from cnnum.drivers.own_data.proposed_times import (
 from cnnum.drivers.own_data.sources import HDF5, MAT
 from cnnum.drivers.uskin_csv import refuse_several
 from cnnum.errors import CnnumError, CodecError, RecordingError, unreadable
+from cnnum.recordings.hdf5_file import PARQUET, list_hdf5, read_hdf5
 from cnnum.recordings.messages import (
     BAGS,
     LINES,

@@ -14,7 +14,6 @@ from cnnum.arrays import Floats
 from cnnum.drivers.codecs.stream import Scan
 from cnnum.drivers.codecs.wire import Asked, wire
 from cnnum.drivers.npz_file import read_arrays
-from cnnum.drivers.own_data.hdf5_file import PARQUET, read_hdf5
 from cnnum.drivers.own_data.layout import AXES, ORDERS, DataLayout
 from cnnum.drivers.text_table import (
     LONGEST_LINE,
@@ -26,6 +25,7 @@ from cnnum.drivers.text_table import (
     read_line,
 )
 from cnnum.errors import CodecError, RecordingError, RecordingWarning, unreadable
+from cnnum.recordings.hdf5_file import PARQUET, read_hdf5
 from cnnum.recordings.messages import (
     BAGS,
     LOG_TIME,

@@ -16,8 +16,8 @@ from pathlib import Path
 
 import numpy as np
 
-from cnnum.drivers.own_data import hdf5_child, hdf5_file
 from cnnum.errors import RecordingError
+from cnnum.recordings import hdf5_child, hdf5_file
 
 NAMES = ["values", "trial/time"]
 BATCH, RAW = 32, 99

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 import cnnum
-from cnnum.drivers.own_data import hdf5_file
 from cnnum.errors import RecordingError
+from cnnum.recordings import hdf5_file
 from cnnum.recordings.export import export
 from cnnum.recordings.reader import look
 

@@ -115,10 +115,10 @@ assert all(counted.instructions)
 """,
     "lerobot": """
 import pathlib
-from cnnum.recordings.lerobot import write_lerobot
+from cnnum.recordings.lerobot import Episode, write_lerobot
 taxels = np.random.default_rng(0).normal(size=(30, 2, 2, 3))
 recording = cnnum.Recording(taxels, rate=30.0)
-rows = write_lerobot(recording, pathlib.Path("set"), 30.0, task="a", robot="b")
+rows = write_lerobot([Episode(recording, "a")], pathlib.Path("set"), 30.0, robot="b")
 assert rows == 30
 """,
     "bags": """

@@ -856,7 +856,7 @@ def test_a_strip_with_an_axis_for_its_one_row_is_not_asked_about(call, tmp_path,
 
 
 def test_parquet_without_its_library_names_the_extra(call, tmp_path, monkeypatch):
-    from cnnum.drivers.own_data import hdf5_file
+    from cnnum.recordings import hdf5_file
 
     (tmp_path / "a.parquet").write_bytes(b"PAR1" + bytes(40) + b"PAR1")
     monkeypatch.setattr(hdf5_file, "find_spec", lambda _: None)
