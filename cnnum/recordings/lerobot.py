@@ -15,7 +15,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -139,8 +139,10 @@ class Episode:
 
     recording: Recording
     task: str = "touch"
-    states: Mapping[str, tuple[ArrayLike, Mapping[str, ArrayLike]]] = field(default_factory=dict)
-    events: Mapping[str, Sequence[float]] = field(default_factory=dict)
+    states: Mapping[str, tuple[ArrayLike, Mapping[str, ArrayLike]]] = field(
+        default_factory=dict[str, tuple[ArrayLike, Mapping[str, ArrayLike]]]
+    )
+    events: Mapping[str, Sequence[float]] = field(default_factory=dict[str, Sequence[float]])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -156,9 +158,11 @@ class _Feature:
         return self.values.shape[1:] or (1,)
 
     def description(self) -> dict[str, object]:
-        told = {"dtype": str(self.values.dtype), "shape": list(self.shape)}
-        names = {"names": list(self.names) if self.names else None}
-        return told | names | ({"info": dict(self.info)} if self.info else {})
+        told: dict[str, object] = {"dtype": str(self.values.dtype), "shape": list(self.shape)}
+        told["names"] = list(self.names) if self.names else None
+        if self.info:
+            told["info"] = dict(self.info)
+        return told
 
 
 def read_states(path: Path) -> dict[str, tuple[Floats, dict[str, Floats]]]:
@@ -569,26 +573,27 @@ def read_info(folder: Path) -> dict[str, Any]:
     """
     path = folder / INFO
     try:
-        info: Any = json.loads(read_text(path, most=LONGEST_INFO))
+        held: Any = json.loads(read_text(path, most=LONGEST_INFO))
     except OSError as error:
         raise unreadable(RecordingError, f"'{path}'", error) from None
     except (ValueError, RecursionError):
         raise RecordingError(f"'{path}' is not JSON.") from None
-    version = info.get("codebase_version") if isinstance(info, dict) else None
-    if not isinstance(info, dict) or version != VERSION:
+    info = cast("dict[str, Any]", held) if isinstance(held, dict) else {}
+    version = info.get("codebase_version")
+    if version != VERSION:
         raise RecordingError(
             f"'{folder}' has LeRobot's layout {shown(version)}, and {VERSION} is read; LeRobot "
             "converts older sets."
         )
-    return dict(info)
+    return info
 
 
 def features_of(folder: Path, info: Mapping[str, Any]) -> Mapping[str, Any]:
     """Return the descriptions of the features of a data set."""
-    features = info.get("features")
+    features: Any = info.get("features")
     if not isinstance(features, dict):
         raise RecordingError(f"'{folder / INFO}' does not describe the features of the set.")
-    return features
+    return cast("dict[str, Any]", features)
 
 
 def _held(folder: Path, info: Mapping[str, Any]) -> int:
@@ -631,7 +636,7 @@ def read_lerobot(path: Path, feature: str = TACTILE) -> Recording:
     own = feature == TACTILE and NEW in features
     wanted = ["episode_index", "timestamp", feature, *((NEW, TIMES, FLAGS) if own else ())]
     columns = _rows(folder, number, wanted)
-    told = features[feature].get("info") or {}
+    told = cast("dict[str, Any]", features[feature].get("info") or {})
     values = columns[feature]
     if own:
         return _unpacked(columns, told)
@@ -649,8 +654,9 @@ def read_lerobot(path: Path, feature: str = TACTILE) -> Recording:
 def _unpacked(columns: Mapping[str, NDArray[Any]], told: Mapping[str, Any]) -> Recording:
     """Return the frames that came with each row, in their order."""
     windows = columns[TACTILE]
-    new = np.clip(columns[NEW].astype(np.int64), 0, windows.shape[1])
-    fresh = np.arange(windows.shape[1]) >= windows.shape[1] - new[:, np.newaxis]
+    new = np.clip(columns[NEW].astype(np.int64), 0, int(windows.shape[1]))
+    count = int(windows.shape[1])
+    fresh = np.arange(count) >= count - new[:, np.newaxis]
     return Recording(
         windows[fresh],
         unit=str(told.get("unit", "count")),

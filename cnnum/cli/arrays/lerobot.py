@@ -73,7 +73,7 @@ def command(
             recording = load_recording(source)
             frames += len(recording)
             states = read_states(stated[number]) if stated else {}
-            events = _events(recording, scene, trust=trust) if scene else {}
+            events = _events(recording, scene, trust=trust)
             episodes.append(Episode(recording, named[number], states, events))
             steps.advance()
     rows = write_lerobot(episodes, folder, fps, robot=robot, append=append)
@@ -97,8 +97,10 @@ def _for_each(
     return given
 
 
-def _events(recording: "Recording", scene: str, *, trust: bool) -> Mapping[str, list[float]]:
-    """Return the times of the events of each kind, s after the first frame."""
+def _events(recording: "Recording", scene: str | None, *, trust: bool) -> Mapping[str, list[float]]:
+    """Return the times of the events of each kind, s after the first frame; none of no scene."""
+    if scene is None:
+        return {}
     from cnnum.scenes.pipeline import load_scene
 
     opened = load_scene(scene, recording=recording, trust=trust)
