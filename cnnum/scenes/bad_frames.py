@@ -25,7 +25,7 @@ WHOLE = {"float32": 2.0**24, "float64": 2.0**53}
 
 @dataclass(frozen=True, slots=True)
 class FrameRange:
-    """The largest magnitude of a frame's values, and why that.
+    """The largest magnitude of a frame's values, and the reason for it.
 
     Attributes
     ----------
