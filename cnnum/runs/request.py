@@ -204,8 +204,14 @@ def _common_shape(values: Sequence[NDArray[np.floating]]) -> Shape:
         raise ArrayError(
             "A run needs at least an initial state, which gives the shape of the array."
         )
+    for value in values:
+        if value.ndim < 2:
+            raise ArrayError(
+                f"A map has rows and columns, got the shape {value.shape}: a chain of N cells is "
+                "an array of 1×N, as in input=[values]."
+            )
     shapes = {value.shape[-2:] for value in values}
-    if len(shapes) != 1 or len(next(iter(shapes))) != 2:
+    if len(shapes) != 1:
         raise ArrayError(
             f"Input, state, bias and mask must share their rows and columns, got {sorted(shapes)}."
         )

@@ -79,6 +79,24 @@ def test_a_run_takes_rows_of_one_length_and_one_array_at_least(name):
         engine.run(edge, input=np.ones((8, 8)), state=np.ones((1, 8)))
 
 
+@pytest.mark.parametrize("name", ENGINES)
+def test_a_chain_of_cells_is_one_row_and_a_volume_is_a_batch(name):
+    engine, edge = cnnum.Engine(name), cnnum.get_template("EDGE")
+    black = np.array([-1.0, 1.0, 1.0, 1.0, -1.0, 1.0])
+    with pytest.raises(ArrayError, match=r"shape \(6,\): a chain of N cells is an array of 1×N"):
+        engine.run(edge, input=black)
+    # the rim is its own neighbour above and below: the middle of three black cells is no edge
+    ends = np.array([-1.0, 1.0, -1.0, 1.0, -1.0, 1.0])
+    np.testing.assert_array_equal(engine.run(edge, input=[black]).output, [ends])
+    square = -np.ones((5, 5))
+    square[1:4, 1:4] = 1.0
+    rim = square.copy()
+    rim[2, 2] = -1.0
+    # in a volume, the outer two would be faces of a cube, and all edge
+    volume = np.stack([square, square, square])
+    np.testing.assert_array_equal(engine.run(edge, input=volume).output, [rim, rim, rim])
+
+
 def test_a_frame_takes_rows_of_one_length():
     plan = cnnum.Engine("reference").compile(total, (2, 2), channels=("normal",))
     with pytest.raises(
