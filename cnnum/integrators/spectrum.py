@@ -22,6 +22,7 @@ from cnnum.integrators.exact_ends import diagonal_in_modes, mode_rates
 from cnnum.safety.values import refuse_on_host
 from cnnum.templating.network import Network, widened
 from cnnum.templating.template import Template
+from cnnum.values import ByContent
 
 Complexes = NDArray[np.complex128]
 
@@ -54,7 +55,7 @@ class Box:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Discs:
+class Discs(ByContent):
     """Gershgorin's discs of an array, whichever cells saturate.
 
     Attributes
@@ -173,7 +174,7 @@ second."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Spectrum:
+class Spectrum(ByContent):
     """Eigenvalues of the Jacobian, or points around a region that holds them.
 
     Attributes

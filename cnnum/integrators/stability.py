@@ -66,6 +66,10 @@ KEPT = 32
 """Answers that are kept: runs in halved steps, and other engines, ask the same of a template."""
 
 
+MOST_KEPT = 1 << 14
+"""Rates of an array whose answer is kept."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class DelayedRates:
     """Rates of an array due to its present outputs and to its delayed ones.
@@ -416,6 +420,14 @@ def tableau_step(method: ButcherTableau, spectrum: Spectrum) -> float:
     fastest = float(np.abs(values).max(initial=0.0))
     if spectrum.real:
         return method.real_stability / fastest if fastest else math.inf
+    few = len(spectrum.values) <= MOST_KEPT
+    return _scanned(method, spectrum) if few else _scanned.__wrapped__(method, spectrum)
+
+
+@lru_cache(maxsize=KEPT)
+def _scanned(method: ButcherTableau, spectrum: Spectrum) -> float:
+    """Return the longest stable step where rates turn; it does not change with the bias."""
+    fastest = float(np.abs(_decaying(spectrum)).max(initial=0.0))
     # |R(z)| > 1 beyond |z| = 8 for every method of up to 7 stages here
     longest = 8.0 / fastest if fastest else math.inf
     if spectrum.discs is not None and spectrum.discs.reach:

@@ -10,8 +10,8 @@ import cnnum
 from cnnum.errors import MethodError
 from cnnum.integrators.exponential import EXPONENTIAL_METHODS
 from cnnum.integrators.rosenbrock import IMPLICIT_METHODS
-from cnnum.integrators.spectrum import field_of_values
-from cnnum.integrators.stability import METHODS, stability_bound
+from cnnum.integrators.spectrum import field_of_values, spectrum
+from cnnum.integrators.stability import METHODS, _scanned, stability_bound, tableau_step
 from cnnum.integrators.tableau import TABLEAUX
 from cnnum.templating.couplings import DelayedCoupling, NonlinearCoupling
 from cnnum.templating.functions import Table
@@ -208,3 +208,16 @@ def test_where_no_step_is_known_to_be_stable_that_is_said_and_auto_runs():
     matrix = Network(row, (1, 400)).linear_system().matrix
     # each row on its own; the tolerance is that of 100 steps or so, each with 1e-6 of order 1
     assert np.abs(result.state - start @ expm(3.0 * matrix).T).max() < 1e-4
+
+
+def test_a_bound_that_is_kept_is_that_of_its_own_couplings():
+    """Arrays of one shape and of rates that turn, in turns: none gets the answer of another."""
+    tableau = TABLEAUX["rk4"]
+    given = [
+        spectrum(cnnum.Template("t", [[0, 0, 0], [0, 2, size], [0, 0, 0]]), (9, 9))
+        for size in (0.5, 2.0, 7.0)
+    ]
+    fresh = [_scanned.__wrapped__(tableau, one) for one in given]
+    assert fresh[0] > fresh[1] > fresh[2] > 0.0
+    for _ in range(2):
+        assert [tableau_step(tableau, one) for one in given] == fresh

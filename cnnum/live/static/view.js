@@ -48,6 +48,7 @@ function greet(hello) {
   at("name").textContent = `${hello.name}, ${hello.shape[0]}×${hello.shape[1]} ${hello.drawn ? "cells" : "taxels"}`;
   at("what").textContent = hello.drawn ? "draw on it" : `normal (${hello.unit})`;
   document.body.classList.toggle("drawn", hello.drawn);
+  readColours();
   at("speed").hidden = !hello.duration;
   at("live").hidden = Boolean(hello.duration);
   if (!same) view.past = [];
@@ -216,6 +217,7 @@ function readColours() {
     const x = (i / 255) * 4, k = Math.min(3, Math.floor(x)), f = x - k;
     return `rgb(${stops[k].map((c, j) => Math.round(c + f * (stops[k + 1][j] - c))).join(",")})`;
   });
+  if (view.hello && view.hello.drawn) colours.ramp = colours.ramp.map((_, i) => `rgb(${[255 - i, 255 - i, 255 - i].join()})`); // black is black on any paper
   for (const name of ["above", "below"]) colours[name] = style.getPropertyValue(`--${name}`).split(",").map(Number);
   const ramp = at("ramp"), pen = ramp.getContext("2d");
   ramp.width = 256; ramp.height = 1;
