@@ -1,4 +1,4 @@
-"""Bad frames of a scene: counted, named, and never a flood of sentences."""
+"""Bad frames of a scene: counted, named, and never a flood of messages."""
 
 import logging
 import time
@@ -130,7 +130,7 @@ def range_for(
 
 
 SAID_EVERY = 10.0
-"""s by the host's clock between two sentences on bad frames."""
+"""s by the host's clock between two messages about bad frames."""
 
 PERSISTENT = 2.0
 """s by the frames' clock after which a taxel that is bad in every frame is named."""
