@@ -29,6 +29,9 @@ LEAD, DENIED = 0.35, 0.05
 """Correlation by which another order must be ahead of the present one, and up to which the press
 denies the present one. Two touches at once show a little of it."""
 
+RAGGED = 4.0
+"""How many times less neighbours of one channel agree in a wrong order of the taxels."""
+
 SMALLEST = 3
 """Rows and columns in which there is a pattern."""
 
@@ -610,10 +613,12 @@ def _units(recording: Recording, values: Floats, rest: Floats) -> list[Finding]:
 def _orders(
     recording: Recording, values: Floats, rest: Floats, noise: Floats, pads: int
 ) -> list[Finding]:
-    if recording.channels != FORCE_AXES:
-        said = "Orders are looked at in arrays of three axes alone."
-        return [Finding("order", said, wrong=False)]
     away = values - rest
+    if len(recording.channels) == 1:
+        return [_of_one_channel(away[..., 0], noise[..., 0])]
+    if recording.channels != FORCE_AXES:
+        said = "Orders are looked at in arrays of one or three axes alone."
+        return [Finding("order", said, wrong=False)]
     # whatever the channels are called, a load moves one of them
     size = np.abs(away / noise).max(axis=(1, 2, 3))
     # fewer frames than show a press, such as one with a number that is cut, do not set its level
@@ -637,6 +642,27 @@ def _orders(
         return [Finding("order", said, wrong=False)]
     others = _other_cures(order, square=values.shape[1] == values.shape[2])
     return [Finding("order", *sentence_of(order, value, present), others)]
+
+
+def _of_one_channel(away: Floats, noise: Floats) -> Finding:
+    """Return whether the taxels of one channel lie column by column, as far as that shows."""
+    size = np.abs(away / noise).max(axis=(1, 2))
+    pressed = np.flatnonzero(size > max(TOUCH, 0.3 * float(np.sort(size)[-LEAST:][0])))
+    (rows, cols), said = away.shape[1:], "Nothing shows whether rows and columns are swapped or"
+    if len(pressed) >= LEAST and min(rows, cols) >= SMALLEST and rows != cols:
+        some = np.abs(away[pressed[:: max(1, len(pressed) // PRESSES)]])
+        here = float(np.median(smoothness(some)))
+        there = float(np.median(smoothness(some.reshape(-1, cols, rows).swapaxes(1, 2))))
+        if there >= CLEAR and 1.0 - here >= RAGGED * (1.0 - there):
+            said = (
+                f"A press is smooth ({there:.2f}) if the taxels follow each other down the "
+                f"columns, and ragged ({here:.2f}) as they are read."
+            )
+            return Finding("order", said, cure={"order": f"frames {' '.join(COLUMNS)}"})
+        if here >= CLEAR and 1.0 - there >= RAGGED * (1.0 - here):
+            said = f"Rows and columns are right, as a press is smooth ({here:.2f}), but may be"
+    said += " mirrored: press one corner, and see where 'cnnum layout' draws it."
+    return Finding("order", said, wrong=False)
 
 
 TURNS = (Order((1, 0, 2), (1.0, -1.0, 1.0)), Order((1, 0, 2), (-1.0, 1.0, 1.0)))

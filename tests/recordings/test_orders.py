@@ -144,6 +144,31 @@ def test_levels_at_rest_show_channels_that_are_mixed():
         assert not orders(values + rng.normal(0.0, 9_000.0, values.shape[1:])).wrong
 
 
+@pytest.mark.parametrize("shape", [(6, 8), (12, 32), (8, 8)])
+def test_one_channel_by_columns_is_found_or_asked_about(shape):
+    """A load is compact in one order alone, unless the array is square."""
+
+    def order(values):
+        recording = cnnum.Recording(values, rate=100.0, channels=("normal",))
+        (found,) = (one for one in checked(recording) if one.what == "order")
+        return found
+
+    values = press(*shape, axes=1, offset=30, size=150)
+    turned = np.ascontiguousarray(values.swapaxes(1, 2)).reshape(values.shape)
+    assert not order(values).wrong
+    assert "press one corner" in order(values).sentence
+    if shape[0] == shape[1]:
+        assert order(turned) == order(values)
+        assert "Nothing shows whether rows and columns are swapped" in order(values).sentence
+    else:
+        assert "Rows and columns are right" in order(values).sentence
+        assert order(turned).cure == {"order": "frames cols rows channels"}
+        assert "a press is smooth" in order(turned).sentence.lower()
+    pulled = np.concatenate([values, values, values], axis=-1)[..., :2]
+    two = cnnum.Recording(pulled, rate=100.0, channels=("shear_x", "shear_y"))
+    assert not any(one.wrong for one in checked(two) if one.what == "order")
+
+
 def test_a_twist_a_pull_and_noise_are_no_wrong_order():
     """The shear of a twist is across the places, that of a pull the same everywhere."""
     values = press(8, 8, offset=16_000)
