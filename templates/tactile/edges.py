@@ -52,6 +52,10 @@ SHARP = 0.75
 VOTE, FIRM = 8.0, 0.006
 """Diffusion time of the votes, cells², and their excess that turns a cell, in peak loads."""
 
+SURE = 0.3
+"""The same in the noise of a load. Without it a faint touch turns cells by chance, the more often
+the more frames a press has, and they stay turned."""
+
 WIDE = 7.0
 """Smallest number of cells inside. A contact narrower than three cells looks the same with and
 without an edge."""
@@ -109,10 +113,11 @@ def edges(
     load = surface_load(whole_normal(loads), depth, reads)
     peak = load.max()
     surround = apply(get_template("tactile_diffusion"), input=load, duration=SPREAD)
-    least = maximum(LEAST * peak, LIFT * noise_gain(depth, reads) * noise)
+    unblurred = noise_gain(depth, reads) * noise
+    least = maximum(LEAST * peak, LIFT * unblurred)
     inside = (load - INHIBITS * surround > FAINT * peak) & (load > least) & loads.contact
     links = _links(load, inside, FALLS * peak, sharp)
-    edged = _decided(loads, links, peak) & (inside.count() > WIDE - 0.5)
+    edged = _decided(loads, links, peak, unblurred) & (inside.count() > WIDE - 0.5)
     links = [link._replace(crosses=link.crosses & edged) for link in links]
     result = _nearest(links)
     row, column = frame.centroid(result)
@@ -156,7 +161,7 @@ def _links(load: Field, inside: Field, least: Field, sharp: float) -> list[_Link
     return links
 
 
-def _decided(loads: Loads, links: list[_Link], peak: Field) -> Field:
+def _decided(loads: Loads, links: list[_Link], peak: Field, noise: Field) -> Field:
     """Return where the links around say that there is an edge; links on the verge stay so."""
     memory = loads.frame.memory("edge", logic=True)
     excess = total(link.excess for link in links)
@@ -165,7 +170,8 @@ def _decided(loads: Loads, links: list[_Link], peak: Field) -> Field:
     inner[1:-1, 1:-1] = 1.0
     excess = excess * loads.frame.constant(inner)
     votes = apply(get_template("tactile_diffusion"), input=excess, duration=VOTE)
-    votes = minimum(maximum(0.5 * votes / (FIRM * peak), -1.0), 1.0)
+    least = maximum(FIRM * peak, SURE * noise)
+    votes = minimum(maximum(0.5 * votes / least, -1.0), 1.0)
     before = memory.value.picture()
     edged = apply(get_template("edge_latch"), input=votes, state=before).black() & loads.contact
     memory.store(edged)
