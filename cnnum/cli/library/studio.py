@@ -29,7 +29,9 @@ SCENE_KEYS = {"array", "program", "needs"}
 @click.command("studio")
 @click.argument("source", default="EDGE", shell_complete=completed("template", files=True))
 @click.option("--scene", help="Scene whose program runs on a recording; 'demo' by default.")
-@click.option("--live", help="Array, scene or recording whose loads are a template's picture.")
+@click.option(
+    "--live", help="Driver, scene or recording whose loads are the picture of a template."
+)
 @page_options(8766)
 @scene_options
 @trust_option
