@@ -23,6 +23,11 @@ DELAYED = cnnum.Template(
     delayed=DelayedCoupling(0.4, [[[[-0.6]]]], [[[[0.2]]]]),
 )  # fmt: skip
 GROWING = cnnum.Template("growing", np.full((3, 3), 0.6), output="tanh", duration=8.0)
+ALIKE = np.add.outer(*2 * (np.array([0.3, 0.1, 0.2, 0.2, 0.1, 0.3]),))
+MIRRORED = cnnum.Template(  # what is symmetric decays, and what is not grows by e^{20}
+    "mirrored", [[0.0, -10.0, 0.0], [-10.0, -19.5, -10.0], [0.0, -10.0, 0.0]],
+    boundary="zero-flux", output="linear", duration=3.0,
+)  # fmt: skip
 CORNER = cnnum.get_template("CORNER")
 BATCH = TemplateBatch.of([CORNER, replace(CORNER, z=-4.0)])
 
@@ -35,6 +40,7 @@ CASES = {
     "wavefront": ("HOLE", {"input": np.sign(X)}),
     "compared": (GROWING, {"state": 1e-6 * X}),
     "settling": ("HOLE", {"input": X, "state": X, "duration": "settle"}),
+    "symmetric": (MIRRORED, {"state": ALIKE, "method": "bogacki-shampine"}),
     "halved": (DELAYED, {"input": X}),
     "implicit": (STIFF, {"input": np.full((3, 3), 2.0)}),
     "linear": (SMALL, {"input": X}),
