@@ -325,8 +325,9 @@ DEFINED = {
 
 
 @pytest.mark.parametrize(("name", "code", "shown"), BLOCKS)
-def test_code_runs_as_shown(name, code, shown, capsys):
+def test_code_runs_as_shown(name, code, shown, capsys, tmp_path, monkeypatch):
     """It prints what the page shows, and what it finds is held to a truth of its own."""
+    monkeypatch.chdir(tmp_path)  # for what it writes
     names = {"__name__": "page"}
     exec(compile(code, "page", "exec"), names)
     said = capsys.readouterr().out
