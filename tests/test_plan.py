@@ -53,6 +53,18 @@ def test_unknown_need_is_refused(engine):
         engine.compile(grip, (4, 5), ["slip"])
 
 
+@pytest.mark.parametrize(
+    ("name", "channels", "lacks"),
+    [("slip", ("normal",), "shear_x"), ("contact", ("shear_x", "shear_y"), "normal")],
+)
+def test_an_axis_that_the_array_does_not_read_is_named(opencl, name, channels, lacks):
+    with pytest.raises(UnknownNameError) as caught:
+        opencl.compile(cnnum.get_program(name), (8, 8), channels=channels)
+    sentence = str(caught.value)
+    assert sentence.startswith(f"The program needs '{lacks}', which the array does not read")
+    assert all(f"'{channel}'" in sentence for channel in channels)
+
+
 def test_explanation_counts_what_runs_and_what_does_not(opencl):
     full = opencl.compile(grip, (4, 5)).explain()
     less = opencl.compile(grip, (4, 5), ["contact"]).explain()

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cnnum.arrays import Floats, Shape
-from cnnum.errors import ProgramError, name_error
+from cnnum.errors import ProgramError, UnknownNameError, name_error
+from cnnum.frame import FORCE_AXES
 from cnnum.graph.nodes import FirstFrame, Graph, Input, Memory, Node, Read
 from cnnum.programs.fields import Field, constant, most, sqrt, square, total, where
 from cnnum.safety.values import checked_name
@@ -123,14 +124,23 @@ class FrameFields:
 
     def __getattr__(self, name: str) -> Field:
         if name.startswith("_") or name not in self.channels:
-            raise ProgramError(str(name_error("channel", name, self.channels)))
+            raise ProgramError(str(self._missing(name)))
         return self.channel(name)
 
     def channel(self, name: str) -> Field:
         """Return one channel of the frame as a map."""
         if name not in self.channels:
-            raise name_error("channel", name, self.channels)
+            raise self._missing(name)
         return Field(self._graph, self._graph.add(Input(name)))
+
+    def _missing(self, name: str) -> UnknownNameError:
+        if name not in FORCE_AXES or not {*FORCE_AXES} & {*self.channels}:
+            return name_error("channel", name, self.channels)
+        read = ", ".join(f"'{channel}'" for channel in self.channels)
+        return UnknownNameError(
+            f"The program needs '{name}', which the array does not read (it reads {read}): take "
+            "one that needs less, or an array that reads this axis, too."
+        )
 
     def within_range(self, marks: Field) -> Field:
         """Return a logic map without the taxels that are at an end of their range.
