@@ -77,12 +77,9 @@ class Stack:
         layers, size = len(self.slabs), self.order + 1
         A, B = np.zeros((layers, layers, size, size)), np.zeros((layers, 1, size, size))
         for row, (own, above, below) in enumerate(self._rows()):
-            scale = _value(own, HIGHEST)
+            scale = np.polynomial.polynomial.polyval(HIGHEST, own)
             A[row, row] = _kernel([1.0], size) - _kernel(own, size) / scale
-            if row == 0:
-                B[0, 0] = _kernel(above, size) / scale
-            else:
-                A[row, row - 1] = _kernel(above, size) / scale
+            (A[row, row - 1] if row else B[0, 0])[:] = _kernel(above, size) / scale
             if row + 1 < layers:
                 A[row, row + 1] = _kernel(below, size) / scale
         return Template(
@@ -99,12 +96,9 @@ class Stack:
         first = self.slabs[0]
         rows = [(self._cosh(first), [first * part for part in self._sinh(first)], [1.0])]
         for above, below in zip(self.slabs, self.slabs[1:], strict=False):
-            if below == above:
-                rows.append(([2.0 * part for part in self._cosh(above)], [1.0], [1.0]))
-            else:
-                own = [2.0 * part for part in self._cosh(below)]
-                own[0] += 1.0
-                rows.append((own, [2.0 * part for part in self._cosh(above)], [1.0]))
+            own, upper = ([2.0 * part for part in self._cosh(slab)] for slab in (below, above))
+            own[0] += below != above
+            rows.append((own, [1.0] if below == above else upper, [1.0]))
         return rows
 
     def _cosh(self, slab: float) -> list[float]:
@@ -190,20 +184,13 @@ def _laplacian(value: Field) -> Field:
     return apply(get_template("laplacian"), input=value)
 
 
-def _value(series: list[float], square: float) -> float:
-    return float(np.polynomial.polynomial.polyval(square, series))
-
-
 def _kernel(series: list[float], size: int) -> Floats:
     """Return the template of a series in k² = −Laplacian."""
     minus = np.array([[0.0, -1.0, 0.0], [-1.0, 4.0, -1.0], [0.0, -1.0, 0.0]])
     total, power = np.zeros((size, size)), np.ones((1, 1))
     for part in series:
-        margin = (size - len(power)) // 2
-        total += part * np.pad(power, margin)
+        total += part * np.pad(power, (size - len(power)) // 2)
         power = convolve2d(power, minus)
-        if len(power) > size:
-            break
     return total
 
 

@@ -12,7 +12,6 @@ K P Kᵀ is a template: the coupling of two taxels depends on how they lie to ea
 boundary makes the finite array exact.
 """
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -20,7 +19,6 @@ import numpy as np
 from scipy.signal import fftconvolve
 
 from cnnum.arrays import Floats
-from cnnum.errors import ProgramError
 from cnnum.graph.nodes import RunSpec
 from cnnum.programs import program
 from cnnum.programs.fields import Field, length, maximum, minimum, sqrt, square, total
@@ -55,7 +53,7 @@ class LoadNetwork:
     Raises
     ------
     ProgramError
-        If a parameter is not above 0.
+        If a parameter is out of range.
     """
 
     thickness: float
@@ -67,13 +65,15 @@ class LoadNetwork:
     reach: int
 
     def __post_init__(self) -> None:
-        cover = (self.thickness, self.pitch, self.youngs_modulus)
-        sizes = (*cover, self.noise, self.likely, self.drag)
-        if not all(0 < size < math.inf for size in sizes) or self.reach < 1:
-            raise ProgramError(
-                "A surface load needs thickness, pitch, Young's modulus, noise, likely load and "
-                f"drag above 0 and a reach of 1 or more, got {sizes} and {self.reach}."
-            )
+        refuse_outside(
+            thickness=(self.thickness, 1e-9, 1e3),
+            pitch=(self.pitch, 1e-9, 1e3),
+            youngs_modulus=(self.youngs_modulus, 1e-9, 1e15),
+            noise=(self.noise, 1e-30, 1e30),
+            likely=(self.likely, 1e-30, 1e30),
+            drag=(self.drag, 1e-6, 1e6),
+            reach=(self.reach, 1, 64),
+        )
 
     def influence(self) -> Floats:
         """Return (strain, load, 2 reach + 1, 2 reach + 1), 1/Pa, as a template's weights."""
@@ -200,26 +200,13 @@ def surface_load(
     Raises
     ------
     ProgramError
-        If a parameter is not above 0.
+        If a parameter is out of range.
 
     References
     ----------
     Tikhonov & Arsenin, Solutions of Ill-Posed Problems (1977).
     """
-    if not 0 < friction < math.inf:
-        raise ProgramError(f"'friction': expected above 0, got {friction}.")
-    if rounds < 0:
-        raise ProgramError(f"'rounds': expected 0 or more, got {rounds}.")
-    refuse_outside(
-        thickness=(thickness, 1e-9, 1e3),
-        pitch=(pitch, 1e-9, 1e3),
-        youngs_modulus=(youngs_modulus, 1e-9, 1e15),
-        noise=(noise, 1e-30, 1e30),
-        likely=(likely, 1e-30, 1e30),
-        drag=(drag, 1e-6, 1e6),
-        reach=(reach, 1, 64),
-        rounds=(rounds, 0, 1000),
-    )
+    refuse_outside(friction=(friction, 1e-9, 1e9), rounds=(rounds, 0, 1000))
     network = LoadNetwork(thickness, pitch, youngs_modulus, noise, likely, drag, reach)
     spec = RunSpec(rtol=tolerance, atol=tolerance, settle_limit=PATIENCE)
     least, holds = network.noise_of_pressure / likely, friction / drag
