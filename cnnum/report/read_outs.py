@@ -12,7 +12,15 @@ from cnnum.report.plots import PALETTE, page_style, write_picture
 from cnnum.scenes.explaining import CAUSES, Explained
 from cnnum.scenes.tuning import Outcome, Tuned
 
-RATES = ("pattern_speed", "incoherent_shear", "trend", "load_rate", "ratio_rate", "turning")
+RATES = (
+    "pattern_speed",
+    "incoherent_shear",
+    "trend",
+    "load_rate",
+    "swings",
+    "ratio_rate",
+    "turning",
+)
 """Read-outs in 1/s; the others have no unit."""
 
 PLACES = ("x", "y", "row", "column", "sense", "centred", "pivots")

@@ -7,6 +7,7 @@ from math import inf
 import numpy as np
 
 from cnnum.scenes.events import Outputs
+from cnnum.templates.tactile.twist import PULLED
 
 FLAGS = {"slip": "gross_slip", "twist": "twist"}
 """Kinds that are explained, and the flag of each."""
@@ -14,11 +15,12 @@ FLAGS = {"slip": "gross_slip", "twist": "twist"}
 CAUSES = {
     "trend": "the load has lately grown or fallen",
     "load_rate": "the load changes",
+    "swings": "the load has just swung",
     "ratio_rate": "the ratio of shear to load still changes",
 }
 """Read-outs of slip that explain a movement, in words."""
 
-WEIGHTS = ("still", "swing", "pull")
+WEIGHTS = ("still", "swing", "look", "pull")
 """Parameters of `slip` that weigh what a movement is divided by."""
 
 STICKS, AHEAD = 0.5, 1 / 3
@@ -130,6 +132,7 @@ def _holds(numbers: Mapping[str, float], weights: Mapping[str, float]) -> dict[s
         "still": weights["still"],
         "trend": numbers["slip_trend"],
         "load_rate": weights["swing"] * numbers["slip_load_rate"],
+        "swings": weights["look"] * numbers["slip_swings"] ** 2,
         "ratio_rate": weights["pull"] * numbers["slip_ratio_rate"],
     }
 
@@ -157,6 +160,9 @@ def _twist(strength: float, numbers: Mapping[str, float]) -> str:
     ratio, apart = numbers["twist_ratio"], numbers["twist_divergence"]
     if strength == 0.0:
         return "the rest is still learned, or no shear turns"
-    if strength <= ratio:
-        return f"the curl is below the ratio of shear to load ({ratio:.2g}): it is pulled"
+    if strength <= PULLED * ratio:
+        return (
+            f"the curl is below {PULLED:g} times the ratio of shear to load ({ratio:.2g}): "
+            "it is pulled"
+        )
     return f"the ratio of shear to load is {ratio:.2g} and the divergence {apart:.2g}"

@@ -133,7 +133,8 @@ def slip_flow() -> tuple[Traced, list[Drawn]]:
     load = inspect.signature(slip_file.slip.function).parameters["load"].default
     (made,) = recent.frame.once(slip_file.read_outs, recent=recent, load=load)
     signs = {name: [field.node] for name, field in made.items()}
-    changes = [*signs["load_rate"], *signs["trend"], *traced.memory("trend")]
+    changes = [node for name in ("load_rate", "swings", "trend") for node in signs[name]]
+    changes += traced.memory("trend")
     return traced, [
         *start_of(traced),
         ("shear a moment ago", traced.held(recent.old_shear), (4, 2), "templates"),
@@ -143,7 +144,7 @@ def slip_flow() -> tuple[Traced, list[Drawn]]:
         ("slopes of the load", traced.run_by("gradient_x", "gradient_y"), (1, 4), "templates"),
         ("local mean of its change", traced.run_by("tactile_diffusion"), (4, 4), "templates"),
         ("cells come loose", traced.memory("loose"), (5, 4), "templates"),
-        ("load rate, trend", changes, (0, 5), "read-outs"),
+        ("load rate, swings, trend", changes, (0, 5), "read-outs"),
         ("pattern speed", signs["pattern_speed"], (1, 5), "read-outs"),
         ("along the shear", signs["motion_cosine"], (2, 5), "read-outs"),
         ("aligned with the load", signs["alignment"], (3, 5), "read-outs"),

@@ -5,12 +5,13 @@ move a pattern, too: a load that changes, and a ratio of shear to normal load th
 counts as far as it exceeds their effect, once less than half of the contact sticks:
 
     strength = (pattern_speed² · incoherent_shear)^⅓ · ratio
-               / (still + trend + swing · load_rate + pull · ratio_rate)
+               / (still + trend + swing · load_rate + look · swings² + pull · ratio_rate)
 
-All of these are rates in 1/s, but for `ratio`, which is shear over normal load. Where the axes are
-known, the strength is weighed by how far the pattern moves along the shear. It is weighed, too, by
-whether the shear lies where the contact presses. Of several pads the one with the largest strength
-counts.
+All of these are rates in 1/s, but for `ratio`, which is shear over normal load, and `look`, a time.
+`swings` is `load_rate` as large as it lately was: where a load turns, its pattern still moves.
+Where the axes are known, the strength is weighed by how far the pattern moves along the shear, and
+by whether the shear lies where the contact presses. Of several pads the one with the largest
+strength counts.
 
 An array that reads shear alone, as a field of markers does, has its magnitude for a load. One that
 reads no shear cannot tell a slide: a touch, a grip and a roll move the pattern of the load as much.
@@ -21,7 +22,7 @@ from math import exp
 
 from cnnum.graph.nodes import RunSpec
 from cnnum.programs import program
-from cnnum.programs.fields import Field, length, maximum, mean, minimum, most, sqrt, where
+from cnnum.programs.fields import Field, length, maximum, mean, minimum, most, sqrt, square, where
 from cnnum.programs.machine import FrameFields, root_sum
 from cnnum.programs.parameters import refuse_outside
 from cnnum.programs.reports import level_of, report
@@ -38,7 +39,7 @@ WAVE = RunSpec(method="euler")  # of a time constant: no cell turns back, so the
 ALIGNED = 0.3  # cosine of the shear's map to the load's, from which a shear can be that of a slip
 PULL, TURN = ("pull_x", "pull_y"), ("torque", "row", "column")
 SIGNS = (
-    "pattern_speed", "incoherent_shear", "trend", "load_rate", "ratio_rate", "stick_share"
+    "pattern_speed", "incoherent_shear", "trend", "load_rate", "swings", "ratio_rate", "stick_share"
 )  # fmt: skip
 PIVOTS, CENTRED = 0.1, 0.5  # turning, 1/s, from which a slip is a pivot; torque over ratio from
 # which its centre, at most two sizes of the contact away, is known
@@ -106,9 +107,9 @@ def slip(
         `gross_slip` (flag), `slip_x`, `slip_y` (unit vector of the shear), `slip_strength`, and
         its ingredients: `slip_level`, and for the pad with the largest strength
         `slip_pattern_speed`, `slip_incoherent_shear`, `slip_trend`, `slip_load_rate`,
-        `slip_ratio_rate` (1/s), `slip_ratio`, `slip_stick_share`, and with known axes
-        `slip_motion_cosine`, `slip_alignment`. For all pads together `slip_torque` (torque of the
-        shear about the centre of the load, divided by load and size) and `slip_turning` (1/s:
+        `slip_swings`, `slip_ratio_rate` (1/s), `slip_ratio`, `slip_stick_share`, and with known
+        axes `slip_motion_cosine`, `slip_alignment`. For all pads together `slip_torque` (torque of
+        the shear about the centre of the load, divided by load and size) and `slip_turning` (1/s:
         pattern speed times the torque's share of the friction). `slip_pivots` (flag: the slip
         turns), and for the pad with the largest strength `slip_sense` (as `twist_sense`),
         `slip_row`, `slip_column` (centre of the turn, cells) and `slip_centred` (flag: that centre
@@ -123,10 +124,11 @@ def slip(
     # decision: a hand's load changes under all of its fingers, an object may slip under one alone
     explained = mean(
         [
-            pad_signs["trend"] + swing * pad_signs["load_rate"] + pull * pad_signs["ratio_rate"]
-            for pad_signs in signs_of_pads
+            signs["trend"] + swing * signs["load_rate"] + look * square(signs["swings"])
+            + pull * signs["ratio_rate"]
+            for signs in signs_of_pads
         ]
-    )
+    )  # fmt: skip
     (ratio,) = most([[signs["ratio"]] for signs in signs_of_pads])
     names = SIGNS + AXIAL if axes else SIGNS
     rows: list[list[Field]] = []
@@ -199,22 +201,23 @@ def stick_region(recent: RecentLoads, rests: list[Field], around: list[Field]) -
 
 
 def _of_load(recent: RecentLoads, pad: Pad, share: float) -> dict[str, Field]:
-    """Return the trend of a pad's load, as large as it lately was, and its last change, 1/s.
+    """Return the trend of a pad's load and its last change, 1/s, and both as large as lately.
 
     A touch that comes and goes has no trend at its turn, but it is no load at rest there.
     """
     frame = recent.frame
-    growth = recent.rate * (pad.load - frame.previous(pad.load)) / pad.load
-    growth = where(recent.resting, 0.0, growth)
+    growth, load_rate = (
+        where(recent.resting, 0.0, rate * (pad.load - before) / pad.load)
+        for rate, before in ((recent.rate, frame.previous(pad.load)), (recent.per_s, pad.before))
+    )
     trend = abs(frame.memory("trend", scalar=True).mean(growth, share))
-    largest = frame.memory("largest trend", scalar=True)
-    trend = maximum(trend, (1.0 - share) * largest.value)
-    largest.store(trend)
-    return {
-        "trend": trend,
-        "load_rate": recent.per_s * abs(pad.load - pad.before) / pad.load,
-        "ratio": pad.ratio,
-    }
+    load_rate = abs(load_rate)
+    lately = list[Field]()
+    for name, value in (("trend", trend), ("load rate", load_rate)):
+        largest = frame.memory(f"largest {name}", scalar=True)
+        lately.append(maximum(value, (1.0 - share) * largest.value))
+        largest.store(lately[-1])
+    return {"trend": lately[0], "load_rate": load_rate, "swings": lately[1], "ratio": pad.ratio}
 
 
 def _of_pad(recent: RecentLoads, pad: Pad, rests: list[Field], stick: Field) -> dict[str, Field]:

@@ -3,7 +3,8 @@
 The curl over the normal load must exceed twice the ratio of shear to normal load, else the contact
 is pulled: what turns under a pull is a slip that pivots. It must exceed a share of the divergence,
 too: a shear that settles pulls apart as well as it turns. Curl and divergence at the load's last
-change are taken off: a press alone can show both.
+change are taken off: a press alone can show both. Where shear alone is read, it is the load, too: a
+turn changes it, so its curl is not taken off there.
 
 A shear beyond any friction of the load above rest says that some load is part of the rest. No curl
 can be compared with it, so nothing is reported until nothing touches any more or a load that counts
@@ -97,11 +98,12 @@ def read_outs(frame: FrameFields, *, recent: RecentLoads, still: float) -> dict[
         [_over_load(recent, pad, rate) for pad in recent.pads] for rate in (curl, divergence)
     )
     changes = recent.load_rate > still
-    turns = [_since(recent, "curl", rate, changes) for rate in curls]
+    if recent.pressed:
+        curls = [_since(recent, "curl", curl, changes) for curl in curls]
     parts = [abs(_since(recent, "divergence", part, changes)) for part in parts]
     rows = [
         (abs(turn), turn, part, pad.ratio, *recent.centre(pad))
-        for turn, part, pad in zip(turns, parts, recent.pads, strict=True)
+        for turn, part, pad in zip(curls, parts, recent.pads, strict=True)
     ]
     return dict(
         zip(("size", "curl", "divergence", "ratio", "row", "column"), most(rows), strict=True)

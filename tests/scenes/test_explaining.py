@@ -44,6 +44,7 @@ def test_the_strength_is_what_its_read_outs_make(recording):
         at = {name.removeprefix("slip_"): value for name, value in found.read_outs.items()}
         moves = np.cbrt(at["pattern_speed"] ** 2 * at["incoherent_shear"]) * at["ratio"]
         rates = at["trend"] + 0.6 * at["load_rate"] + 0.6 * at["ratio_rate"]
+        rates += 0.08 * at["swings"] ** 2
         along = (0.75 * max(1.0 + at["motion_cosine"], 0.0)) ** 2
         along *= min(max(at["alignment"], 0.0) / 0.3, 1.0) * (at["stick_share"] < 0.5)
         assert found.strength == pytest.approx(along * moves / (0.2 + rates), rel=1e-4, abs=1e-6)
@@ -85,6 +86,7 @@ def test_the_picture_shows_every_read_out_around_the_time(recording, tmp_path):
     assert sum(middle.holds.values()) == pytest.approx(
         0.2
         + middle.read_outs["slip_trend"]
+        + 0.08 * middle.read_outs["slip_swings"] ** 2
         + 0.6 * (middle.read_outs["slip_load_rate"] + middle.read_outs["slip_ratio_rate"])
     )
     path = tmp_path / "why.svg"

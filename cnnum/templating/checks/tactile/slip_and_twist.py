@@ -105,6 +105,7 @@ class MovingContact:
     noise: float = 0.0
     trends: Floats = field(default_factory=lambda: np.zeros(1))
     largest: Floats = field(default_factory=lambda: np.zeros(1))
+    swings: Floats = field(default_factory=lambda: np.zeros(1))
     masses: Floats = field(default_factory=lambda: np.zeros(1))
     offsets: Floats = field(default_factory=lambda: np.zeros(1))
     opened: Floats = field(default_factory=lambda: np.zeros(1))
@@ -132,7 +133,7 @@ class MovingContact:
         pads = self._read(now, old)
         if resting:
             self.masses = np.array([pad["mass"] for pad in pads])
-            self.trends = self.largest = 0.0 * self.masses
+            self.trends = self.largest = self.swings = 0.0 * self.masses
             self.offsets = np.array([pad["curl"] for pad in pads])
             self.opened = np.array([pad["divergence"] for pad in pads])
             return dict.fromkeys(OUTPUTS, 0.0)
@@ -249,11 +250,13 @@ class MovingContact:
         self.trends += c.step(c.load) * (c.rate * (masses - self.masses) / masses - self.trends)
         self.masses = masses
         self.largest = np.maximum(np.abs(self.trends), (1.0 - c.step(c.load)) * self.largest)
+        rates = np.array([abs(pad["load_rate"]) for pad in pads]) / masses
+        self.swings = np.maximum(rates, (1.0 - c.step(c.load)) * self.swings)
         ratio = max(pad["ratio"] for pad in pads)
-        explained = float(self.largest.mean()) + float(np.mean([
-            c.swing * abs(pad["load_rate"]) / pad["mass"] + c.pull * pad["ratio_rate"]
-            for pad in pads
-        ]))  # fmt: skip
+        pulls = np.array([pad["ratio_rate"] for pad in pads])
+        explained = float(
+            (self.largest + c.swing * rates + c.look * self.swings**2 + c.pull * pulls).mean()
+        )
         strengths = [self._strength(pad, ratio, explained) for pad in pads]
         strength, most = max(strengths), pads[int(np.argmax(strengths))]
         curls, parts = (np.array([pad[n] for pad in pads]) for n in ("curl", "divergence"))
