@@ -7,7 +7,6 @@ from math import inf
 import numpy as np
 
 from cnnum.scenes.events import Outputs
-from cnnum.templates.tactile.twist import PULLED
 
 FLAGS = {"slip": "gross_slip", "twist": "twist"}
 """Kinds that are explained, and the flag of each."""
@@ -23,9 +22,9 @@ CAUSES = {
 WEIGHTS = ("still", "swing", "look", "pull")
 """Parameters of `slip` that weigh what a movement is divided by."""
 
-STICKS, AHEAD = 0.5, 1 / 3
+STICKS, AHEAD, PULLED = 0.5, 1 / 3, 2.0
 """Share of the contact that sticks from which nothing slides; cosine of the motion to the shear
-from which it counts in full."""
+from which it counts in full; least curl over the ratio of shear to load. As in the programs."""
 
 
 @dataclass(frozen=True, slots=True)

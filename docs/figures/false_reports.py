@@ -1,7 +1,8 @@
 """False reports of `slip` and `twist` by their level: `python docs/figures/false_reports.py`.
 
 It plays the families of `cnnum score` without slip, but for rolling, and counts reports by level.
-`LEVELS` of `templates/tactile/slip.py` and `twist.py` are the bounds that came out.
+`LEVELS` of `templates/tactile/slip.py` and `twist.py` are the bounds that came out, and with
+`--shear-alone` their `SHEAR_LEVELS`.
 """
 
 import argparse
@@ -11,11 +12,12 @@ from scipy.special import gammaincinv
 
 from cnnum.drivers.simulated.grips import Arrays, runs
 from cnnum.engine import Engine
+from cnnum.frame import FORCE_AXES
 from cnnum.lab.scoring.families.catalogue import FAMILIES
 from cnnum.lab.scoring.judge import judge, per_ten_minutes
 from cnnum.lab.scoring.judged_programs import in_batches, reports, side_by_side
 from cnnum.programs.library import get_program
-from cnnum.templates.tactile.twist import LEVELS as TWIST
+from cnnum.templates.tactile import twist
 
 LEVELS = (0.20, 0.25, 0.28, 0.32, 0.36, 0.40, 0.45, 0.50, 0.55, 0.60)
 
@@ -32,22 +34,27 @@ def main() -> None:
     arguments = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     arguments.add_argument("--count", type=int, default=24)
     arguments.add_argument("--seed", type=int, default=700_000)
+    arguments.add_argument("--shear-alone", action="store_true", help="as arrays of markers read")
     given = arguments.parse_args()
+    channels = FORCE_AXES[:2] if given.shear_alone else FORCE_AXES
     engine, arrays = Engine(), Arrays()
     seeds = range(given.seed, given.seed + given.count)
     held = [one for one in FAMILIES if one.kind == "held" and "rolling" not in one.name]
     trials = [family.make(arrays, family.name, seed) for family in held for seed in seeds]
     seconds = sum(trial.seconds for trial in trials)
     print(f"{seconds / 60.0:.1f} minutes")
-    run = partial(side_by_side, engine, get_program("slip"), ("slip_strength",))
+    run = partial(side_by_side, engine, get_program("slip"), ("slip_strength",), channels=channels)
     strengths = [one["slip_strength"] for one in in_batches(trials, run)]
     for level in LEVELS:
         pairs = zip(trials, strengths, strict=True)
         false = sum(judge(t, {}, reports(one, level, t.rate)).false for t, one in pairs)
         print(f"slip {level:.2f}: {rates(false, seconds)}")
-    for rate, level in TWIST:
+    for rate, level in twist.SHEAR_LEVELS if given.shear_alone else twist.LEVELS:
         known = {"false_reports": rate}
-        run = partial(side_by_side, engine, get_program("twist"), ("twist",), constants=known)
+        run = partial(
+            side_by_side, engine, get_program("twist"), ("twist",), constants=known,
+            channels=channels,
+        )  # fmt: skip
         turns = zip(trials, in_batches(trials, run), strict=True)
         false = sum(len(runs((one["twist"] > 0) & t.scored)) for t, one in turns)
         print(f"twist {level:.2f}: {rates(false, seconds)}")

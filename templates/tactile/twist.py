@@ -28,7 +28,7 @@ LASTS, AS_AT_REST = 0.2, 1 / 48  # s of that until it is sure; and s after a sho
 # load counts, or readings stay below that share of the least one, five times the noise
 DIVERGING = 0.2  # curl at least, over the divergence, beyond the ratio of shear to normal load
 LEVELS = ((0.3, 0.1), (0.5, 0.03), (0.7, 0.02), (5.0, 0.01))
-SHEAR_LEVELS = ((1.2, 0.03), (4.6, 0.01))
+SHEAR_LEVELS = ((1.5, 0.03), (6.7, 0.01))
 """As in `slip`."""
 
 
@@ -134,8 +134,12 @@ def load_hidden(recent: RecentLoads) -> Field:
 
 
 def _over_load(recent: RecentLoads, pad: Pad, slope: Field) -> Field:
-    """Return a slope of the shear over the load, each cell by the square of its load."""
-    return pad.inner(recent.z * slope) / (pad.power + pad.even / 16.0)
+    """Return a slope of the shear over the load, each cell by the square of its load.
+
+    A faint load counts in full; a faint shear that is the load, as after a pull, does not.
+    """
+    least = pad.even / 16.0 if recent.pressed else pad.even
+    return pad.inner(recent.z * slope) / (pad.power + least)
 
 
 def _since(recent: RecentLoads, name: str, value: Field, changes: Field) -> Field:
