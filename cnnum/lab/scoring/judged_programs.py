@@ -28,7 +28,10 @@ OUTPUTS = {
     TWIST: ("twist", "twist_sense"),
 }
 
-MORE = {SLIP: ("slip_turning", "slip_pivots"), TWIST: ("twist_strength",)}
+MORE = {
+    SLIP: ("slip_turning", "slip_pivots"),
+    TWIST: ("twist_strength", "twist_ratio", "twist_divergence"),
+}
 """Outputs that are looked at where a program has them."""
 
 BATCH = 32

@@ -15,7 +15,7 @@ from cnnum.drivers.simulated.grips import Trial
 from cnnum.engine import Engine
 from cnnum.errors import RecordingError
 from cnnum.lab.scoring.judge import auc
-from cnnum.lab.scoring.judged_programs import Answers, Subject
+from cnnum.lab.scoring.judged_programs import MORE, TWIST, Answers, Subject
 from cnnum.lab.scoring.left_out import GRID
 from cnnum.lab.scoring.recorded import (
     FLAT,
@@ -283,7 +283,11 @@ def turn_table(recorded: Recorded) -> Table:
             np.nan_to_num(np.asarray(trial.speed)) for trial in recorded.flat
         ]
     if can_learn() and len({trial.family for trial in recorded.flat}) > 1:
-        rows["boosted trees without the object"] = _trees(recorded.flat)
+        moments = [np.hstack([features(t), np.log(_moments(t) + 1e-3)]) for t in recorded.flat]
+        rows["boosted trees without the object"] = _trees(recorded.flat, moments)
+        if all({*MORE[TWIST]} <= {*answers} for answers in recorded.flat_answers):
+            read = [np.stack([a[n] for n in MORE[TWIST]], axis=1) for a in recorded.flat_answers]
+            rows["boosted trees of the read-outs of twist"] = _trees(recorded.flat, read)
     columns = (
         Column("score", "score"),
         Column("slides", f"slides (< {SLIDES:g}°/s) against none", 3),
@@ -344,11 +348,10 @@ def curl_change(trial: Trial) -> Floats:
     return np.asarray(np.abs(curl.mean(axis=(2, 3))).mean(axis=1) / (_load(trial) + FAINT))
 
 
-def _trees(trials: Sequence[Trial]) -> list[Floats]:
+def _trees(trials: Sequence[Trial], inputs: Sequence[Floats]) -> list[Floats]:
     """Return the chance of a pivot among slips by trees that learned on all other objects."""
     ensemble: Any = import_module("sklearn.ensemble")
     known = [t.scored & (t.slips == 1) & np.isfinite(_turning(t)) for t in trials]
-    inputs = [np.hstack([features(t), np.log(_moments(t) + 1e-3)]) for t in trials]
     result: dict[int, Floats] = {}
     for _, mine, others in folds(trials):
         x = np.concatenate([inputs[n][known[n]] for n in others])
