@@ -217,7 +217,8 @@ def _of_load(recent: RecentLoads, pad: Pad, share: float) -> dict[str, Field]:
         largest = frame.memory(f"largest {name}", scalar=True)
         lately.append(maximum(value, (1.0 - share) * largest.value))
         largest.store(lately[-1])
-    return {"trend": lately[0], "load_rate": load_rate, "swings": lately[1], "ratio": pad.ratio}
+    swings = lately[1] if recent.pressed else 0.0 * load_rate  # a pull is no swing of a load
+    return {"trend": lately[0], "load_rate": load_rate, "swings": swings, "ratio": pad.ratio}
 
 
 def _of_pad(recent: RecentLoads, pad: Pad, rests: list[Field], stick: Field) -> dict[str, Field]:
