@@ -31,7 +31,7 @@ def rates(count: int, seconds: float) -> str:
 
 def main() -> None:
     """Print a row a level of each program."""
-    arguments = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    arguments = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     arguments.add_argument("--count", type=int, default=24)
     arguments.add_argument("--seed", type=int, default=700_000)
     arguments.add_argument("--shear-alone", action="store_true", help="as arrays of markers read")
