@@ -19,7 +19,8 @@ The library has {count} templates: those of the CNN Software Library, MatCNN, CN
 sources with their published numbers (except for one sign each in HORSKELR and VERSKELB), and those
 of this project. `cnnum templates show NAME` prints the definition of a template, its source, the
 meaning of its input and state, its check, the settling time on the check's pictures, and how much
-the bias may change before a cell is wrong. Other commands of `cnnum templates` are
+the bias may change before a cell is wrong. The table lists the other commands of
+`cnnum templates`:
 
 | command | what it does |
 |---|---|

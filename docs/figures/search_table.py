@@ -27,19 +27,21 @@ MISMATCH, DRAWS = 0.05, 400
 HEAD = """# Coupled templates found by search
 
 Can a search find coupled templates that are as robust as the published ones? For {good} of the
-{count} templates below, the one found flips no more often than the published one. `cnnum
-templates design` searched with CMA-ES (`cma`, extra `search`) within the pattern of each
-published template: zeros stay zeros, and equal weights stay equal. Three searches run side by
-side. Each starts from a self-feedback of 2 with all other weights 0, and ends when a template
-has no flip, not even on 100 further draws, or after 25 generations.
+{count} templates below, random errors of the weights lead to a wrong cell no more often in the
+template found than in the published one. `cnnum templates design` searched with CMA-ES (`cma`,
+extra `search`) within the pattern of each published template: zeros stay zeros, and equal weights
+stay equal. Three searches run side by side. Each starts from a self-feedback of 2 with all other
+weights 0, and ends when a template has no flip, even in 100 further draws, or after 25
+generations.
 
-* A *flip* is a draw with a wrong cell. The table gives the share of flips in {draws} draws, in
-  which each weight is off by {mismatch:g} % (standard deviation), with its 95 % interval. Both
-  templates get the same draws, which no search has seen.
+* A *draw* gives each weight a random error, and is a *flip* if a cell of the result is then
+  wrong. The table gives the share of flips, with its 95 % interval, in {draws} draws with errors
+  of {mismatch:g} % (standard deviation). Both templates get the same draws, which no search has
+  seen.
 * *check*: whether the template found passes the published template's check at all sizes.
 * *templates run* and *seconds* count all three searches.
 
-`python docs/figures/search_table.py` writes this page; the times are from {machine}.
+`python docs/figures/search_table.py` writes this page; the times are from this machine: {machine}.
 
 | template | flips, published | flips, found | check | templates run | seconds |
 |---|--:|--:|---|--:|--:|
