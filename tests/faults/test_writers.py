@@ -706,6 +706,7 @@ INPUTS = {
     *("lerobot FILE", "replay FILE", "simulate --descriptor", "simulate --link", "layout FILE"),
     *("templates find --input", "templates find --wanted", "templates find --state"),
     *("check RECORDING", "export --like", "explain FILE", "tune FILE", "tune --labels"),
+    "lerobot --table",
 }
 """Paths that are read; the link of a simulated port is no file."""
 

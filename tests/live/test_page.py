@@ -102,7 +102,7 @@ def test_the_live_page(browser: Browser, viewing: Callable[..., Viewing], tmp_pa
     now = browser.value("view.why.reports.find((one) => one.kind === 'slip').margin")
     assert 33.0 < float(width.rstrip("%")) <= 100.0  # logarithmic from 0.01 to 10 of the level
     assert now > 0.5
-    assert browser.value("document.querySelectorAll('#why [data-kind=slip] dd').length") == 11
+    assert browser.value("document.querySelectorAll('#why [data-kind=slip] dd').length") == 12
     shot(browser, tmp_path, "live-1300-light")
     # the last minute can be gone through
     browser.value("at('scrub').value = 985; at('scrub').dispatchEvent(new Event('input'))")

@@ -162,7 +162,7 @@ def test_a_template_designer(hour, tmp_path):
     for suffix in ("html", "png", "gif"):
         assert "Written" in hour.does(*run, "--transient", f"hole.{suffix}")
         assert (tmp_path / f"hole.{suffix}").stat().st_size > 100
-    wrong("Unknown kind of picture '.mp4'", *run, "--transient", "hole.mp4")
+    wrong("Unknown kind of picture '.avi'", *run, "--transient", "hole.avi")
     wrong("there is no folder 'no'", *run, "--transient", "no/hole.gif")
     wrong("--transient HOLE.html", *run)
     for said, text in (
