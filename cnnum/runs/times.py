@@ -123,7 +123,25 @@ def _halved_looks(request: Request, times: tuple[float, ...], end: Result) -> Re
         results.append(looked_at(own.plan, own.given, own.lead, times, cuts=4 // coarser))
     turns = bool(turning_points(template, times[-1]))
     looks = by_differences(results, (spec.rtol, spec.atol), precision, turns=turns)
-    return jumped(looks, template, times[-1])
+    looks = jumped(looks, template, times[-1])
+    return _come_to_limits(looks, request) if template.output.limited else looks
+
+
+def _come_to_limits(looks: Result, request: Request) -> Result:
+    """Return looks without their errors where a limited cell has come to its limit since the last.
+
+    Runs that come there too early agree: how long before the state itself, no difference shows.
+    """
+    count = len(looks.times or ())
+    states = np.asarray(looks.state, dtype=np.float64).reshape(count, -1)
+    start = np.asarray(request.given.get("state", np.nan), dtype=np.float64)
+    if start.size > 1:
+        start = np.broadcast_to(start, (*request.lead, *start.shape[-3:])).reshape(-1)
+    before = np.concatenate([np.broadcast_to(start, (1, states.shape[1])), states[:-1]])
+    came = (np.abs(states) >= 1.0) & (states != before)
+    error = np.asarray(looks.error, dtype=np.float64)
+    some = came.reshape(*error.shape, -1).any(axis=-1)
+    return replace(looks, error=np.where(some, np.inf, error))
 
 
 def _finely(plan: Plan) -> bool:

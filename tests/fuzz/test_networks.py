@@ -50,6 +50,7 @@ def test_no_error_is_below_the_true_one():
     [
         (201, 723),  # grows far, in steps that stability sets
         (203, 1766),  # grows further than it began
+        (9509000, 139),  # a limited state with a delay, which runs bring to its limit too early
         (203, 3903),
         (203, 2354),  # a gain in time
         (203, 2958),  # a table bends the rates
