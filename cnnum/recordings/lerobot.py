@@ -37,6 +37,9 @@ from cnnum.safety.values import shown
 TACTILE = "observation.tactile"
 NEW, TIMES, FLAGS = (f"{TACTILE}_{name}" for name in ("new", "time", "quality"))
 EVENTS = "observation.tactile_events"
+TIME = "timestamp"
+PLACE = ("episode_index", "index", "task_index")
+"""Features that say where in the data set a row is."""
 
 VERSION = "v3.0"
 INFO = "meta/info.json"
@@ -158,11 +161,11 @@ class _Feature:
         return self.values.shape[1:] or (1,)
 
     def description(self) -> dict[str, object]:
-        told: dict[str, object] = {"dtype": str(self.values.dtype), "shape": list(self.shape)}
-        told["names"] = list(self.names) if self.names else None
+        result: dict[str, object] = {"dtype": str(self.values.dtype), "shape": list(self.shape)}
+        result["names"] = list(self.names) if self.names else None
         if self.info:
-            told["info"] = dict(self.info)
-        return told
+            result["info"] = dict(self.info)
+        return result
 
 
 def read_states(path: Path) -> dict[str, tuple[Floats, dict[str, Floats]]]:
@@ -181,35 +184,37 @@ def read_states(path: Path) -> dict[str, tuple[Floats, dict[str, Floats]]]:
         If the file cannot be read, or is not such a table.
     """
     try:
-        rows = list(csv.reader(io.StringIO(read_text(path, most=LONGEST_TABLE))))
+        lines = list(csv.reader(io.StringIO(read_text(path, most=LONGEST_TABLE))))
     except OSError as error:
         raise unreadable(RecordingError, f"'{path}'", error) from None
-    except csv.Error as error:
-        raise RecordingError(f"'{path}' is not a table: {error}.") from None
-    names = [name.strip() for name in rows[0]] if rows else []
-    if "timestamp" not in names or not all("." in name for name in set(names) - {"timestamp"}):
+    except (csv.Error, UnicodeError) as error:
+        raise RecordingError(f"'{path}' is not a table in UTF-8: {error}.") from None
+    rows = [(number, row) for number, row in enumerate(lines, 1) if row]
+    names = [name.strip().removeprefix("\ufeff") for name in rows[0][1]] if rows else []
+    features = {name.rpartition(".")[0] for name in names if name != TIME}
+    if names.count(TIME) != 1 or len({*names}) < len(names) or not all(features):
         raise RecordingError(
-            f"'{path}' must begin with a line of names, 'timestamp' and such as 'action.grip', got "
-            f"{shown(', '.join(names))}."
+            f"'{path}' must begin with a line of names, each once, '{TIME}' and such as "
+            f"'action.grip', got {shown(', '.join(names))}."
         )
     values = np.empty((len(rows) - 1, len(names)))
-    for number, row in enumerate(rows[1:]):
+    for place, (number, row) in enumerate(rows[1:]):
         try:
-            values[number] = [float(text) for text in row]
+            values[place] = [float(text) for text in row]
         except ValueError:
             raise RecordingError(
-                f"Line {number + 2} of '{path}' must have {len(names)} numbers, got "
+                f"Line {number} of '{path}' must have {len(names)} numbers, got "
                 f"{shown(','.join(row))}."
             ) from None
-    times = values[:, names.index("timestamp")]
+    times = values[:, names.index(TIME)]
     if not np.isfinite(values).all() or (np.diff(times) < 0).any():
         raise RecordingError(f"The numbers of '{path}' must be finite, and its times rising.")
-    features: dict[str, dict[str, Floats]] = {}
+    states: dict[str, dict[str, Floats]] = {}
     for place, name in enumerate(names):
-        if name != "timestamp":
+        if name != TIME:
             feature, _, own = name.rpartition(".")
-            features.setdefault(feature, {})[own] = values[:, place]
-    return {feature: (times, columns) for feature, columns in features.items()}
+            states.setdefault(feature, {})[own] = values[:, place]
+    return {feature: (times, columns) for feature, columns in states.items()}
 
 
 def write_lerobot(
@@ -258,9 +263,14 @@ def write_lerobot(
         raise missing_extra("LeRobot's layout", "pyarrow", "lerobot") from None
     if not episodes:
         raise RecordingError("A data set must have at least one episode, got none.")
+    for episode in episodes:
+        if not isinstance(cast("object", episode), Episode):
+            raise RecordingError(f"Episodes must be of the type Episode, got {shown(episode)}.")
+        if not episode.task.strip():
+            raise RecordingError("The task of an episode must be said in words, got none.")
     old = read_info(folder) if append else None
     if folder.parent.is_dir():  # else it is made, and nothing is in the way
-        refuse_folder(folder, error=RecordingError, force=append, owns=is_lerobot)
+        refuse_folder(folder, error=RecordingError, force=append, owns=_is_own)
     if old is not None and old.get("fps") != _plain(fps):
         raise RecordingError(f"'{folder}' has {old.get('fps')} pictures per second, not {fps:g}.")
     window = None if old is None else _held(folder, old)
@@ -274,7 +284,7 @@ def write_lerobot(
         _refuse_other(features_of(folder, old), features)
     with sentences(folder, RecordingError):
         make_folder(folder.parent)
-    with written_folder(folder, error=RecordingError, force=append, owns=is_lerobot) as draft:
+    with written_folder(folder, error=RecordingError, force=append, owns=_is_own) as draft:
         writer = _Set(draft, arrow, parquet)
         if old is not None:
             writer.take_over(folder, old)
@@ -284,45 +294,63 @@ def write_lerobot(
     return sum(len(table[TACTILE].values) for table in tables)
 
 
+def _numbers(name: str, values: ArrayLike) -> Floats:
+    try:
+        numbers = np.asarray(values, np.float64)
+    except (TypeError, ValueError):
+        raise ArrayError(f"{name} must be numbers, got {shown(values)}.") from None
+    if not np.isfinite(numbers).all():
+        raise ArrayError(f"{name} must be finite, got NaN or infinity.")
+    return numbers
+
+
 def _columns(episode: Episode, fps: float, window: int) -> dict[str, _Feature]:
     """Return the features of an episode but for its place in the set."""
     touch, recording = packed(episode.recording, fps, window), episode.recording
-    told = {
+    end = float(touch.times[-1])
+    array = {
         "axes": list(recording.channels),
         "unit": recording.unit,
         "pads": recording.pads,
     }
     columns = {
-        TACTILE: _Feature(touch.frames, ("frame", "row", "col", "axis"), told),
+        TACTILE: _Feature(touch.frames, ("frame", "row", "col", "axis"), array),
         NEW: _Feature(touch.new),
         TIMES: _Feature(touch.taken[..., 0]),
         FLAGS: _Feature(touch.taken[..., 1].astype(np.int64)),
     }
     for name, (times, rows) in episode.states.items():
-        at = np.asarray(times, float)
+        if name in {*columns, EVENTS, TIME, "frame_index", *PLACE} or not rows:
+            raise ArrayError(
+                f"States must have columns, and a name that no other feature has, got '{name}'."
+            )
+        at = _numbers(f"the times of {name}", times)
+        given = [_numbers(f"{name}.{column}", own) for column, own in rows.items()]
+        if at.ndim != 1 or any(own.shape != at.shape for own in given):
+            raise ArrayError(f"Each column of '{name}' must have one number per time.")
         newest = np.searchsorted(at, touch.times + 1e-6 / fps, side="right") - 1
-        if not len(at) or newest[0] < 0 or at[-1] < touch.times[-1] - 1.0 / fps:
+        if not len(at) or newest[0] < 0 or at[-1] < end - 1.0 / fps:
             span = f"{at[0]:g} to {at[-1]:g} s" if len(at) else "no row"
             raise ArrayError(
-                f"'{name}' must cover the episode, 0 to {touch.times[-1]:g} s after its first "
-                f"taxel frame, got {span}."
+                f"'{name}' must cover the episode, 0 to {end:g} s after its first taxel frame, got "
+                f"{span}."
             )
-        values = np.stack([np.asarray(own, np.float32)[newest] for own in rows.values()], axis=1)
-        columns[name] = _Feature(values, tuple(rows))
+        columns[name] = _Feature(np.stack(given, axis=1).astype(np.float32)[newest], tuple(rows))
     if episode.events:
         edges = np.concatenate([[-np.inf], touch.times + 1e-6 / fps])
-        counts = [np.histogram(np.asarray(own, float), edges)[0] for own in episode.events.values()]
-        columns[EVENTS] = _Feature(np.stack(counts, axis=1), tuple(episode.events))
+        own = {kind: _numbers(f"the times of {kind}", at) for kind, at in episode.events.items()}
+        if any(((at < 0.0) | (at > end + 1e-6 / fps)).any() for at in own.values()):
+            raise ArrayError(
+                f"Events must lie within the episode, 0 to {end:g} s after its first taxel frame."
+            )
+        counts = [np.histogram(at, edges)[0] for at in own.values()]
+        columns[EVENTS] = _Feature(np.stack(counts, axis=1), tuple(own))
     times = touch.times.astype(np.float32)
     return columns | {
-        "timestamp": _Feature(times),
+        TIME: _Feature(times),
         "frame_index": _Feature(np.arange(len(times))),
         **{name: _Feature(np.zeros(len(times), np.int64)) for name in PLACE},
     }
-
-
-PLACE = ("episode_index", "index", "task_index")
-"""Features that say where in the data set a row is."""
 
 
 class _Set:
@@ -460,13 +488,13 @@ def _pandas_index() -> dict[str, str]:
         "name": "task_index", "field_name": "task_index", "pandas_type": "int64",
         "numpy_type": "int64", "metadata": None,
     }  # fmt: skip
-    told = {
+    table = {
         "index_columns": [_TASK],
         "column_indexes": [],
         "columns": [column, index | {"metadata": None}],
         "pandas_version": "2.2.0",
     }
-    return {"pandas": json.dumps(told)}
+    return {"pandas": json.dumps(table)}
 
 
 def _numbered(number: int) -> str:
@@ -474,14 +502,20 @@ def _numbered(number: int) -> str:
 
 
 def _stats(values: NDArray[Any]) -> dict[str, Any]:
-    """Return what LeRobot normalises by: over the rows, for each number of a feature."""
+    """Return what LeRobot normalises by: over the rows, for each number of a feature.
+
+    Rows in which it is NaN do not count; 0 stands for a taxel that has no number in any row.
+    """
     flat = np.asarray(values, np.float64).reshape(len(values), *(values.shape[1:] or (1,)))
-    quantiles = np.quantile(flat, QUANTILES, axis=0)
+    known = np.isfinite(flat)
+    flat = np.where(known, flat, np.nan)
+    flat[:, ~known.any(axis=0)] = 0.0
+    quantiles = np.nanquantile(flat, QUANTILES, axis=0)
     return {
-        "min": flat.min(axis=0).tolist(),
-        "max": flat.max(axis=0).tolist(),
-        "mean": flat.mean(axis=0).tolist(),
-        "std": flat.std(axis=0).tolist(),
+        "min": np.nanmin(flat, axis=0).tolist(),
+        "max": np.nanmax(flat, axis=0).tolist(),
+        "mean": np.nanmean(flat, axis=0).tolist(),
+        "std": np.nanstd(flat, axis=0).tolist(),
         "count": [len(flat)],
         **{f"q{100 * q:02.0f}": own.tolist() for q, own in zip(QUANTILES, quantiles, strict=True)},
     }
@@ -536,7 +570,7 @@ EPISODE = re.compile(r"episode-(\d{1,9})")
 def episode_of(path: Path) -> tuple[Path, int] | None:
     """Return the data set and the number of an episode's address; None if it is none."""
     match = EPISODE.fullmatch(path.name)
-    if match is None or not (path.parent / INFO).is_file():
+    if match is None or not is_lerobot(path.parent):
         return None
     return path.parent, int(match[1])
 
@@ -549,18 +583,33 @@ def episodes_of(folder: Path) -> list[Path]:
     RecordingError
         As `read_info`.
     """
-    count = read_info(folder).get("total_episodes")
-    known = count if isinstance(count, int) else 0
-    return [folder / f"episode-{number:06d}" for number in range(min(known, MOST_EPISODES))]
+    count = read_info(folder)["total_episodes"]
+    return [address(folder, number) for number in range(min(count, MOST_EPISODES))]
+
+
+def address(folder: Path, number: int) -> Path:
+    """Return the address of an episode."""
+    return folder / f"episode-{number:06d}"
 
 
 def is_lerobot(folder: Path) -> bool:
-    """Return whether a folder is a data set of LeRobot, and holds nothing else."""
+    """Return whether a folder is a data set of LeRobot."""
     try:
-        names = {path.name for path in folder.iterdir()}
-    except OSError:
+        return (folder / INFO).is_file()
+    except (OSError, ValueError):  # a name that no file can have
         return False
-    return (folder / INFO).is_file() and names <= {"data", "meta", "videos", "images", "README.md"}
+
+
+def _is_own(folder: Path) -> bool:
+    """Return whether a folder holds nothing but what `write_lerobot` writes."""
+    files = {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()}
+    return INFO in files and all(OWN.fullmatch(name) for name in files)
+
+
+OWN = re.compile(
+    r"(data|meta/episodes)/chunk-\d+/file-\d+\.parquet|meta/(info\.json|stats\.json|tasks\.parquet)"
+)
+"""Files of a set of taxels alone; one with pictures, or a user's own files, is not replaced."""
 
 
 def read_info(folder: Path) -> dict[str, Any]:
@@ -585,23 +634,32 @@ def read_info(folder: Path) -> dict[str, Any]:
             f"'{folder}' has LeRobot's layout {shown(version)}, and {VERSION} is read; LeRobot "
             "converts older sets."
         )
+    for name in ("total_episodes", "total_frames"):
+        count: Any = info.get(name)
+        if not isinstance(count, int) or count < 0:
+            raise RecordingError(f"'{path}' must give '{name}', got {shown(count)}.")
     return info
 
 
-def features_of(folder: Path, info: Mapping[str, Any]) -> Mapping[str, Any]:
+def features_of(folder: Path, info: Mapping[str, Any]) -> Mapping[str, dict[str, Any]]:
     """Return the descriptions of the features of a data set."""
     features: Any = info.get("features")
-    if not isinstance(features, dict):
+    described = isinstance(features, dict) and all(
+        isinstance(own, dict) for own in cast("dict[str, Any]", features).values()
+    )
+    if not described:
         raise RecordingError(f"'{folder / INFO}' does not describe the features of the set.")
-    return cast("dict[str, Any]", features)
+    return cast("dict[str, dict[str, Any]]", features)
 
 
 def _held(folder: Path, info: Mapping[str, Any]) -> int:
     """Return the taxel frames of a picture in a set that `write_lerobot` wrote."""
-    shape = features_of(folder, info).get(TACTILE, {}).get("shape", ())
-    if len(shape) != 4 or NEW not in features_of(folder, info):
+    features = features_of(folder, info)
+    shape: Any = features.get(TACTILE, {}).get("shape")
+    sizes: list[Any] = [*shape] if NEW in features and isinstance(shape, list) else []
+    if len(sizes) != 4 or not isinstance(sizes[0], int):
         raise RecordingError(f"'{folder}' is not a data set that cnnum wrote: write a new one.")
-    return int(shape[0])
+    return sizes[0]
 
 
 def read_lerobot(path: Path, feature: str = TACTILE) -> Recording:
@@ -634,12 +692,13 @@ def read_lerobot(path: Path, feature: str = TACTILE) -> Recording:
     if feature not in features:
         raise name_error("feature", feature, tuple(features))
     own = feature == TACTILE and NEW in features
-    wanted = ["episode_index", "timestamp", feature, *((NEW, TIMES, FLAGS) if own else ())]
+    wanted = ["episode_index", TIME, feature, *((NEW, TIMES, FLAGS) if own else ())]
     columns = _rows(folder, number, wanted)
-    told = cast("dict[str, Any]", features[feature].get("info") or {})
     values = columns[feature]
     if own:
-        return _unpacked(columns, told)
+        described: Any = features[feature].get("info")
+        array = cast("dict[str, Any]", described) if isinstance(described, dict) else {}
+        return _unpacked(columns, array)
     if values.ndim == 5:
         values = values[:, -1]
     if values.ndim not in (3, 4):
@@ -648,22 +707,25 @@ def read_lerobot(path: Path, feature: str = TACTILE) -> Recording:
             "(rows, cols, axes) or (frames, rows, cols, axes)."
         )
     values = values if values.ndim == 4 else values[..., np.newaxis]
-    return Recording(values, times=np.round(columns["timestamp"].astype(float), 6))
+    return Recording(values, times=np.round(columns[TIME].astype(float), 6))
 
 
-def _unpacked(columns: Mapping[str, NDArray[Any]], told: Mapping[str, Any]) -> Recording:
+def _unpacked(columns: Mapping[str, NDArray[Any]], array: Mapping[str, Any]) -> Recording:
     """Return the frames that came with each row, in their order."""
     windows = columns[TACTILE]
-    new = np.clip(columns[NEW].astype(np.int64), 0, int(windows.shape[1]))
-    count = int(windows.shape[1])
+    shape = windows.shape[:2]
+    if windows.ndim != 5 or columns[TIMES].shape != shape or columns[FLAGS].shape != shape:
+        raise RecordingError(f"The features '{TACTILE}', '{TIMES}' and '{FLAGS}' do not agree.")
+    count = int(shape[1])
+    new = np.clip(columns[NEW].astype(np.int64), 0, count)
     fresh = np.arange(count) >= count - new[:, np.newaxis]
     return Recording(
         windows[fresh],
-        unit=str(told.get("unit", "count")),
-        channels=told.get("axes"),
+        unit=str(array.get("unit", "count")),
+        channels=array.get("axes"),
         times=columns[TIMES][fresh],
         quality=columns[FLAGS][fresh],
-        pads=told.get("pads"),
+        pads=array.get("pads"),
     )
 
 
@@ -686,6 +748,6 @@ def _rows(folder: Path, number: int, wanted: list[str]) -> dict[str, NDArray[Any
                 )
             rows = columns["episode_index"] == number
             parts.append({name: values[rows] for name, values in columns.items()})
-    if len(parts) != 1 or not len(parts[0]["timestamp"]):
+    if len(parts) != 1 or not len(parts[0][TIME]):
         raise RecordingError(f"'{folder}' holds no rows of the episode {number}.")
     return parts[0]

@@ -8,7 +8,7 @@ import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -268,10 +268,13 @@ class Recording(ByContent):
         RecordingError
             If there is no such episode, or the set has another layout or no taxels.
         """
-        from cnnum.recordings.lerobot import read_lerobot
+        from cnnum.recordings.lerobot import address, read_lerobot
 
         path = as_path(folder, RecordingError)
-        return read_lerobot(path if episode is None else path / f"episode-{episode:06d}")
+        whole = isinstance(cast(object, episode), int | np.integer)
+        if episode is not None and not (whole and episode >= 0):
+            raise RecordingError(f"An episode is a whole number from 0 on, got {shown(episode)}.")
+        return read_lerobot(path if episode is None else address(path, episode))
 
     @classmethod
     def from_xarray(cls, dataset: Any) -> Recording:

@@ -189,13 +189,102 @@ def test_the_shell_writes_states_and_the_events_of_a_scene(tmp_path: Path) -> No
         ("timestamp,action.a\n0,1\n0.1,x\n", "Line 3"),
         ("timestamp,action.a\n1,1\n0,1\n", "times rising"),
         ("timestamp,action.a\n1,nan\n", "must be finite"),
+        ("timestamp,action.a,action.a\n1,2,3\n", "each once"),
+        ("timestamp,timestamp,action.a\n1,2,3\n", "each once"),
+        ("timestamp,action.\xe9\n1,2\n", "not a table in UTF-8"),
         ("", "must begin with a line of names"),
     ],
 )
 def test_tables_that_are_none_are_refused(tmp_path: Path, text: str, says: str) -> None:
-    (tmp_path / "a.csv").write_text(text)
+    (tmp_path / "a.csv").write_bytes(text.encode("latin-1"))
     with pytest.raises(RecordingError, match=says):
         read_states(tmp_path / "a.csv")
+
+
+def test_tables_as_programs_write_them_are_read(tmp_path: Path) -> None:
+    """With a mark of UTF-8, a blank line at the end, and ends of lines of Windows."""
+    (tmp_path / "a.csv").write_text("\ufefftimestamp, action.a\r\n0,1\r\n\r\n1,2\r\n\r\n")
+    ((times, columns),) = read_states(tmp_path / "a.csv").values()
+    assert (times.tolist(), columns["a"].tolist()) == ([0.0, 1.0], [1.0, 2.0])
+
+
+@pytest.mark.parametrize("name", ["videos/observation.images/chunk-000/file-000.mp4", "README.md"])
+def test_a_set_with_files_of_others_is_not_replaced(tmp_path: Path, name: str) -> None:
+    pytest.importorskip("pyarrow")
+    folder = tmp_path / "set"
+    write_lerobot([Episode(recording())], folder, 30.0)
+    (folder / name).parent.mkdir(parents=True, exist_ok=True)
+    (folder / name).write_text("mine")
+    before = {path: path.stat().st_mtime_ns for path in folder.rglob("*")}
+    with pytest.raises(RecordingError, match="holds other files, and is never emptied"):
+        write_lerobot([Episode(recording())], folder, 30.0, append=True)
+    assert {path: path.stat().st_mtime_ns for path in folder.rglob("*")} == before
+
+
+@pytest.mark.parametrize(
+    ("episode", "says"),
+    [
+        (Episode(recording(), " "), "must be said in words"),
+        (Episode(recording(), states={"index": ([0, 4], {"a": [0, 1]})}), "no other feature has"),
+        (
+            Episode(recording(), states={"observation.tactile": ([0, 4], {"a": [0, 1]})}),
+            "no other feature has",
+        ),
+        (Episode(recording(), states={"action": ([0, 4], {})}), "must have columns"),
+        (Episode(recording(), states={"action": ([0, 4], {"a": [1]})}), "one number per time"),
+        (Episode(recording(), states={"action": ([0, 4], {"a": [1, np.nan]})}), "must be finite"),
+        (Episode(recording(), states={"action": ([0, 4], {"a": ["b", 1]})}), "must be numbers"),
+        (Episode(recording(), events={"slip": [np.nan]}), "must be finite"),
+        (Episode(recording(), events={"slip": [3.5]}), "within the episode"),
+        (recording(), "of the type Episode"),
+    ],
+)
+def test_episodes_that_cannot_be_written_are_refused(tmp_path: Path, episode, says: str) -> None:
+    pytest.importorskip("pyarrow")
+    with pytest.raises((ArrayError, RecordingError), match=says):
+        write_lerobot([episode], tmp_path / "set", 30.0)
+    assert not (tmp_path / "set").exists()
+
+
+def test_taxels_that_are_no_number_leave_the_statistics_to_the_others(tmp_path: Path) -> None:
+    pytest.importorskip("pyarrow")
+    values = np.array(recording().values)
+    values[100:200, 0, 0, 0] = np.nan
+    values[:, 1, 1, 2] = np.nan
+    write_lerobot([Episode(Recording(values, rate=150.0))], tmp_path / "set", 30.0)
+    text = (tmp_path / "set/meta/stats.json").read_text()
+    stats = json.loads(text, parse_constant=lambda name: pytest.fail(name))
+    lasts = np.array(stats["observation.tactile"]["mean"])[-1]
+    assert lasts[1, 1, 2] == 0.0
+    kept = np.r_[0:100, 200:450]
+    seen = kept[np.isin(kept, np.r_[np.arange(0, 446, 5), 449])]  # the newest of each picture
+    assert lasts[0, 0, 0] == pytest.approx(seen.mean(), rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"codebase_version": "v2.1"}, "layout 'v2.1'"),
+        ({"features": {"observation.tactile": "x"}}, "does not describe the features"),
+        ({"total_episodes": -1}, "must give 'total_episodes', got -1"),
+        ({"total_frames": "x"}, "must give 'total_frames'"),
+    ],
+)
+def test_descriptions_that_are_damaged_are_refused(tmp_path: Path, change, says: str) -> None:
+    pytest.importorskip("pyarrow")
+    folder = tmp_path / "set"
+    write_lerobot([Episode(recording())], folder, 30.0)
+    info = json.loads((folder / "meta/info.json").read_text())
+    (folder / "meta/info.json").write_text(json.dumps(info | change))
+    for attempt in (
+        lambda: Recording.from_lerobot(folder),
+        lambda: write_lerobot([Episode(recording())], folder, 30.0, append=True),
+    ):
+        with pytest.raises(RecordingError, match=says):
+            attempt()
+    for number in (-1, "x", 0.5):
+        with pytest.raises(RecordingError, match="a whole number from 0 on"):
+            Recording.from_lerobot(folder, number)
 
 
 def test_states_must_cover_the_episode(tmp_path: Path) -> None:
