@@ -30,7 +30,7 @@ from cnnum.runs.prepared import as_prepared, is_prepared, keep
 from cnnum.runs.request import Ask, Request, as_frame, has_many_cells, maps_by_role
 from cnnum.runs.result import ROLES, Result, result_of, with_fallback, with_proof
 from cnnum.runs.settling import to_rest
-from cnnum.runs.symmetry import may_break, unbroken
+from cnnum.runs.symmetry import breaks, unbroken
 from cnnum.runs.times import at_times
 from cnnum.runs.wavefront import skips, without_way
 from cnnum.templating.batch import TemplateBatch
@@ -184,7 +184,7 @@ LADDER = (
         follows, followed),
     Way("settling", "a run to equilibrium goes on until it is shown to rest",
         lambda request: request.settles, to_rest),
-    Way("symmetric", "roundings break a symmetry that the start has", may_break, unbroken),
+    Way("symmetric", "roundings break a symmetry that the start has", breaks, unbroken),
     Way("halved", "steps with a delay are halved until two runs agree", halves, in_halves),
     Way("implicit", "where explicit steps do not reach the end, implicit ones may",
         may_be_stiff, by_implicit_steps),

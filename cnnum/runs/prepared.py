@@ -20,7 +20,7 @@ from cnnum.runs.linear_range import may_stay_linear
 from cnnum.runs.request import LEAST_SQUARES, ROLES, Ask, Form, Request, refuse_grey_levels
 from cnnum.runs.result import Result, result_of, with_fallback, with_proof
 from cnnum.runs.settling import saturated
-from cnnum.runs.symmetry import moves_of
+from cnnum.runs.symmetry import VISIBLE, Move, may_break, moves_of
 from cnnum.runs.wavefront import begins_saturated, monotone
 from cnnum.templating.template import Template
 
@@ -109,7 +109,8 @@ class PreparedRun:
         (self._solver,) = plan.solvers.values()
         self._roles = tuple(roles) if may_grow(template, self._solver) else ()
         schedule = plan.schedule
-        self._moves = moves_of(template, self._solver, schedule.shape)
+        may = may_break(template, self._solver)
+        self._moves = moves_of(template, schedule.shape) if may else None
         self._frame = np.empty((*schedule.shape, len(schedule.channels_read)))
         largest = float(np.finfo(plan.precision).max)
         self._square = largest**2 if largest < 1e100 else math.inf
@@ -148,17 +149,24 @@ class PreparedRun:
             outputs = self._one.run(self._frame, first=True)
             packed = self._one.packed
             begun = self._begun() if self._roles else 0.0
-            planes = self._frame.transpose(2, 0, 1)
-            if any(np.array_equal(move(planes), planes) for move in self._moves):
-                return None
+            kept = self._kept()
         if not all_finite(packed):
             self._plan.refuse_infinite(outputs)
         result = result_of(outputs, 1, self._solver.method, self._solver.reason)
+        error = VISIBLE * float(np.max(result.error))
+        if any(np.abs(move(result.state) - result.state).max() > error for move in kept):
+            return None
         if self._roles:
             ended, error = float(np.abs(result.state).max()), float(np.max(result.error))
             if looks_again(self._solver, begun, ended, error):
                 return None
         return with_fallback(result, self._plan)
+
+    def _kept(self) -> list[Move]:
+        """Return the moves that change nothing in the frame."""
+        if self._moves is None:
+            return []
+        return [move for move, _ in self._moves.keeping([self._frame.transpose(2, 0, 1)])]
 
     def _begun(self) -> float:
         """Return a bound on the size of all that the run began with."""

@@ -13,9 +13,10 @@ an array is not linear: of a state much of which breaks its symmetry, nothing is
 """
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
-from functools import partial
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache, partial
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,46 +54,106 @@ LARGE = 0.1
 """Share of a state beyond which the modes that break its symmetry act on the others."""
 
 
-def moves_of(template: Template, solver: Solver, shape: Shape) -> tuple[Move, ...]:
-    """Return the moves that a template does not see, if the error of its runs may miss some.
+PROBES = 16
+"""Cells by which most maps show that a move changes them, long before all cells are compared."""
+
+KEPT = 64
+"""Templates and shapes whose moves are kept."""
+
+
+def _least(maps: Maps) -> Maps:
+    """Return the least number of each map: what changes it nowhere is alike in all cells.
+
+    This is no move, but if neither an array nor its maps tell the cells apart, its state does not.
+    """
+    least: Maps = maps.min(axis=(-2, -1), keepdims=True)
+    return least
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Moves:
+    """Moves that a template does not see.
+
+    Attributes
+    ----------
+    each : tuple of callable
+        `_least` comes first where cells that begin alike stay so.
+    probes : (moves, PROBES) int
+        Which cell stands at each probed one after a move, in row-major order.
+    probed : (PROBES,) int
+    """
+
+    each: tuple[Move, ...]
+    probes: NDArray[np.intp]
+    probed: NDArray[np.intp]
+
+    def keeping(
+        self, maps: Sequence[Maps], lead: tuple[int, ...] = ()
+    ) -> Iterator[tuple[Move, NDArray[np.bool_]]]:
+        """Yield the moves that change nothing in the maps of some frames, and which frames.
+
+        Parameters
+        ----------
+        maps : sequence of (..., maps, rows, cols) float
+        lead : tuple of int
+            Axes of the batch, to which the leading axes of all maps broadcast.
+        """
+        likely = np.ones(len(self.each), dtype=bool)
+        for own in maps:
+            flat = own.reshape(*own.shape[:-2], -1)
+            same = flat[..., self.probes] == flat[..., np.newaxis, self.probed]
+            likely &= same.all(axis=(-3, -1)).reshape(-1, len(likely)).any(axis=0)
+        for place in np.flatnonzero(likely).tolist():
+            move, alike = self.each[place], np.ones(lead, dtype=bool)
+            for own in maps:
+                alike = alike & (move(own) == own).all(axis=(-3, -2, -1))
+                if not alike.any():
+                    break
+            else:
+                yield move, alike
+                if move is _least and alike.all():
+                    return  # no move tells more
+
+
+@lru_cache(maxsize=KEPT)
+def moves_of(template: Template, shape: Shape) -> Moves:
+    """Return the moves that a template does not see.
 
     Parameters
     ----------
     template : Template
-    solver : Solver
     shape : (rows, cols)
     """
-    exact = isinstance(solver.scheme, Exact) or template.output.discrete
-    if exact or error_growth(template) <= 0.0:
-        return ()
     kernels = [template.A, template.B, *(coupling.weights for coupling in template.nonlinear)]
     if template.delayed is not None:
         kernels += [template.delayed.A, template.delayed.B]
     mirrors = MIRRORS if shape[0] == shape[1] else MIRRORS[:OF_RECTANGLES]
-    moves = [move for move in mirrors if all(map(keeps(move), kernels))]
-    inside = not reads_inputs(template) or template.input_boundary == PERIODIC
-    if template.boundary == PERIODIC and inside:
-        moves += [
-            partial(np.roll, shift=(down, right), axis=(-2, -1))
-            for down in _divisors(shape[0])
-            for right in _divisors(shape[1])
-            if (down, right) != shape
-        ]
-    return tuple(moves)
+    moves = [move for move in mirrors if all(np.array_equal(move(k), k) for k in kernels)]
+    edges = {template.boundary, *([template.input_boundary] if reads_inputs(template) else [])}
+    if edges == {PERIODIC}:
+        both = product(_divisors(shape[0]), _divisors(shape[1]))
+        moves += [partial(np.roll, shift=shift, axis=(-2, -1)) for shift in both if shift != shape]
+    cells = np.arange(float(math.prod(shape))).reshape(shape)
+    probed = np.linspace(0, cells.size - 1, PROBES).astype(np.intp)
+    if all(edge.constant is None for edge in edges):
+        moves.insert(0, _least)
+    rows = [np.broadcast_to(move(cells), shape).ravel()[probed] for move in moves]
+    return Moves(tuple(moves), np.array(rows, np.intp).reshape(-1, PROBES), probed)
 
 
 def _divisors(count: int) -> list[int]:
     return [number for number in range(1, count + 1) if count % number == 0]
 
 
-def keeps(move: Move) -> Callable[[Maps], bool]:
-    """Return a function that says whether a move changes nothing in maps."""
-    return lambda maps: np.array_equal(move(maps), maps)
+def may_break(template: Template, solver: Solver) -> bool:
+    """Return whether roundings of a run may grow into what its error does not show."""
+    exact = isinstance(solver.scheme, Exact) or template.output.discrete
+    return not exact and error_growth(template) > 0.0
 
 
 def broken(
     template: Template,
-    moves: Sequence[Move],
+    moves: Moves,
     given: Mapping[str, Maps],
     lead: tuple[int, ...],
     state: Maps,
@@ -102,8 +163,7 @@ def broken(
     Parameters
     ----------
     template : Template
-    moves : sequence of callable
-        Those that the template does not see.
+    moves : Moves
     given : mapping of str to (..., maps, rows, cols) float
         The run's maps, by role.
     lead : tuple of int
@@ -121,24 +181,17 @@ def broken(
     times = state.ndim - len(lead) - (2 if template.layers == 1 else 3)
     inner = tuple(range(times + len(lead), state.ndim))
     largest = np.zeros(state.shape[: times + len(lead)])
-    for move in moves:
-        alike = np.ones(lead, dtype=bool)
-        for each in maps:
-            alike &= (move(each) == each).all(axis=(-3, -2, -1))
-            if not alike.any():
-                break
-        else:
-            apart = np.abs(move(state) - state).max(axis=inner, initial=0.0)
-            largest = np.maximum(largest, np.where(alike, apart, 0.0))
+    for move, alike in moves.keeping(maps, lead):
+        apart = np.abs(move(state) - state).max(axis=inner, initial=0.0)
+        largest = np.maximum(largest, np.where(alike, apart, 0.0))
     return largest
 
 
 def with_broken(result: Result, request: Request) -> Result:
     """Return a result whose error contains what its states have lost of their start's symmetry."""
     template = request.ran
-    moves = moves_of(template, request.solver, request.shape)
-    finite = np.isfinite(result.error)
-    if not (moves and finite.any()):
+    moves = moves_of(template, request.shape)
+    if not (moves.each and np.isfinite(result.error).any()):
         return result
     apart = broken(template, moves, request.given, request.lead, result.state)
     if not (apart > VISIBLE * result.error).any():
@@ -149,9 +202,9 @@ def with_broken(result: Result, request: Request) -> Result:
     return replace(result, error=np.where(lost, math.inf, result.error + apart))
 
 
-def may_break(request: Request) -> bool:
+def breaks(request: Request) -> bool:
     """Return whether a run may begin with a symmetry that its error does not show to be lost."""
-    return not request.engine.whole
+    return not request.engine.whole and may_break(request.ran, request.solver)
 
 
 def unbroken(request: Request, down: Callable[[Request], Result]) -> Result:

@@ -29,7 +29,7 @@ from cnnum.runs.growth import (
 )
 from cnnum.runs.request import Ask, Request, as_frame, maps_by_role
 from cnnum.runs.result import ROLES, Result
-from cnnum.runs.symmetry import with_broken
+from cnnum.runs.symmetry import breaks, with_broken
 from cnnum.templating.batch import TemplateBatch
 from cnnum.templating.network import Network, turning_points
 from cnnum.templating.template import Duration, Template
@@ -79,7 +79,8 @@ def at_times(ask: Ask, down: Callable[[Ask], Result]) -> Result:
         spec = ask.until(times[-1]).spec
         request = Request(ask.engine, ask.template, given, shape, spec)
         looks = _looks(request, times[:-1], end)
-        looks = looks and with_broken(looks, request)
+        if looks is not None and breaks(request):
+            looks = with_broken(looks, request)
     if looks is None:
         ends = [*(down(ask.until(time)) for time in times[:-1]), end]
         return stacked(template, ends, times)
