@@ -22,6 +22,11 @@ if TYPE_CHECKING:
     from cnnum.scenes.scene_record import Summary
 
 
+Watch = Callable[["FrameResult"], object]
+"""Is given every moment of a scene."""
+
+Write = Callable[[], object]
+
 save_option = target_option(
     "--save",
     "FILE.npz|csv|nc|txt",
@@ -53,38 +58,70 @@ film_option = click.option(
 )
 
 
-class Filmed:
-    """Keeps the moments of a scene while it is followed, and writes its film.
+class Kept:
+    """Keeps the moments of a scene while it is followed, and writes a file of them at its end.
 
     Parameters
     ----------
+    name : str
+        Of the file in the summary.
     path : Path or None
         Nothing is kept without one.
-    scene : Scene
-    force : bool
-        Whether an existing file is replaced.
+    begin : callable
+        Returns for the path what takes the moments, and what writes them there.
     """
 
-    def __init__(self, path: Path | None, scene: "Scene", *, force: bool = False) -> None:
-        self._path, self._force = path, force
+    def __init__(
+        self, name: str, path: Path | None, begin: Callable[[Path], tuple[Watch, Write]]
+    ) -> None:
+        self._name, self._path = name, path
         if path is not None:
-            from cnnum.report.record import SceneRecorder
-
-            self._record = SceneRecorder(scene)
+            self._add, self._write = begin(path)
 
     def add(self, moment: "FrameResult") -> None:
         """Keep a moment."""
         if self._path is not None:
-            self._record.add(moment)
+            self._add(moment)
 
     def write(self) -> Mapping[str, str]:
-        """Write the film, and return its place for the summary."""
+        """Write the file, and return its place for the summary."""
         if self._path is None:
             return {}
-        from cnnum.report.films import write_scene_film
+        self._write()
+        return {self._name: str(self._path)}
 
-        write_scene_film(self._path, self._record.record(), force=self._force)
-        return {"film": str(self._path)}
+
+def filmed(path: Path | None, scene: "Scene", *, force: bool = False) -> Kept:
+    """Return what keeps a scene's moments for a film."""
+
+    def begin(path: Path) -> tuple[Watch, Write]:
+        from cnnum.report.films import write_scene_film
+        from cnnum.report.record import SceneRecorder
+
+        recorder = SceneRecorder(scene)
+        return recorder.add, lambda: write_scene_film(path, recorder.record(), force=force)
+
+    return Kept("film", path, begin)
+
+
+def saved(path: Path | None, scene: "Scene", *, force: bool = False) -> Kept:
+    """Return what keeps the fields that a scene wants.
+
+    Raises
+    ------
+    SceneError
+        If the scene wants no field.
+    """
+
+    def begin(path: Path) -> tuple[Watch, Write]:
+        from cnnum.scenes.scene_record import SceneRecord, refuse_no_fields, refuse_no_spikes
+
+        refuse_no_fields(scene.fields, scene.offered)
+        refuse_no_spikes(path, scene.fields)
+        record = SceneRecord(scene.fields)
+        return record.add, lambda: record.save(path, force=force)
+
+    return Kept("saved", path, begin)
 
 
 def kept(*writers: Callable[[], Mapping[str, str]]) -> Callable[[], Mapping[str, str]]:
@@ -93,9 +130,7 @@ def kept(*writers: Callable[[], Mapping[str, str]]) -> Callable[[], Mapping[str,
 
 
 @contextmanager
-def to_rerun(
-    scene: "Scene", target: str | None, *, force: bool
-) -> Generator[Callable[["FrameResult"], object]]:
+def to_rerun(scene: "Scene", target: str | None, *, force: bool) -> Generator[Watch]:
     """Yield the function that sends a moment to Rerun; one that does nothing without a target."""
     if target is None:
         yield lambda _: None
@@ -104,49 +139,6 @@ def to_rerun(
 
     with RerunSink(scene, target, force=force) as sink:
         yield sink.add
-
-
-class FieldSaver:
-    """Keeps the fields of a scene while it is followed, and writes them at its end.
-
-    Parameters
-    ----------
-    path : Path or None
-        Nothing is kept without one.
-    scene : Scene
-    force : bool
-        Whether an existing file is replaced.
-
-    Raises
-    ------
-    SceneError
-        If the scene wants no field.
-    """
-
-    def __init__(self, path: Path | None, scene: "Scene", *, force: bool = False) -> None:
-        from cnnum.scenes.scene_record import (
-            SceneRecord,
-            refuse_no_fields,
-            refuse_no_spikes,
-        )
-
-        self._path, self._force = path, force
-        self._record = SceneRecord(scene.fields)
-        if path is not None:
-            refuse_no_fields(scene.fields, scene.offered)
-            refuse_no_spikes(path, scene.fields)
-
-    def add(self, moment: "FrameResult") -> None:
-        """Keep a moment."""
-        if self._path is not None:
-            self._record.add(moment)
-
-    def write(self) -> Mapping[str, str]:
-        """Write the file, and return its place for the summary."""
-        if self._path is None:
-            return {}
-        self._record.save(self._path, force=self._force)
-        return {"saved": str(self._path)}
 
 
 def refuse_unknown(save: Path | None) -> None:
@@ -162,7 +154,7 @@ def refuse_unknown(save: Path | None) -> None:
         suffix_of(save)
 
 
-def watching(*watchers: Callable[["FrameResult"], object]) -> Callable[["FrameResult"], None]:
+def watching(*watchers: Watch) -> Watch:
     """Return the function that gives every moment to all watchers."""
 
     def watch(moment: "FrameResult") -> None:
@@ -182,7 +174,7 @@ def follow(
     *,
     frames: int | None = None,
     begin: float = 0.0,
-    watch: Callable[["FrameResult"], object] | None = None,
+    watch: Watch | None = None,
     finish: Callable[[], Mapping[str, str]] | None = None,
     keep: Callable[[], Mapping[str, str]] | None = None,
 ) -> int:
@@ -358,8 +350,8 @@ def _name_bad(scene: "Scene", output: Output, number: int, skin: str = "") -> No
     """Print the record of a bad frame, if it is one of those that are named."""
     named = scene.bad.named
     if named is not None and named.frame == number:
-        of = {"skin": skin} if skin else {}
-        output.record(of | named.record())  # in words it stands on standard error already
+        whose = {"skin": skin} if skin else {}
+        output.record(whose | named.record())  # in words it stands on standard error already
 
 
 def event_text(event: "Event") -> str:

@@ -17,9 +17,9 @@ from cnnum.safety.values import shown
 
 if TYPE_CHECKING:
     from cnnum.drivers.driver import Driver
-    from cnnum.frame import Frame
 
 
+Given = TypeVar("Given")
 Function = TypeVar("Function", bound=Callable[..., Any])
 Changes = dict[str, object]
 
@@ -300,10 +300,10 @@ def scene_text(source: str) -> str:
     return text_of(source)
 
 
-def limited(driver: "Driver", seconds: float | None, frames: int | None) -> "Iterator[Frame]":
-    """Yield frames up to a count, or a time by the host's clock."""
+def limited(given: Iterable[Given], seconds: float | None, frames: int | None) -> Iterator[Given]:
+    """Yield frames, or steps of several arrays, up to a count or a time by the host's clock."""
     begin = time.monotonic()
-    for count, frame in enumerate(driver.frames(), start=1):
+    for count, frame in enumerate(given, start=1):
         yield frame
         late = seconds is not None and time.monotonic() - begin >= seconds
         if late or (frames is not None and count >= frames):

@@ -138,6 +138,21 @@ class _Threaded(ABC):
         """Bring moments until the source ends or the feed is stopped."""
 
 
+class _Asked(_Threaded):
+    """A feed that waits for commands of the page."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._changed = Condition()
+
+    def stop(self) -> None:
+        """End."""
+        with self._changed:
+            self._stopped = True
+            self._changed.notify_all()
+        self._thread.join(5.0)
+
+
 class _Live(_Threaded):
     """A feed whose time is that of the world: it cannot be moved in time."""
 
@@ -220,7 +235,7 @@ class ArrayFeed(_Live):
         self._thread.join(5.0)
 
 
-class RecordingFeed(_Threaded):
+class RecordingFeed(_Asked):
     """A recording that is played at a pace, paused, and moved in time.
 
     Parameters
@@ -239,7 +254,6 @@ class RecordingFeed(_Threaded):
         duration = float(self._times[-1] - self._times[0]) if len(self._times) else 0.0
         self._shown = shown_of(scene)
         self.hub = hub_of(scene, self._shown, duration, inside=inside)
-        self._changed = Condition()
         self._seek: float | None = 0.0
         self._speed, self._paused, self._woken, self._tared = 1.0, False, False, False
         self._due = time.monotonic()
@@ -256,13 +270,6 @@ class RecordingFeed(_Threaded):
                 self._seek = float(wanted["seek"])
             self._woken = True
             self._changed.notify_all()
-
-    def stop(self) -> None:
-        """End."""
-        with self._changed:
-            self._stopped = True
-            self._changed.notify_all()
-        self._thread.join(5.0)
 
     def _work(self) -> None:
         at, way = 0, Passage(self._scene)
@@ -329,7 +336,7 @@ SIDE = 32
 """Rows and columns of a picture that is drawn for a program."""
 
 
-class PictureFeed(_Threaded):
+class PictureFeed(_Asked):
     """A program of pictures, run on what the page draws.
 
     Parameters
@@ -360,7 +367,6 @@ class PictureFeed(_Threaded):
             inside=Inside(self._plan.schedule),
             drawn=True,
         )
-        self._changed = Condition()
         self._wanted: Floats | None = first_picture()
 
     def command(self, wanted: dict[str, Any]) -> None:
@@ -373,13 +379,6 @@ class PictureFeed(_Threaded):
         with self._changed:
             self._wanted = picture
             self._changed.notify_all()
-
-    def stop(self) -> None:
-        """End."""
-        with self._changed:
-            self._stopped = True
-            self._changed.notify_all()
-        self._thread.join(5.0)
 
     def _work(self) -> None:
         begin, number = time.monotonic(), 0

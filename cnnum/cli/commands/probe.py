@@ -305,7 +305,7 @@ def command(
     with open_source(source, assignments(settings), trust=trust) as driver:
         with suppress(KeyboardInterrupt), stoppable():
             with progress("frames", frames, as_json=as_json) as steps:
-                for frame in limited(driver, seconds, frames):
+                for frame in limited(driver.frames(), seconds, frames):
                     figures.add(frame)
                     steps.advance()
             stopped = False

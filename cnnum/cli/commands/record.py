@@ -1,7 +1,7 @@
 """`cnnum record`: an array's frames to a file."""
 
 import time
-from collections.abc import Mapping
+from collections.abc import Generator, Mapping
 from contextlib import ExitStack, closing, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,9 +13,11 @@ from cnnum.cli.options import (
     assignments,
     completed,
     frames_option,
+    is_hand_file,
     json_option,
     limited,
     open_source,
+    scene_text,
     seconds_option,
     setting_option,
     trust_option,
@@ -73,6 +75,10 @@ class Recorder:
     raw : bool
         Whether an MCAP file also holds the bytes as they come from a port.
 
+    Attributes
+    ----------
+    driver : Driver
+
     Raises
     ------
     UnknownNameError
@@ -90,7 +96,7 @@ class Recorder:
         scene: str = "",
         raw: bool = False,
     ) -> None:
-        self._target, self._force = target, force
+        self._target, self._force, self.driver = target, force, driver
         # a file at this name, also a link to nowhere, is not ours to touch
         there = target.exists() or target.is_symlink()
         refuse_target(target, error=RecordingError, force=force)
@@ -217,105 +223,89 @@ def command(
     within a second, and `cnnum recover` rescues a file that was cut off. The recording ends at
     --seconds or --frames, on Ctrl-C, or when the array goes away.
     """
-    from cnnum.cli.options import is_hand_file, scene_text
-
     suffix_of(file)  # before the array is opened
-    if is_hand_file(source):
-        given = assignments(settings)
-        return record_hand(
-            source, file, given, seconds, frames, Output(as_json), force=force, raw=raw, trust=trust
-        )
-    with open_source(source, assignments(settings), trust=trust) as driver:
-        scene, stopped = scene_text(source), True
-        recorder = Recorder(file, driver, force=force, scene=scene, raw=raw)
-        try:
-            with suppress(KeyboardInterrupt), stoppable() as stop:
-                with progress("frames", frames, as_json=as_json) as steps:
-                    for frame in limited(driver, seconds, frames):
-                        with stop.shield():  # half a frame would spoil the file
-                            recorder.add(frame)
-                        steps.advance()
-                stopped = False
-        finally:
-            with undisturbed():
-                outcome = recorder.finish()
-            if outcome.frames:  # also where the array went away: the kept frames are counted
-                _report(Output(as_json), outcome, driver)
-            if outcome.problem:
-                raise RecordingError(outcome.problem)
-        if not outcome.frames:
-            raise RecordingError(f"Nothing was recorded to '{file}': no frame arrived.")
-    return 130 if stopped else 0
-
-
-def record_hand(
-    source: str,
-    file: Path,
-    settings: Mapping[str, object],
-    seconds: float | None,
-    frames: int | None,
-    output: Output,
-    *,
-    force: bool = False,
-    raw: bool = True,
-    trust: bool = False,
-) -> int:
-    """Record each skin of a hand to a file of its own, and return the exit code.
-
-    Raises
-    ------
-    RecordingError
-        If a file is there, or a skin had no frame; the others are kept.
-    """
-    from cnnum.cli.options import scene_text
+    given, output = assignments(settings), Output(as_json)
+    if not is_hand_file(source):
+        with open_source(source, given, trust=trust) as driver:
+            recorders = _recorders(source, {file: driver}, force=force, raw=raw)
+            steps = ({"": frame} for frame in driver.frames())
+            return _fill({"": recorders[0]}, steps, output, seconds, frames)
     from cnnum.scenes.hand import load_hand
 
-    changes = {f"array.{key}": value for key, value in settings.items()}
-    problems, stopped, begin = list[str](), True, time.monotonic()
-    with load_hand(source, changes=changes, trust=trust) as hand, ExitStack() as undone:
-        scene, targets, recorders = scene_text(source), list[Path](), dict[str, Recorder]()
+    changes = {f"array.{key}": value for key, value in given.items()}
+    with load_hand(source, changes=changes, trust=trust) as hand:
+        targets: dict[Path, Driver] = {}
         for skin in hand:
             target = named_after(file.parent, f"{file.stem}-{skin}", file.suffix)
             if target in targets:
                 raise RecordingError(f"Two skins of '{source}' would have the file '{target}'.")
-            targets.append(target)
-            recorders[skin] = Recorder(target, hand[skin].driver, force=force, scene=scene, raw=raw)
-            undone.callback(recorders[skin].finish)
-        undone.pop_all()  # all could be made: what they hold is reported below
-        try:
-            with (
-                suppress(KeyboardInterrupt),
-                stoppable() as stop,
-                closing(hand.frames()) as steps,
-                progress("steps", frames, as_json=output.as_json) as shown,
-            ):
-                for count, step in enumerate(steps, start=1):
-                    with stop.shield():
-                        for skin, frame in step.items():
-                            recorders[skin].add(frame)
+            targets[target] = hand[skin].driver
+        recorders = _recorders(source, targets, force=force, raw=raw)
+        named = dict(zip(hand, recorders, strict=True))
+        code = _fill(named, hand.frames(), output, seconds, frames)
+        lost = hand.summary().dropped
+    if lost:
+        raise RecordingError(f"{lost} frames were lost, because this machine was too slow.")
+    return code
+
+
+def _recorders(
+    source: str, targets: Mapping[Path, "Driver"], *, force: bool, raw: bool
+) -> list[Recorder]:
+    """Return a recorder for each file; none is left if one cannot be made."""
+    scene = scene_text(source)
+    with ExitStack() as undone:
+        recorders = list[Recorder]()
+        for target, driver in targets.items():
+            recorders.append(Recorder(target, driver, force=force, scene=scene, raw=raw))
+            undone.callback(recorders[-1].finish)
+        undone.pop_all()
+    return recorders
+
+
+def _fill(
+    recorders: Mapping[str, Recorder],
+    steps: Generator[Mapping[str, Frame], None, None],
+    output: Output,
+    seconds: float | None,
+    frames: int | None,
+) -> int:
+    """Record steps, at most one frame of each array, and return the exit code.
+
+    Raises
+    ------
+    RecordingError
+        If a file could not be written, or an array had no frame; what came is kept.
+    """
+    stopped, unit = True, "frames" if len(recorders) == 1 else "steps"
+    try:
+        with suppress(KeyboardInterrupt), stoppable() as stop:
+            with progress(unit, frames, as_json=output.as_json) as shown, closing(steps):
+                for step in limited(steps, seconds, frames):
+                    with stop.shield():  # half a frame would spoil the file
+                        for name, frame in step.items():
+                            recorders[name].add(frame)
                     shown.advance()
-                    late = seconds is not None and time.monotonic() - begin >= seconds
-                    if late or (frames is not None and count >= frames):
-                        break
-                stopped = False
-        finally:
-            with undisturbed():
-                outcomes = {skin: recorder.finish() for skin, recorder in recorders.items()}
-            for skin, outcome in outcomes.items():
-                if outcome.frames:
-                    _report(output, outcome, hand[skin].driver, skin)
-                problem = outcome.problem or f"nothing was recorded of skin '{skin}': no frame came"
-                problems += [problem] if outcome.problem or not outcome.frames else []
-    if problems:
-        raise RecordingError("; ".join(problems))
+            stopped = False
+    finally:
+        with undisturbed():
+            outcomes = {name: recorder.finish() for name, recorder in recorders.items()}
+        for name, outcome in outcomes.items():
+            if outcome.frames:  # also where the array went away: the kept frames are counted
+                _report(output, outcome, recorders[name].driver, name)
+        problems = [outcome.problem for outcome in outcomes.values() if outcome.problem]
+        if problems:
+            raise RecordingError("; ".join(problems))
+    empty = [f"'{outcome.file}'" for outcome in outcomes.values() if not outcome.frames]
+    if empty:
+        raise RecordingError(f"Nothing was recorded to {', '.join(empty)}: no frame arrived.")
     return 130 if stopped else 0
 
 
 def _report(output: Output, outcome: "Outcome", driver: "Driver", skin: str = "") -> None:
     counters, size = driver.counters, outcome.file.stat().st_size
-    of = {"skin": skin} if skin else {}
     output.record(
-        of
+        ({"skin": skin} if skin else {})
         | {
             "kind": "recording",
             "file": str(outcome.file),

@@ -91,8 +91,8 @@ def command(
             from cnnum.drivers.timing import Paced
 
             loaded.driver = Paced(loaded.driver, speed, begin, end, keeps_before=True)
-    saver = following.FieldSaver(save, loaded, force=force)
-    filmed = following.Filmed(film, loaded, force=force)
+    saver = following.saved(save, loaded, force=force)
+    filmed = following.filmed(film, loaded, force=force)
     with following.to_rerun(loaded, rerun, force=force) as send:
         watch = following.watching(saver.add, filmed.add, send)
         return follow(

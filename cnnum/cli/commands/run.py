@@ -78,8 +78,8 @@ def command(
             hand = _hand(scene, changes, trust, asked)
             return following.follow_hand(hand, output, name=scene, frames=frames)
         loaded = load_scene(scene, changes=changes, trust=trust)
-    saver = following.FieldSaver(save, loaded, force=force)
-    filmed = following.Filmed(film, loaded, force=force)
+    saver = following.saved(save, loaded, force=force)
+    filmed = following.filmed(film, loaded, force=force)
     eventful: list[int] = []
 
     def watch(moment: "FrameResult") -> None:
