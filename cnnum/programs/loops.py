@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import reduce
 from numbers import Integral
 from typing import cast
 
@@ -35,10 +36,7 @@ def logic(table: str, a: Field, b: Field) -> Field:
         )
     minterms = [~a & ~b, ~a & b, a & ~b, a & b]
     wanted = [term for term, value in zip(minterms, table, strict=True) if value == "1"]
-    total = a & ~a
-    for term in wanted:
-        total = total | term
-    return total
+    return reduce(Field.__or__, wanted) if wanted else a & ~a & b  # a map if either is
 
 
 LONGEST_LOOP = 2**31 - 1

@@ -268,11 +268,13 @@ def test_all_sixteen_logic_functions(engine, code):
     table = f"{code:04b}"
 
     def applied(frame):
-        return {"a": cnnum.logic(table, frame.p > 0.0, frame.q > 0.0)}
+        p, q = frame.p > 0.0, frame.q > 0.0
+        return {"a": cnnum.logic(table, p, q), "flag first": cnnum.logic(table, p.any(), q)}
 
     both = np.array([[[-1, -1], [-1, 1], [1, -1], [1, 1]]], dtype=float)
     plan = engine.compile(cnnum.program(applied), (1, 4), channels=("p", "q"))
-    assert "".join(str(int(v)) for v in plan(both)["a"][0]) == table
+    got = {name: "".join(str(int(v)) for v in found[0]) for name, found in plan(both).items()}
+    assert got == {"a": table, "flag first": 2 * table[2:]}
 
 
 def test_read_outs_of_a_whole_map(engine):
