@@ -413,6 +413,7 @@ def written_folder(
     error: type[CnnumError] = ReportError,
     force: bool = False,
     owns: Callable[[Path], bool] = lambda _: False,
+    synced: bool = True,
 ) -> Generator[Path, None, None]:
     """Give an empty folder to fill; after the block it stands at `target`.
 
@@ -425,6 +426,8 @@ def written_folder(
         Whether a folder that is there is replaced, if `owns` says that it may be.
     owns : callable
         Says of a folder whether it holds nothing but what such an output has.
+    synced : bool
+        Whether its files are on the disk before it stands there: a power cut then loses none.
 
     Raises
     ------
@@ -437,11 +440,32 @@ def written_folder(
         name.mkdir()
         try:
             yield name
-            for path in _files(name):
+            for path in _files(name) if synced else ():
                 _sync(path)
             _put_folder(name, target, replaces=replaces, error=error, owns=owns)
         finally:
             shutil.rmtree(name, ignore_errors=True)
+        sync_folder(target.parent)
+
+
+def put_folder(
+    name: Path,
+    target: Path,
+    *,
+    error: type[CnnumError] = ReportError,
+    force: bool = False,
+    owns: Callable[[Path], bool] = lambda _: False,
+) -> None:
+    """Move a folder that was filled over several runs to its place, without drafts of killed ones.
+
+    `name` is such a folder, next to `target`; the other arguments and the errors are those of
+    `written_folder`.
+    """
+    replaces = refuse_folder(target, error=error, force=force, owns=owns)
+    with sentences(target, error):
+        for left in name.glob(f"{DRAFT}*"):
+            shutil.rmtree(left)
+        _put_folder(name, target, replaces=replaces, error=error, owns=owns)
         sync_folder(target.parent)
 
 

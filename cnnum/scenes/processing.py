@@ -9,16 +9,16 @@ import logging
 import time
 import warnings
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from importlib import import_module
 from os import PathLike
-from pathlib import Path
+from pathlib import Path, PurePath, PurePosixPath
 from threading import RLock
 from typing import IO, Any, cast
 
-from cnnum.design.tasks import Parts, Task, run_tasks
+from cnnum.design.tasks import MANIFEST, Parts, Task, run_tasks
 from cnnum.drivers.own_data.sources import READERS
 from cnnum.drivers.recording_file import array_of
 from cnnum.drivers.registry import open_driver
@@ -29,17 +29,30 @@ from cnnum.errors import (
     CodecError,
     RecordingError,
     RecordingWarning,
+    SceneError,
     missing_extra,
     name_error,
 )
-from cnnum.recordings.lerobot import episodes_of, is_lerobot
+from cnnum.recordings.addresses import copied, facts_of, files_at, is_address, layout_of
+from cnnum.recordings.lerobot import INFO, episodes_of, is_lerobot
 from cnnum.recordings.messages import is_bag
-from cnnum.safety.files import beside, refuse_target, write_whole, written
+from cnnum.safety.files import (
+    beside,
+    make_folder,
+    put_folder,
+    refuse_folder,
+    refuse_target,
+    sentences,
+    write_whole,
+    written,
+    written_folder,
+)
 from cnnum.safety.reading import MEGABYTE, open_regular, read_text
 from cnnum.scenes.arrangement import program_of
-from cnnum.scenes.events import Event
+from cnnum.scenes.events import EVENT_RULES, Event
 from cnnum.scenes.pipeline import Scene
 from cnnum.scenes.scene_file import SceneSpec, read_scene, scene_names
+from cnnum.scenes.scene_record import SceneRecord
 from cnnum.version import __version__
 
 CHUNK = 16
@@ -81,11 +94,14 @@ class Job:
         Absolute path or name.
     changes : tuple of (key, value)
     trust : bool
+    fields : str, optional
+        Absolute path of the folder into which a worker puts the fields of each recording.
     """
 
     scene: str
     changes: tuple[tuple[str, object], ...] = ()
     trust: bool = False
+    fields: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,6 +112,8 @@ class Processed:
     ----------
     events, recordings : Path
         The two tables.
+    fields : Path or None
+        The fields, if they were wanted.
     count, failed, events_count, frames : int
         Recordings, those that could not be processed, events and frames.
     run_now : int
@@ -106,6 +124,7 @@ class Processed:
 
     events: Path
     recordings: Path
+    fields: Path | None
     count: int
     failed: int
     events_count: int
@@ -122,11 +141,11 @@ class Bench:
         self._engine: Engine | None = None
         self.turn = RLock()  # threads of a worker take turns
 
-    def scene(self, path: str) -> Scene:
+    def scene(self, path: Path) -> Scene:
         """Return the scene over a recording: a kept one if the array is the same."""
         job = self._job
         spec = read_scene(
-            job.scene, changes={**dict(job.changes), "array": array_of(Path(path))}, trust=job.trust
+            job.scene, changes={**dict(job.changes), "array": array_of(path)}, trust=job.trust
         )
         driver = open_driver(spec.driver, spec.driver_options, base=spec.base)
         for kept in self._kept:
@@ -140,19 +159,26 @@ class Bench:
         self._kept = [made, *self._kept[: KEPT - 1]]
         return made
 
-    def line(self, name: str, path: str) -> str:
+    def line(self, number: int, name: str, place: str) -> str:
         """Return the row and the events of a recording as a line of JSON."""
         row = dict[str, object].fromkeys(RECORDINGS) | {"recording": name, "events": 0}
-        events = list[list[object]]()
+        events, copy = list[list[object]](), ""
         try:
-            scene = self.scene(path)
-            first = last = None
-            with _quiet():
-                for moment in scene.results():
-                    first = moment.frame.time if first is None else first
-                    last = moment.frame.time
-                    events += [columns(name, event) for event in moment.events]
+            with copied(place) if is_address(place) else nullcontext(Path(place)) as path:
+                copy = str(path) if is_address(place) else ""
+                scene = self.scene(path)
+                record = SceneRecord(scene.fields if self._job.fields else ())
+                first = last = None
+                with _quiet():
+                    for moment in scene.results():
+                        first = moment.frame.time if first is None else first
+                        last = moment.frame.time
+                        events += [columns(name, event) for event in moment.events]
+                        if self._job.fields:
+                            record.add(moment)
             seen = scene.summary()
+            if self._job.fields:
+                _put_fields(record, Path(self._job.fields) / str(number), name)
             row |= {
                 "frames": seen.frames,
                 "ran": seen.handed_on,
@@ -164,10 +190,21 @@ class Bench:
                 "events": len(events),
             }
         except CnnumError as error:
-            row["error"], events = _legible(str(error)), []
+            said = str(error).replace(copy, name) if copy else str(error)
+            row["error"], events = _legible(said), []
         except Exception as error:  # a fault of ours is that row's, and not the end
             row["error"], events = _legible(f"{type(error).__name__}: {error}"), []
         return json.dumps([row, events])
+
+
+def _put_fields(record: SceneRecord, target: Path, name: str) -> None:
+    """Write the fields of a recording as a Zarr group, in the place of an older try."""
+    dataset = record.to_xarray()
+    dataset.attrs["recording"] = name
+    # a wait for the disk at each of its files would take longer than the recording
+    how: dict[str, Any] = {"force": True, "owns": is_zarr, "synced": False}
+    with written_folder(target, error=RecordingError, **how) as draft:
+        dataset.to_zarr(draft, mode="w", consolidated=False)
 
 
 def _legible(text: str) -> str:
@@ -195,7 +232,7 @@ def _bench(job: str) -> Bench:
     """Return what this process keeps for a job: its engine takes longer than a recording."""
     held = json.loads(job)
     changes = tuple((key, value) for key, value in held["changes"])
-    return Bench(Job(held["scene"], changes, held["trust"]))
+    return Bench(Job(held["scene"], changes, held["trust"], held["fields"]))
 
 
 def columns(name: str, event: Event) -> list[object]:
@@ -212,7 +249,7 @@ def columns(name: str, event: Event) -> list[object]:
 
 
 Part = tuple[Task, tuple[tuple[str, str], ...]]
-"""A task, and the names and absolute paths of its recordings."""
+"""A task, and the names and places of its recordings: absolute paths, or addresses."""
 
 
 def run_part(job: str, part: Part) -> tuple[Task, str]:
@@ -221,7 +258,8 @@ def run_part(job: str, part: Part) -> tuple[Task, str]:
     bench = _bench(job)
     with bench.turn, warnings.catch_warnings():
         warnings.simplefilter("ignore", RecordingWarning)  # the row counts what they say
-        return task, "".join(bench.line(name, path) + "\n" for name, path in sources)
+        lines = (bench.line(task[0] + n, *source) for n, source in enumerate(sources))
+        return task, "".join(line + "\n" for line in lines)
 
 
 def sources_of(words: Sequence[str | PathLike[str]]) -> list[Path]:
@@ -254,6 +292,52 @@ def sources_of(words: Sequence[str | PathLike[str]]) -> list[Path]:
     return list(result.values())
 
 
+def _named(words: Sequence[str | PathLike[str]]) -> dict[str, str]:
+    """Return the places of recordings, each once, with the names that tables give them.
+
+    Raises
+    ------
+    RecordingError
+        As `sources_of`, or if an address cannot be read or names a data set.
+    """
+    result = dict[str, str]()
+    for word in words:
+        if not is_address(str(word)):
+            for file in sources_of([word]):
+                result.setdefault(str(file.absolute()), _legible(file.as_posix()))
+            continue
+        addresses = files_at(str(word))
+        paths = {*addresses.values()}
+        if any(PurePosixPath(path).match(INFO) for path in paths):
+            raise RecordingError(
+                f"'{word}' holds a LeRobot set, which is a folder: copy it to this machine first."
+            )
+        fitting = [
+            address
+            for address, path in addresses.items()
+            if len(addresses) == 1
+            or (is_recording(PurePosixPath(path), layout_of(path) in paths) and not _is_part(path))
+        ]
+        if not fitting:
+            raise RecordingError(f"There is no recording in '{word}'.")
+        result |= {address: result.get(address, _legible(address)) for address in fitting}
+    return result
+
+
+def is_recording(path: PurePath, has_layout: bool) -> bool:
+    """Return whether a file of a folder is a recording, by its name."""
+    suffix = path.suffix.lower()
+    return (
+        suffix in READERS
+        and not path.name.endswith(OWN)
+        and (has_layout or suffix not in NEED_LAYOUT)
+    )
+
+
+def _is_part(path: str) -> bool:
+    return any(name.endswith(PARTS) for name in path.split("/")[:-1])
+
+
 def _within(folder: Path, above: tuple[Path, ...] = ()) -> Iterator[Path]:
     if (folder / PAD_FILES[0]).exists() or is_bag(folder):
         yield folder
@@ -266,10 +350,8 @@ def _within(folder: Path, above: tuple[Path, ...] = ()) -> Iterator[Path]:
         if path.is_dir():
             if not path.name.endswith(PARTS) and path.resolve() not in above:  # a link may lead up
                 yield from _within(path, above)
-        elif path.suffix.lower() in READERS and not path.name.endswith(OWN):
-            alone = path.suffix.lower() not in NEED_LAYOUT
-            if alone or path.with_suffix(".toml").exists():
-                yield path
+        elif is_recording(path, path.with_suffix(".toml").exists()):
+            yield path
 
 
 PARTS = ".parts"
@@ -285,6 +367,7 @@ def process(
     out: str | PathLike[str],
     *,
     changes: Mapping[str, object] | None = None,
+    fields: str | PathLike[str] | None = None,
     workers: int = 1,
     scheduler: str | None = None,
     trust: bool = False,
@@ -300,7 +383,8 @@ def process(
     Parameters
     ----------
     sources : path, or sequence of paths
-        Files, folders, and patterns such as "day*/*.mcap".
+        Files, folders, patterns such as "day*/*.mcap", and addresses for fsspec of files, folders
+        and patterns, such as "s3://bucket/day1/" (extra `remote`).
     scene : str or path
         A scene file, or the name of a packaged scene, whose array each recording replaces.
     out : path
@@ -308,20 +392,23 @@ def process(
         NAME.recordings.parquet or .csv.
     changes, trust
         As `cnnum.load_scene`.
+    fields : path, optional
+        Zarr folder for the fields that the scene wants (extra `zarr`), with a group for each
+        recording, named by the number of its row from 0.
     workers : int
         Processes of this machine. A script that uses more than one needs the usual
         ``if __name__ == "__main__":``.
     scheduler : str, optional
         Address of a Dask scheduler, whose workers see the same files.
     force : bool
-        Whether tables that are there are replaced.
+        Whether tables and fields that are there are replaced.
     done : callable, optional
         Called with (recordings done, all recordings) after each part.
 
     Raises
     ------
     MissingExtraError
-        If pyarrow or Dask is asked for and not installed.
+        If pyarrow, Dask, fsspec or Zarr is asked for and not installed.
     CnnumError
         If there is no recording, the scene has a fault, a table is there already, or the parts
         next to it are those of another job.
@@ -329,17 +416,24 @@ def process(
     begin, target = time.perf_counter(), Path(out)
     write = _writer(target)
     tables = target, target.with_name(f"{target.stem}.recordings{target.suffix}")
-    for table in tables:
-        refuse_target(table, error=RecordingError, force=force)
+    folder = None if fields is None else Path(fields)
+    resumes = (beside(target, PARTS) / MANIFEST).exists()
+    _refuse_outputs(tables, folder, force=force or resumes)
     given = [sources] if isinstance(sources, str | PathLike) else list(sources)
-    outputs = {table.absolute() for table in tables}
-    files = [file for file in sources_of(given) if file.absolute() not in outputs]
-    named = str(scene) if str(scene) in scene_names() else str(Path(scene).absolute())
-    spec = read_scene(named, changes=changes, trust=trust)  # a fault of the scene is no recording's
-    job = json.dumps({"scene": named, "changes": list((changes or {}).items()), "trust": trust})
-    parts = Parts(
-        beside(target, PARTS), _key(job, named, spec, files), ".jsonl", RecordingError, "job"
-    )
+    named = _named(given)
+    for table in tables:
+        named.pop(str(table.absolute()), None)
+    files, where = list(named), str(scene)
+    where = where if where in scene_names() else str(Path(scene).absolute())
+    spec = read_scene(where, changes=changes, trust=trust)  # a fault of the scene is no recording's
+    facts = {"scene": where, "changes": list((changes or {}).items()), "trust": trust}
+    if folder is not None:
+        _refuse_no_zarr(spec)
+        facts["fields"] = str(folder.absolute())
+    key = _key(json.dumps(facts), where, spec, files)
+    groups = None if folder is None else beside(folder, f".{key[:12]}{PARTS}")
+    job = json.dumps(facts | {"fields": None if groups is None else str(groups.absolute())})
+    parts = Parts(beside(target, PARTS), key, ".jsonl", RecordingError, "job")
     with parts.held():
         chunk = parts.chunk()
         if chunk is None:
@@ -347,13 +441,17 @@ def process(
             parts.begin(chunk)
         tasks = [(n, min(n + chunk, len(files))) for n in range(0, len(files), chunk)]
         missing = list(parts.missing(tasks))
+        if resumes and missing:
+            _refuse_outputs(tables, folder, force=force)
+        elif resumes:  # it was killed while it put its own results in their places
+            force = True
+        if groups is not None and missing:
+            with sentences(groups, RecordingError):
+                make_folder(groups)
         items = [
             (
                 task,
-                tuple(
-                    (_legible(file.as_posix()), str(file.absolute()))
-                    for file in files[slice(*task)]
-                ),
+                tuple((named[file], file) for file in files[slice(*task)]),
             )
             for task in missing
         ]
@@ -376,9 +474,45 @@ def process(
                 write(
                     file, kinds, (values for part in _lines(parts, tasks) for values in pick(part))
                 )
+        if folder is not None and groups is not None and groups.is_dir():
+            with sentences(groups, RecordingError):
+                import_module("zarr").open_group(groups, mode="a")
+            put_folder(groups, folder, error=RecordingError, force=force, owns=is_zarr)
         parts.remove()
     spent = time.perf_counter() - begin
-    return Processed(*tables, len(files), totals.failed, totals.found, totals.frames, now, spent)
+    counts = len(files), totals.failed, totals.found, totals.frames, now
+    return Processed(*tables, folder, *counts, spent)
+
+
+def _refuse_outputs(tables: Sequence[Path], fields: Path | None, *, force: bool) -> None:
+    """Raise if something is in the place of a result."""
+    for table in tables:
+        refuse_target(table, error=RecordingError, force=force)
+    if fields is not None:
+        refuse_folder(fields, error=RecordingError, force=force, owns=is_zarr)
+
+
+def _refuse_no_zarr(spec: SceneSpec) -> None:
+    """Raise if fields cannot be written, before the work."""
+    for module, library in (("zarr", "zarr"), ("xarray", "xarray")):
+        try:
+            import_module(module)
+        except ImportError:
+            raise missing_extra("a folder of fields", library, "zarr") from None
+    events = {*EVENT_RULES, *spec.own}
+    if spec.needs and {*spec.needs} <= events:
+        raise SceneError(
+            "The scene requests only events and no field, so '--fields' would hold nothing: add a "
+            "field to its 'needs' ('cnnum plan' lists them)."
+        )
+
+
+def is_zarr(folder: Path) -> bool:
+    """Return whether a folder holds Zarr groups and arrays, and no other file."""
+    names = [path.relative_to(folder) for path in folder.rglob("*") if not path.is_dir()]
+    return all(name.name == "zarr.json" or "c" in name.parts[:-1] for name in names) and (
+        not names or (folder / "zarr.json").is_file()
+    )
 
 
 @dataclass(slots=True)
@@ -416,7 +550,7 @@ def _lines(parts: Parts, tasks: Sequence[Task]) -> Iterator[tuple[dict[str, Any]
         yield from cast("list[tuple[dict[str, Any], list[list[Any]]]]", lines)
 
 
-def _key(job: str, scene: str, spec: SceneSpec, files: Sequence[Path]) -> str:
+def _key(job: str, scene: str, spec: SceneSpec, files: Sequence[str]) -> str:
     """Return what tells a job from others: the scene, and names, sizes and times of all files.
 
     Among these are the layouts of recordings, and the scene's own program and calibration.
@@ -425,13 +559,16 @@ def _key(job: str, scene: str, spec: SceneSpec, files: Sequence[Path]) -> str:
     if Path(scene).is_file():
         digest.update(read_text(Path(scene), most=MEGABYTE).encode())
     code = Path(program_of(spec).function.__code__.co_filename)
-    layouts = [file.with_suffix(".toml") for file in files]
-    for file in (*files, *layouts, code, spec.base / spec.calibration):
-        inner = sorted(file.iterdir()) if file.is_dir() else [file]
+    paths = [Path(file) for file in files if not is_address(file)]
+    layouts = [path.with_suffix(".toml") for path in paths]
+    for path in (*paths, *layouts, code, spec.base / spec.calibration):
+        inner = sorted(path.iterdir()) if path.is_dir() else [path]
         facts = [
             (p.name, s.st_size, s.st_mtime_ns) for p in inner if p.exists() for s in [p.stat()]
         ]
-        digest.update(f"{_legible(file.as_posix())} {facts}\n".encode())
+        digest.update(f"{_legible(path.as_posix())} {facts}\n".encode())
+    for address in filter(is_address, files):
+        digest.update(f"{_legible(address)} {facts_of(address)}\n".encode())
     return digest.hexdigest()[:32]
 
 

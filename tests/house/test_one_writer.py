@@ -38,7 +38,7 @@ ALLOWED = {
     "cnnum/report/plots.py": {"savefig"},  # to memory
     "cnnum/safety/reading.py": {"os.open", "fdopen"},  # to read
     "cnnum/scenes/loaded_export.py": {"write_text"},  # a source for the compiler, in /tmp
-    "cnnum/scenes/processing.py": {"write_table"},  # into a draft of the writer
+    "cnnum/scenes/processing.py": {"to_zarr", "write_table"},  # into a draft of the writer
     "cnnum/scenes/scene_record.py": {"savez_compressed", "netcdf"},  # to a draft; to memory
     "cnnum/tactile/cover/fem/generate.py": {"savez_compressed"},  # to a draft of the writer
     "drivers/virtual.py": {"symlink_to"},  # the name of a simulated port

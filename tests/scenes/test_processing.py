@@ -4,13 +4,14 @@ import csv
 import dataclasses
 import os
 import sys
+import zipfile
 
 import numpy as np
 import pytest
 
 import cnnum
 from cnnum.design.tasks import Parts, run_tasks
-from cnnum.errors import MissingExtraError, RecordingError, UnknownNameError
+from cnnum.errors import MissingExtraError, RecordingError, SceneError, UnknownNameError
 from cnnum.scenes import processing
 from cnnum.scenes.processing import process, sources_of
 from cnnum.scenes.scene_file import read_scene
@@ -133,6 +134,140 @@ def test_sentences_that_do_not_name_a_recording_are_left_to_replay(folder, tmp_p
     assert "define the rest" in caplog.text
 
 
+def test_an_address_gives_what_the_files_give(folder, whole, tmp_path):
+    """Files in memory, in an archive and by an address of this machine, with junk among them."""
+    names = [path.removeprefix(str(folder)) for path in processing._named([folder])]
+    fsspec = pytest.importorskip("fsspec")
+    system = fsspec.filesystem("memory")
+    archive = tmp_path / "set.zip"
+    with zipfile.ZipFile(archive, "w") as packed:
+        for path in sorted(folder.rglob("*")):
+            if path.is_file():
+                name = path.relative_to(folder).as_posix()
+                system.pipe_file(f"/set/{name}", path.read_bytes())
+                packed.writestr(name, path.read_bytes())
+    try:
+        for word, begin, end in (
+            ("memory://set/", "memory:///set", ""),
+            (f"file://{folder}", f"file://{folder}", ""),
+            (f"zip://day*/*::file://{archive}", "zip:/", f"::file://{archive}"),
+            (f"zip://::{archive}", "zip:/", f"::{archive}"),
+        ):
+            assert [*processing._named([word])] == [f"{begin}{name}{end}" for name in names]
+        made = process(word, folder / "scene.toml", tmp_path / "e.csv")
+        assert (made.count, made.failed) == (11, 2)
+        for table, expected in zip((made.events, made.recordings), whole[1:], strict=True):
+            rows = list(csv.DictReader(expected.decode().splitlines()))
+            for row in rows:
+                name = row["recording"]
+                row["recording"] = f"{begin}{name.removeprefix(str(folder))}{end}"
+                if row.get("error"):
+                    row["error"] = row["error"].replace(name, row["recording"])
+            assert list(csv.DictReader(table.read_text().splitlines())) == rows
+        # a file that is replaced is another job
+        spec = read_scene(folder / "scene.toml")
+        name = "memory:///set/day0/r0.npz"
+        before = processing._key("", "", spec, [name])
+        assert processing._key("", "", spec, [name]) == before
+        system.pipe_file("/set/day0/r0.npz", b"other")
+        assert processing._key("", "", spec, [name]) != before
+        system.pipe_file("/set/meta/info.json", b"{}")
+        with pytest.raises(RecordingError, match="copy it to this machine first"):
+            process("memory://set", folder / "scene.toml", tmp_path / "x.csv")
+        for word in ("memory://none/*", "nothing://a/b", "memory://set/scene.toml/*"):
+            with pytest.raises(RecordingError, match=r"no recording in|cannot be read"):
+                process(word, folder / "scene.toml", tmp_path / "x.csv")
+    finally:
+        system.rm("/set", recursive=True)
+    made = process("memory://set/r.npz", folder / "scene.toml", tmp_path / "none.csv")
+    assert "There is no file 'memory://set/r.npz'" in made.recordings.read_text()
+
+
+def test_a_layout_comes_with_its_file(folder, tmp_path):
+    """A table in text that is elsewhere is read by the layout that lies next to it there."""
+    pytest.importorskip("fsspec")
+    place = tmp_path / "texts"
+    place.mkdir()
+    rows = drawn(1).values.reshape(90, -1)
+    np.savetxt(place / "r.txt", rows, delimiter=",", header=",".join("abcdefghijklmnopqrstuvwxyzA"))
+    names = ", ".join(f"'{letter}'" for letter in "abcdefghijklmnopqrstuvwxyzA")
+    (place / "r.toml").write_text(
+        f"shape = [3, 3]\nrate = 100.0\nvalues = [{names}]\norder = 'frames rows cols channels'\n"
+    )
+    (place / "notes.txt").write_text("no recording")
+    tables = [
+        process(word, folder / "scene.toml", tmp_path / f"{n}.csv")
+        for n, word in enumerate((str(place), f"file://{place}"))
+    ]
+    assert [made.count for made in tables] == [1, 1]
+    events = [made.events.read_text().replace("file://", "") for made in tables]
+    assert events[0] == events[1]
+    assert tables[0].events_count > 0
+
+
+def tree(folder):
+    return {
+        path.relative_to(folder).as_posix(): path.read_bytes()
+        for path in folder.rglob("*")
+        if path.is_file()
+    }
+
+
+def test_fields_are_those_of_each_recording_alone(folder, tmp_path, monkeypatch):
+    """Also after an end on the way, and after one while the results are put in their places."""
+    xarray = pytest.importorskip("xarray")
+    pytest.importorskip("zarr")
+    scene = tmp_path / "scene.toml"
+    scene.write_text(SCENE.replace('["contact"]', '["contact", "load_normal", "contact_map"]'))
+    given = [folder / "day0" / "r[04]*", scene]
+    made = process(*given, tmp_path / "a.csv", fields=tmp_path / "a.zarr")
+    assert (made.count, made.failed) == (3, 1)
+    rows = list(csv.DictReader(made.recordings.read_text().splitlines()))
+    for number, row in enumerate(rows):
+        if row["error"]:
+            assert not (tmp_path / "a.zarr" / str(number)).exists()
+            continue
+        options = {"group": str(number), "consolidated": False}
+        own = xarray.open_zarr(tmp_path / "a.zarr", **options)
+        seed = int(row["recording"].rpartition("/")[2][1])
+        with cnnum.load_scene(scene, recording=cnnum.load_recording(row["recording"])) as alone:
+            expected = alone.collect().to_xarray()
+        assert own.attrs["recording"] == row["recording"]
+        assert len(own["time"]) == 90 - (seed % 3 == 0)
+        assert set(own.data_vars) == {"load_normal", "contact_map"}
+        for name in (*own.data_vars, "time", "frame", "load_is_bound"):
+            np.testing.assert_array_equal(own[name], expected[name])
+
+    monkeypatch.setattr(processing, "CHUNK", 1)
+
+    def killed(count: int, total: int) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        process(*given, tmp_path / "b.csv", fields=tmp_path / "b.zarr", done=killed)
+    assert not (tmp_path / "b.zarr").exists()
+    with pytest.raises(RecordingError, match="another job"):
+        process(*given, tmp_path / "b.csv")
+    for step in ("written", "put_folder", "remove"):
+        with monkeypatch.context() as patch:
+            place = Parts if step == "remove" else processing
+            patch.setattr(place, step, lambda *_, **__: killed(0, 0))
+            with pytest.raises(KeyboardInterrupt):
+                process(*given, tmp_path / "b.csv", fields=tmp_path / "b.zarr")
+    made = process(*given, tmp_path / "b.csv", fields=tmp_path / "b.zarr")
+    assert made.run_now == 0
+    assert tree(tmp_path / "a.zarr") == tree(tmp_path / "b.zarr")
+    for name in ("csv", "recordings.csv"):
+        assert (tmp_path / f"a.{name}").read_bytes() == (tmp_path / f"b.{name}").read_bytes()
+    assert {path.name for path in tmp_path.iterdir()} == {
+        f"{name}.{kind}" for name in "ab" for kind in ("csv", "recordings.csv", "zarr")
+    } | {"scene.toml"}
+    with pytest.raises(RecordingError, match=r"b\.zarr' already exists"):
+        process(*given, tmp_path / "c.csv", fields=tmp_path / "b.zarr")
+    with pytest.raises(SceneError, match="requests only events and no field"):
+        process(folder, folder / "scene.toml", tmp_path / "c.csv", fields=tmp_path / "c.zarr")
+
+
 def test_parquet_holds_the_same_numbers(folder, whole, tmp_path):
     parquet = pytest.importorskip("pyarrow.parquet")
     made = process([folder / "day0" / "r0.npz"], folder / "scene.toml", tmp_path / "e.parquet")
@@ -213,7 +348,7 @@ def test_whatever_decides_the_events_tells_jobs_apart(name, tmp_path):
 
     def key():
         spec = read_scene(tmp_path / "scene.toml", trust=True)
-        return processing._key("", str(tmp_path / "scene.toml"), spec, [tmp_path / "r.txt"])
+        return processing._key("", str(tmp_path / "scene.toml"), spec, [str(tmp_path / "r.txt")])
 
     before = key()
     assert key() == before

@@ -22,6 +22,12 @@ ALL_FAILED = 1
     help="Table of the events, .parquet or .csv; the table of the recordings lies next to it.",
 )
 @click.option(
+    "--fields",
+    type=click.Path(path_type=Path),
+    metavar="FOLDER.zarr",
+    help="Write the fields that the scene wants, too, a group for each recording.",
+)
+@click.option(
     "--workers",
     type=click.IntRange(min=1),
     default=1,
@@ -37,6 +43,7 @@ def command(
     sources: tuple[str, ...],
     scene: str,
     out: Path,
+    fields: Path | None,
     workers: int,
     scheduler: str | None,
     changes: Changes,
@@ -46,7 +53,8 @@ def command(
 ) -> int:
     """Run a scene over all recordings that SOURCES name.
 
-    SOURCES are files, folders, and patterns in quotes such as "day*/*.mcap". A command that was
+    SOURCES are files, folders, patterns in quotes such as "day*/*.mcap", and addresses such as
+    "s3://bucket/day1/". A command that was
     killed continues where it was and produces the same tables. A recording that cannot be read is
     a row with the reason; if all are, the exit code is 1.
     """
@@ -58,6 +66,7 @@ def command(
             scene,
             out,
             changes=changes,
+            fields=fields,
             workers=workers,
             scheduler=scheduler,
             trust=trust,
@@ -75,6 +84,7 @@ def command(
             "seconds": made.seconds,
             "file": str(made.events),
             "recordings_file": str(made.recordings),
+            **({} if made.fields is None else {"fields": str(made.fields)}),
         }
     )
     failed = f", {made.failed:,} could not be processed" if made.failed else ""
@@ -83,6 +93,7 @@ def command(
         ("frames", f"{made.frames:,}"),
         ("events", f"{made.events_count:,} in {made.events}"),
         ("rows of recordings", str(made.recordings)),
+        *([] if made.fields is None else [("fields", str(made.fields))]),
         ("took", quantity(made.seconds, "s")),
     ]
     shown.show(facts(lines))

@@ -1,0 +1,113 @@
+"""Files elsewhere: what an address names, and copies of it here. The one user of fsspec."""
+
+from collections.abc import Generator
+from contextlib import contextmanager
+from importlib import import_module
+from pathlib import Path, PurePosixPath
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from cnnum.errors import CnnumError, RecordingError, missing_extra
+from cnnum.safety.values import shown
+
+MARK, LINK = "://", "::"
+"""Signs of an address, and between the parts of one within another."""
+
+LAYOUT = ".toml"
+
+
+def is_address(word: str) -> bool:
+    """Return whether a word is an address such as "s3://bucket/day1/", and no path."""
+    return MARK in word
+
+
+def layout_of(path: str) -> str:
+    """Return the path of the layout that would lie next to a file."""
+    return path.removesuffix(PurePosixPath(path).suffix) + LAYOUT
+
+
+@contextmanager
+def _said(address: str) -> Generator[None]:
+    """Turn what fsspec and its file systems raise into one sentence."""
+    try:
+        yield
+    except CnnumError:
+        raise
+    except Exception as error:  # each file system has errors of its own
+        said = str(error).strip().splitlines() or [type(error).__name__]
+        raise RecordingError(f"{shown(address)} cannot be read: {said[0]:.200}.") from None
+
+
+def _opened(address: str) -> tuple[Any, str]:
+    """Return the file system of an address, and the path in it."""
+    try:
+        core: Any = import_module("fsspec.core")
+    except ImportError:
+        raise missing_extra(f"the address {shown(address)}", "fsspec", "remote") from None
+    system, path = core.url_to_fs(address)
+    return system, str(path)
+
+
+def files_at(word: str) -> dict[str, str]:
+    """Return the addresses of all files that an address of a file, folder or pattern names, sorted,
+    with their paths.
+
+    Raises
+    ------
+    MissingExtraError
+        If fsspec is not installed.
+    RecordingError
+        If the address cannot be read.
+    """
+    with _said(word):
+        system, path = _opened(word)
+        named = sorted(system.glob(path)) if any(sign in path for sign in "*?[") else [path]
+        paths = [
+            str(inner)
+            for name in named
+            for inner in (sorted(system.find(name)) if system.isdir(name) else [name])
+        ]
+    if paths == [path]:
+        return {word: path}
+    parts = word.split(LINK)
+    which = next(number for number, part in enumerate(parts) if MARK in part)
+    protocol = parts[which].partition(MARK)[0]
+
+    def whole(path: str) -> str:
+        own = path if MARK in path else f"{protocol}{MARK}{path}"
+        return LINK.join([*parts[:which], own, *parts[which + 1 :]])
+
+    return {whole(path): path for path in paths}
+
+
+def facts_of(address: str) -> str:
+    """Return what tells a file from another of the same name, and its layout; it raises as
+    `files_at`.
+    """
+    with _said(address):
+        system, path = _opened(address)
+        return " ".join(
+            str(system.ukey(name)) for name in (path, layout_of(path)) if system.exists(name)
+        )
+
+
+@contextmanager
+def copied(address: str) -> Generator[Path]:
+    """Yield a copy of a file, with its layout, which is there until the block ends.
+
+    Raises
+    ------
+    MissingExtraError, RecordingError
+        As `files_at`, or if there is no such file.
+    """
+    with TemporaryDirectory(prefix="cnnum-") as folder:
+        with _said(address):
+            system, path = _opened(address)
+            if not system.isfile(path):
+                raise RecordingError(f"There is no file {shown(address)}.")
+            # a name from elsewhere is not to say where in a folder of ours it goes
+            copy = Path(folder) / f"recording{PurePosixPath(path).suffix}"
+            system.get_file(path, str(copy))
+            if system.isfile(layout_of(path)):
+                system.get_file(layout_of(path), str(copy.with_suffix(LAYOUT)))
+        yield copy
