@@ -30,7 +30,7 @@ Write = Callable[[], object]
 save_option = target_option(
     "--save",
     "FILE.npz|csv|nc|txt",
-    "Write the fields that the scene wants, a row a frame; as .txt spikes, a line each.",
+    "Write the scene's fields, one row per frame; .txt is for spikes, one per line.",
 )
 
 
@@ -54,7 +54,7 @@ film_option = click.option(
     type=click.Path(path_type=Path, dir_okay=False),
     metavar="FILE.gif|mp4|webm",
     callback=_to_film,
-    help="Write a film of taxels and flags, with up to 25 pictures a second.",
+    help="Write a film of taxels and flags, with up to 25 pictures per second.",
 )
 
 

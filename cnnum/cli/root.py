@@ -34,7 +34,7 @@ _SERVING: Mapping[str, tuple[str, str]] = {
     "run": (f"{ROOM}.run", "Run a scene and print its events as they come."),
     "plan": (f"{ROOM}.plan", "Show the operations of a scene and what it leaves out."),
     "templates": (f"{ROOM}.templates", "List, show and check the template library."),
-    "studio": ("cnnum.cli.library.studio", "Change a template in a browser and see it move."),
+    "studio": ("cnnum.cli.library.studio", "Edit a template in a browser and watch it run."),
     "sweep": ("cnnum.cli.library.sweep", "Sweep a template over weights, sizes and noise."),
     "devices": (f"{ROOM}.devices", "Show the OpenCL devices and their speed."),
     "calibrate": (
@@ -57,9 +57,9 @@ _SERVING: Mapping[str, tuple[str, str]] = {
     "lerobot": (f"{ARRAYS}.lerobot", "Write a recording as a data set of LeRobot."),
     "view": (f"{ARRAYS}.view", "Show an array or a recording in a browser."),
     "replay": (f"{ROOM}.replay", "Run the program of a scene over a recording."),
-    "tune": (f"{ROOM}.tune", "Learn the level of an event from recordings of your own."),
+    "tune": (f"{ROOM}.tune", "Tune the level of an event to your own recordings."),
     "process": (f"{ROOM}.process", "Run a scene over many recordings, into a table of events."),
-    "explain": (f"{ROOM}.explain", "Say why slip and twist are reported at a time, or are not."),
+    "explain": (f"{ROOM}.explain", "Explain why slip and twist are reported at a time, or not."),
 }
 """The commands that serve: name to module and to the line of help."""
 

@@ -56,9 +56,9 @@ def command(
 ) -> int:
     """Write recordings to FOLDER as the episodes of a LeRobot data set, layout 3.0.
 
-    FILES are recordings, or folders of them. Each row is the time of a picture and contains the
-    taxel frames since the previous one. An episode is read again as FOLDER/episode-000000. This
-    requires pyarrow.
+    FILES are recordings, or folders of them. Each row belongs to one picture and contains the taxel
+    frames since the previous picture. Each episode can be read as a recording, as in
+    FOLDER/episode-000000. This requires pyarrow.
     """
     from cnnum.drivers.recording_file import load_recording
     from cnnum.recordings.lerobot import Episode, read_states, write_lerobot

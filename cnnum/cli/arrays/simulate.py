@@ -86,7 +86,7 @@ def command(
 
     For example, run cnnum simulate --pty --link /tmp/taxels, and then cnnum probe serial --set
     port=/tmp/taxels. The frames repeat until Ctrl-C. The last line counts the scans that were
-    sent and those that were spoiled.
+    sent and those that were damaged.
     """
     from cnnum.drivers.codecs.wire import Asked, described_wire, wire
     from cnnum.drivers.virtual import LineFaults, VirtualArray, VirtualLine

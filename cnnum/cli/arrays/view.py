@@ -49,8 +49,9 @@ def command(
 ) -> int:
     """Show SOURCE (a scene, the name of a driver, or a recording) in a browser, until Ctrl-C.
 
-    Only this machine can reach the page. With --host others can, and need a token. A scene adds
-    events and outlines to the readings. --set changes keys of the scene or options of the driver.
+    Only this machine can reach the page; with --host, other machines can, but need a token. A scene
+    adds events and outlines to the readings. --set changes keys of the scene or options of the
+    driver.
     """
     from cnnum.live.server import Place, is_loopback, run
 

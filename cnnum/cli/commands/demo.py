@@ -123,7 +123,7 @@ def _checks(engine: Engine) -> list[tuple[Template, Engine]]:
 
 
 @click.command("demo")
-@file_option("cnnum-demo.html", "Where the report goes.")
+@file_option("cnnum-demo.html", "File to write the report to.")
 @scene_options
 @force_option
 @json_option
@@ -137,7 +137,7 @@ def command(
 
     A sphere is pressed on a simulated 8×8 three-axial array, pulled until it slips, twisted and
     released. The report shows frames, events, ground truth, the operations that the plan leaves
-    out, and the error of the templates against their run time.
+    out, and the error and run time of the templates.
     """
     with busy(COMPILING, as_json=as_json):
         from cnnum.cli.commands.demo import DemoReport

@@ -89,7 +89,7 @@ def command(
     ports: tuple[str, ...],
     as_json: bool,
 ) -> None:
-    """List the OpenCL devices, try and measure each, and show which one would be used.
+    """List the OpenCL devices, test and measure each, and show which one would be used.
 
     Each device is first tried in a separate process. One that does not work is listed as broken,
     with the reason.

@@ -41,10 +41,10 @@ def command(
     force: bool,
     as_json: bool,
 ) -> None:
-    """Say why slip and twist are reported at a time of the recording FILE, or are not.
+    """Explain why slip and twist are reported, or not, at a time of the recording FILE.
 
-    Every read-out, the level, the margin and what held the strength back most are those of the
-    first frame from that time on. Earlier frames are processed as in a replay.
+    The command prints every read-out, the level, the margin and what lowered the strength most, for
+    the first frame at or after that time. Earlier frames are processed as in a replay.
     """
     output = Output(as_json)
     with busy(COMPILING, as_json=as_json):

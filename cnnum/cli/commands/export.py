@@ -49,7 +49,7 @@ if TYPE_CHECKING:
 @click.option(
     "--package",
     type=click.Choice(PACKAGES),
-    help="Also write what this build system needs.",
+    help="Also write the files for this build system.",
 )
 @click.option("--needs", help="Outputs, such as gross_slip,slip_x; all by default.")
 @click.option(

@@ -19,7 +19,7 @@ ALL_FAILED = 1
     "--output",
     required=True,
     type=click.Path(path_type=Path, dir_okay=False),
-    help="Table of the events, .parquet or .csv; the table of the recordings lies next to it.",
+    help="Table of the events, .parquet or .csv; that of the recordings is written next to it.",
 )
 @click.option(
     "--fields",
@@ -32,7 +32,7 @@ ALL_FAILED = 1
     type=click.IntRange(min=1),
     default=1,
     show_default=True,
-    help="Processes of this machine.",
+    help="Number of processes on this machine.",
 )
 @click.option("--scheduler", help="Address of a Dask scheduler, such as tcp://host:8786.")
 @scene_options
@@ -54,9 +54,9 @@ def command(
     """Run a scene over all recordings that SOURCES name.
 
     SOURCES are files, folders, patterns in quotes such as "day*/*.mcap", and addresses such as
-    "s3://bucket/day1/". A command that was
-    killed continues where it was and produces the same tables. A recording that cannot be read is
-    a row with the reason; if all are, the exit code is 1.
+    "s3://bucket/day1/". If the command is killed, run it again: it continues where it stopped and
+    produces the same tables. A recording that cannot be read becomes a row with the reason; if none
+    can be read, the exit code is 1.
     """
     from cnnum.scenes.processing import process
 

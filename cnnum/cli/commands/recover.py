@@ -24,16 +24,16 @@ if TYPE_CHECKING:
     default=1.0,
     help="Factor by which the usual limits of time, bytes and frames are raised.",
 )
-@click.option("--topic", default="", help="Topic of an MCAP file or a bag of others.")
+@click.option("--topic", default="", help="Topic of a bag, or of an MCAP file from other software.")
 @json_option
 def command(
     file: Path, out: Path | None, force: bool, budget: float, topic: str, as_json: bool
 ) -> int:
     """Write all intact chunks of FILE to a complete recording OUT.
 
-    FILE is a .mcap file that is cut off or damaged anywhere: of `cnnum record`, or with messages of
-    others and a layout. A bag with a layout becomes a recording, too. FILE stays unchanged.
-    OUT ends in .mcap, .npz, .h5 or .csv; by default it is FILE with the ending `.recovered.mcap`.
+    FILE is a truncated or damaged .mcap file, written by `cnnum record` or, with a layout, by other
+    software. A bag with a layout also becomes a recording. FILE is not changed. OUT ends in .mcap,
+    .npz, .h5 or .csv; by default, it is FILE with the suffix `.recovered.mcap`.
     """
     from cnnum.drivers.recording_file import is_of_others
     from cnnum.recordings.export import export, suffix_of

@@ -47,7 +47,7 @@ DEFAULT = "demo"
     "--from",
     "begin",
     type=click.FloatRange(min=0.0),
-    help="Start to report at this time (s); earlier frames are still processed.",
+    help="Report from this time on (s); earlier frames are processed without output.",
 )
 @click.option("--to", "end", type=click.FloatRange(min=0.0), help="Stop at this time (s).")
 @force_option

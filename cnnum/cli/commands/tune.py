@@ -59,11 +59,11 @@ def command(
     force: bool,
     as_json: bool,
 ) -> None:
-    """Learn the level of an event from the recordings FILES, and write a scene that has it.
+    """Choose the level of an event from the recordings FILES, and write a scene with it.
 
-    What no label covers must be quiet: still holds, grips and pulls without the event. With labels,
-    constants of the program are tried as well. Each recording is judged by what was chosen without
-    it.
+    Stretches without a label must be free of the event, but may contain holds, grips and pulls.
+    With labels, some constants of the program are varied as well. Each recording is judged with the
+    values chosen from the others.
     """
     output = Output(as_json)
     with busy("tuning", as_json=as_json):

@@ -47,13 +47,13 @@ def command(
     trust: bool,
     as_json: bool,
 ) -> int:
-    """Change a template in a browser and see it move, or look into a program, until Ctrl-C.
+    """Edit a template in a browser and watch it run, or look into a program, until Ctrl-C.
 
     SOURCE is a template (of the library, or a file), a scene, a tactile program, a driver or a
     recording. The page of a template also finds weights for a rule, counts flips under mismatch,
     compares two templates, and saves TOML. The page of a program shows its graph and the result of
-    each step as frames come, or on the picture that you draw for a program of pictures. Only this
-    machine can reach it; with --host others can, and need a token.
+    each step, for every frame or, if it is a program of pictures, for the picture that you draw.
+    Only this machine can reach the page; with --host, other machines can, but need a token.
     """
     from cnnum.cli.arrays.view import feed_of
     from cnnum.live.server import Place, is_loopback, run, run_door

@@ -50,9 +50,9 @@ def command(
 ) -> int:
     """Run the sweep of the TOML file EXPERIMENT.
 
-    Results go to the file of --output, or to the folder of the experiment. A sweep that was killed
-    continues where it was and produces the same file. Failed runs are counted separately, with
-    their reasons; if all runs fail, the exit code is 1.
+    Results go to the file of --output, or to the folder of the experiment. If a sweep is killed,
+    run it again: it continues where it stopped and produces the same file. Failed runs are counted
+    separately, with their reasons; if all runs fail, the exit code is 1.
     """
     from dataclasses import replace
 

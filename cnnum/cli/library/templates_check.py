@@ -75,8 +75,8 @@ def check(
 
     NAMES are templates of the library, template files, folders of files, or tactile programs; by
     default all that have a check. Templates with measured figures must also reproduce them. For a
-    single file, the command also shows stability, steps, robustness and cost. A check whose right
-    answers all have one colour shows nothing and is refused. The exit code is 1 if a check fails
+    single file, the command also shows stability, steps, robustness and cost. A check whose correct
+    outputs all have one colour proves nothing and is refused. The exit code is 1 if a check fails
     or is refused.
     """
     used = _engines(engines, device, precision)

@@ -57,8 +57,8 @@ def import_files(
 ) -> None:
     """Write templates of other programs as TOML, one file each.
 
-    FILES are `.tem` files of the CNN Software Library, MatCNN's temlib.m, or CNNSim's files. Each
-    guess about a file is printed, and what its format never says.
+    FILES are `.tem` files of the CNN Software Library, MatCNN's temlib.m, or CNNSim's files. The
+    command prints each guess about a file, and what its format cannot express.
     """
     from cnnum.errors import TemplateFileError
     from cnnum.safety.files import make_folder, named_after, refuse_target, sentences

@@ -46,7 +46,8 @@ def design(name: str, engine: str, weights: bool, output: Path, force: bool, as_
 
     A specification is a TOML file with a rule in a table [design], tables [[example]], a table
     [search] for coupled templates, or a table [learn] for gradients. The designed templates are
-    written as files with their proof. Ctrl-C ends a search or a lesson with the best one so far.
+    written as files with their proof. Ctrl-C ends a search, or the training of a template, with the
+    best one so far.
 
     For a template of the library or a file, the command shows the stability class with the reason,
     the largest stable Euler step, settling time against array size, margin, cost, and how often

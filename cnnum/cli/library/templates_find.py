@@ -83,9 +83,9 @@ def find(
 ) -> None:
     """Find templates by WORDS, such as "fill holes", by tags, or by an example.
 
-    An example is an input picture and the desired output picture. Every template with one input
-    and one layer runs on it, and programs of two such templates where none is right; those with
-    the fewest wrong cells come first, and among these those with the largest margin.
+    An example is an input picture and the desired output picture. Every template with one input and
+    one layer runs on it and, if none gives the desired output, every program of two such templates.
+    Those with the fewest wrong cells come first, and among these, those with the largest margin.
     """
     output = Output(as_json)
     example = given is not None or wanted is not None
@@ -163,8 +163,8 @@ def compare(first: str, second: str, picture: Path | None, force: bool, as_json:
     """Show where the numbers and the answers of the templates FIRST and SECOND differ.
 
     Each is a template of the library or a file. Uncoupled templates of radius 1 are compared on all
-    512 neighbourhoods, others on random pictures. Stability class, cost, settling time and margin
-    stand beside the numbers.
+    512 neighbourhoods, others on random pictures. The command also shows stability class, cost,
+    settling time and margin.
     """
     from cnnum.design.finding import compare as compared
     from cnnum.report.comparison import comparison_rows, verdict, write_comparison

@@ -95,7 +95,7 @@ def analyse(name: str, shape: tuple[int, int], as_json: bool) -> None:
 
     These are its rates and stiffness, the longest stable step of every method, its stability class
     with the reason, and the effect of saturation. NAME is a template of the library, a file, or a
-    program, of which every template is shown.
+    program, whose templates are all shown.
     """
     from cnnum.runs.analysis import step, text
 

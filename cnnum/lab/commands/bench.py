@@ -214,7 +214,7 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 @click.group("bench", context_settings={"help_option_names": ["-h", "--help"]})
 def command() -> None:
-    """Measure speed and error, and write picture, data and page of it.
+    """Measure speed and error, and write a picture, the data and a page.
 
     Every benchmark names the cases that it leaves out, and why.
     """
@@ -395,7 +395,7 @@ def work_precision(
 def truth(device: str | None, quick: bool, out: Path | None, force: bool, as_json: bool) -> int:
     """Measure the error against the continuum over run time, and delay and misses of events.
 
-    The total error is separated into that of the lattice and that of the run on it.
+    The total error is divided into the error of the lattice and the error of the run on it.
     """
     from cnnum.lab.bench.true_error import OMISSIONS, measure_true_error
 
@@ -517,7 +517,7 @@ def peers(device: str | None, quick: bool, out: Path | None, force: bool, as_jso
 @command.command("answers")
 @_options
 def answers(device: str | None, quick: bool, out: Path | None, force: bool, as_json: bool) -> int:
-    """Time to the same picture: templates against what OpenCV and SciPy have for it."""
+    """Compare the run time of templates with OpenCV and SciPy functions of the same result."""
     from cnnum.lab.bench.answers import COUNT, measure_answers
 
     engine = _engine(device)

@@ -39,11 +39,11 @@ def command(
     """Compute the dissertation's results and compare them with the published numbers.
 
     ITEMS are names of rows or their beginnings, such as "W", "fig-4.5" or "eq-5"; by default all.
-    The exit code is 1 if a check fails. Comparisons, which no model here is meant to match, never
-    fail.
+    The exit code is 1 if a check fails. Comparisons with values that no model here is meant to
+    match never fail.
 
-    With --mutants every check is computed again with its subject broken: by a factor, which is 1.01
-    where the check is that sharp, by a sign or by a thicker cover. The exit code is 1 if a check
+    With --mutants, every check is repeated with the function behind it changed: by a factor (1.01
+    if the check is that sharp), by a sign, or by a thicker cover. The exit code is 1 if a check
     still passes. This takes a minute.
     """
     from cnnum.lab.reproduce import run, select

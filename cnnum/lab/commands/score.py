@@ -65,7 +65,7 @@ class _Wanted(TypedDict):
     "--twist", metavar="PROGRAM", help="Score your own program with the outputs of 'twist'."
 )
 @engine_options
-@click.option("--strict", is_flag=True, help="Exit with 1 if an aim is missed.")
+@click.option("--strict", is_flag=True, help="Exit with 1 if a target is missed.")
 @page_option
 @force_option
 @json_option
@@ -81,11 +81,11 @@ def command(
 ) -> int:
     """Score slip and twist where the truth is known.
 
-    The suite "families" draws simulated scenes with different pulls, objects, covers and taxels,
-    and with holding without slip. The suite "hands" draws what slip and twist meet in real hands,
-    such as streams that begin with the object held, and arrays that read fewer axes. The suite
-    "recordings" plays the data sets in the folder that CNNUM_RECORDINGS names: uskin_grasp and a
-    clone of tactile_prediction_flat_dataset.
+    The suite "families" simulates scenes with different pulls, objects, covers and taxels, and
+    scenes without slip. The suite "hands" simulates situations that slip and twist meet in real
+    hands, such as streams that begin with the object held, and arrays that measure fewer axes. The
+    suite "recordings" replays the data sets in the folder that CNNUM_RECORDINGS names: uskin_grasp
+    and a clone of tactile_prediction_flat_dataset.
     """
     from cnnum.engine import Engine
     from cnnum.lab.scoring import Gathered, score
