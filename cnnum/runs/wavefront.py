@@ -20,7 +20,7 @@ end alike, so does the array between them.
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +35,12 @@ from cnnum.templating.network import Tap, taps
 from cnnum.templating.template import Template
 
 Given = Mapping[str, NDArray[np.floating]]
+
+Couplings = tuple[NDArray[np.int64], NDArray[np.int64], Floats]
+"""Rows and columns from a cell, and weights."""
+
+NONE: Floats = np.empty((0, 0))
+"""In place of a map that is not there."""
 
 REASON = "the order of events cannot change where the array ends, so the way there is left out"
 
@@ -57,14 +63,15 @@ class Monotone:
         Weight of a cell's own output.
     feedback : (rows, columns, weights), each (couplings,)
         Offsets and weights of the couplings to other cells.
-    control : tuple of Tap
+    control : (rows, columns, weights), each (couplings,)
+        The same of the input.
     rim : (kind, value)
         Boundary of the state, in the form for `cnnum.engines.numba.wavefront.front`.
     """
 
     centre: float
-    feedback: tuple[NDArray[np.int64], NDArray[np.int64], Floats]
-    control: tuple[Tap, ...]
+    feedback: Couplings
+    control: Couplings
     rim: tuple[int, float]
 
 
@@ -80,13 +87,18 @@ def monotone(template: object) -> Monotone | None:
     centre = float(template.A[0, 0].flat[template.A[0, 0].size // 2])
     if not others or centre <= 1.0 + 16.0 * EPSILON or min(tap.weight for tap in others) < 0.0:
         return None
-    places = (np.array([tap.row for tap in others]), np.array([tap.col for tap in others]))
-    weights = np.array([tap.weight for tap in others])
     control = taps(template.B, 0) if template.inputs else ()
     kind, value = rim_of(template.boundary)
     # cells see outputs
     rim = (kind, min(max(value, -1.0), 1.0))
-    return Monotone(centre, (*places, weights), control, rim)
+    return Monotone(centre, _apart(others), _apart(control), rim)
+
+
+def _apart(couplings: Sequence[Tap]) -> Couplings:
+    """Return offsets and weights of couplings as compiled loops take them."""
+    places = np.array([(tap.row, tap.col) for tap in couplings], np.int64).reshape(-1, 2)
+    rows, cols = np.ascontiguousarray(places.T)
+    return rows, cols, np.array([tap.weight for tap in couplings], np.float64)
 
 
 def begins_saturated(template: Template, arrays: Sequence[object]) -> bool:
@@ -321,21 +333,12 @@ def _drive(
     template: Template, known: Monotone, maps: Given, shape: Shape
 ) -> tuple[Floats, float, int]:
     """Return B ∗ u + z with the bias map, a bound on the sum of the sizes in it, and its terms."""
-    drive = np.full(shape, float(template.z[0]))
-    size = abs(float(template.z[0]))
-    if "bias" in maps:
-        drive += maps["bias"]
-        size += float(np.abs(maps["bias"]).max())
-    if known.control:
-        u, boundary = maps["input"], template.input_boundary
-        reach = max(max(abs(tap.row), abs(tap.col)) for tap in known.control)
-        constant = {} if boundary.constant is None else {"constant_values": boundary.constant}
-        wide = np.pad(u, reach, boundary.pad_mode, **cast(Any, constant)) if reach else u
-        product = np.empty(shape)
-        for tap in known.control:
-            top, left = reach + tap.row, reach + tap.col
-            seen = wide[top : top + shape[0], left : left + shape[1]]
-            drive += np.multiply(seen, tap.weight, out=product)
-        largest = max(float(u.max()), -float(u.min()), abs(boundary.constant or 0.0))
-        size += largest * sum(abs(tap.weight) for tap in known.control)
-    return drive, size, len(known.control) + 2
+    from cnnum.engines.numba.wavefront import drive_of  # Numba takes its time
+
+    weights, constant = known.control[2], float(template.z[0])
+    u = maps["input"] if weights.size else NONE
+    rim = rim_of(template.input_boundary)
+    drive, largest, most = drive_of(u, maps.get("bias", NONE), shape, known.control, constant, rim)
+    # a constant rim counts as an input
+    size = abs(constant) + most + max(largest, abs(rim[1])) * float(np.abs(weights).sum())
+    return drive, size, weights.size + 2

@@ -227,6 +227,9 @@ def _fill(
 
 THREE, NINE = 3, 9
 
+LESSER, GREATER = 1, 2
+"""What a comparison keeps of two numbers; both are 3."""
+
 
 @compiled
 def _three(
@@ -350,20 +353,34 @@ def _signs(
 
 @compiled
 def _taken_in_order(
-    wide: NDArray[Real], a: int, b: int, near: NDArray[Real], i: int, j: int, count: int
+    wide: NDArray[Real], a: int, b: int, near: NDArray[Real], i: int, j: int, kept: int, count: int
 ) -> None:
     """Copy the elementwise minima of two rows to one place, and the maxima to another."""
     if a >= 0 and b >= 0 and i >= 0 and j >= 0:
-        for c in range(count):
-            first, second = wide[a + c], wide[b + c]
-            near[i + c] = first if first < second else second
-            near[j + c] = second if first < second else first
+        if kept & LESSER:
+            for c in range(count):
+                first, second = wide[a + c], wide[b + c]
+                near[i + c] = first if first < second else second
+        if kept & GREATER:
+            for c in range(count):
+                first, second = wide[a + c], wide[b + c]
+                near[j + c] = second if first < second else first
 
 
 @compiled
-def _in_order(near: NDArray[Real], i: int, j: int, count: int) -> None:
+def _in_order(near: NDArray[Real], i: int, j: int, kept: int, count: int) -> None:
     """Move the elementwise minima of two rows to the first, the maxima to the second."""
-    if i >= 0 and j >= 0:
+    if i < 0 or j < 0:
+        return
+    if kept == LESSER:
+        for c in range(count):
+            first, second = near[i + c], near[j + c]
+            near[i + c] = first if first < second else second
+    elif kept == GREATER:
+        for c in range(count):
+            first, second = near[i + c], near[j + c]
+            near[j + c] = second if first < second else first
+    else:
         for c in range(count):
             first, second = near[i + c], near[j + c]
             near[i + c] = first if first < second else second
@@ -432,12 +449,13 @@ def _ranks(
             for k in range(pairs.shape[0]):
                 i, j = int(pairs[k, 0]), int(pairs[k, 1])
                 a, b = row + int(places[i]), row + int(places[j])
-                _taken_in_order(wide, a, b, near, i * span, j * span, length)
+                _taken_in_order(wide, a, b, near, i * span, j * span, int(pairs[k, 2]), length)
             for k in range(lone.size):
                 i = int(lone[k])
                 _copied(wide, row + int(places[i]), near, i * span, length)
             for k in range(network.shape[0]):
-                _in_order(near, network[k, 0] * span, network[k, 1] * span, length)
+                i, j = network[k, 0] * span, network[k, 1] * span
+                _in_order(near, i, j, int(network[k, 2]), length)
             for n in range(together):
                 own = row + (radius + n) * stride + radius
                 place = (frame * rows + r + n) * cols
@@ -463,11 +481,12 @@ def comparisons(count: int, wanted: tuple[int, ...]) -> tuple[Ints, Ints, Ints]:
 
     Returns
     -------
-    first : (comparisons, 2) int
-        The first ones, as long as no number is compared twice.
+    first : (comparisons, 3) int
+        The first ones, as long as no number is compared twice. The third column says what is kept:
+        `LESSER` at the first place, `GREATER` at the second, or both.
     lone : (numbers,) int
         Numbers that are not among these.
-    later : (comparisons, 2) int
+    later : (comparisons, 3) int
         All others.
     """
     pairs = list[tuple[int, int]]()
@@ -481,15 +500,16 @@ def comparisons(count: int, wanted: tuple[int, ...]) -> tuple[Ints, Ints, Ints]:
                 break
             d, q, r = q - p, q >> 1, p
         p >>= 1
-    needed, live = list[tuple[int, int]](), {n for n in wanted if n >= 0}
-    for pair in reversed(pairs):
-        if live.intersection(pair):
-            needed.insert(0, pair)
-            live.update(pair)
+    needed, live = list[tuple[int, int, int]](), {n for n in wanted if n >= 0}
+    for i, j in reversed(pairs):
+        kept = LESSER * (i in live) | GREATER * (j in live)
+        if kept:
+            needed.insert(0, (i, j, kept))
+            live.update((i, j))
     seen, first = set[int](), 0
-    while first < len(needed) and not seen.intersection(needed[first]):
-        seen.update(needed[first])
+    while first < len(needed) and not seen.intersection(needed[first][:2]):
+        seen.update(needed[first][:2])
         first += 1
-    network = np.array(needed, np.int64).reshape(-1, 2)
+    network = np.array(needed, np.int64).reshape(-1, 3)
     lone = np.array(sorted({*range(count)} - seen), np.int64)
     return network[:first], lone, network[first:]

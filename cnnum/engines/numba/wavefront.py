@@ -64,6 +64,100 @@ def front(
     return _front(start, held, drive, *feedback, centre, *rim, sign, margin, alone)
 
 
+def drive_of(
+    u: NDArray[np.floating],
+    bias: NDArray[np.floating],
+    shape: tuple[int, int],
+    control: tuple[NDArray[np.int64], NDArray[np.int64], Floats],
+    constant: float,
+    rim: tuple[int, float],
+) -> tuple[Floats, float, float]:
+    """Return the constant part of the rates, B ∗ u + z, as `front` takes it.
+
+    Parameters
+    ----------
+    u : (rows, cols) float, or (0, 0) without an input
+    bias : (rows, cols) float, or (0, 0)
+        Added to `constant`.
+    shape : (rows, cols)
+    control : (rows, columns and weights), each (couplings,)
+    constant : float
+    rim : (kind, value)
+        As `front` takes it, here of the input.
+
+    Returns
+    -------
+    drive : (rows, cols) float64
+    largest, most : float
+        Largest magnitudes of the input and of the bias; NaN if they contain NaN.
+    """
+    return _driven(u, bias, shape, *control, constant, *rim)
+
+
+@inlined
+def _folded(place: int, count: int, kind: int) -> int:
+    """Return the cell that a virtual one beyond the rim copies."""
+    if kind == 2:
+        return place % count
+    return -1 - place if place < 0 else 2 * count - 1 - place if place >= count else place
+
+
+@inlined
+def _largest(numbers: NDArray[np.floating]) -> float:
+    """Return the largest magnitude, NaN if there is one."""
+    columns = np.zeros(numbers.shape[1])  # one for each column, so that the loop vectorises
+    for r in range(numbers.shape[0]):
+        for c in range(columns.size):
+            size, known = abs(float(numbers[r, c])), columns[c]
+            columns[c] = known if size <= known or known != known else size
+    largest = 0.0
+    for size in columns:
+        largest = largest if size <= largest or largest != largest else size
+    return largest
+
+
+@kept
+def _driven(
+    u: NDArray[np.floating],
+    bias: NDArray[np.floating],
+    shape: tuple[int, int],
+    downs: NDArray[np.int64],
+    rights: NDArray[np.int64],
+    weights: Floats,
+    constant: float,
+    kind: int,
+    value: float,
+    room: int = ROOM,
+) -> tuple[Floats, float, float]:
+    rows, cols = shape
+    drive = np.empty((rows, cols))
+    for r in range(rows):
+        row = drive[r]
+        for c in range(cols):
+            row[c] = constant
+        if bias.size:
+            for c in range(cols):
+                row[c] += float(bias[r, c])
+        for k in range(weights.size):
+            w, right, a = weights[k], rights[k], r + downs[k]
+            out = a < 0 or a >= rows
+            if out and kind == 0:
+                for c in range(cols):
+                    row[c] += w * value
+                continue
+            seen = u[_folded(a, rows, kind) if out else a]
+            first, last = max(0, -right), min(cols, cols - right)
+            for c in range(first):
+                row[c] += w * (value if kind == 0 else float(seen[_folded(c + right, cols, kind)]))
+            # an index that may be negative would keep the loop from being vectorised
+            inner, to = seen[first + right : last + right], row[first:last]
+            for c in range(to.size):
+                to[c] += w * float(inner[c])
+            for c in range(last, cols):
+                row[c] += w * (value if kind == 0 else float(seen[_folded(c + right, cols, kind)]))
+    return drive, _largest(u), _largest(bias)
+
+
 @inlined
 def _fall(total: float, centre: float, largest: float) -> float:
     """Return the time constants in which a cell falls from the largest state to -1, at most.
