@@ -82,6 +82,12 @@ def _negated(given: Intervals) -> ir.Bounds:
     return -high, -low
 
 
+def _remainder_bounds(given: Intervals) -> ir.Bounds:
+    """Return the interval of a remainder of numbers that are not below 0."""
+    _, (_, most) = given
+    return 0, most - 1
+
+
 def _size(given: Intervals) -> ir.Bounds:
     ((low, high),) = given
     return max(low, -high, 0), max(-low, high)
@@ -181,6 +187,7 @@ PRIMITIVES = {
     "subtract": Primitive(_corners(sub), np.subtract, "-"),
     "multiply": Primitive(_corners(mul), np.multiply, "*"),
     "shift": Primitive(_corners(lambda a, places: a >> places), np.right_shift, ">>"),
+    "remainder": Primitive(_remainder_bounds, np.remainder, "%"),
     "negate": Primitive(_negated, np.negative),
     "absolute": Primitive(_size, np.abs),
     "minimum": Primitive(_corners(min), np.minimum),

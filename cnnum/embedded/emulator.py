@@ -233,7 +233,8 @@ class Emulator:
         """Iterate while a flag holds; frames that have stopped keep their values."""
         assert isinstance(statement.end, int)
         outer, flag = self._running, statement.running
-        for _ in range(statement.start, statement.end):
+        for number in range(statement.start, statement.end):
+            self.values[statement.variable.text] = np.asarray(number)
             if flag is not None:
                 running = self.values[flag.text] != 0
                 now: Numbers = running if outer is None else running & outer

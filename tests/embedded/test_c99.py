@@ -73,7 +73,7 @@ def compare(program, precision, compiler, tmp_path):
 
 
 def test_a_transient_of_too_many_steps_is_refused_in_one_sentence():
-    with pytest.raises(NotSupportedError, match="at most 100,000"):
+    with pytest.raises(NotSupportedError, match="at most 200,000"):
         too_long()
 
 

@@ -115,7 +115,7 @@ def test_what_has_no_form_is_left_out_with_the_reason(monkeypatch):
     case = ("patient", (8, 8), "q15", "auto", "m4")
     (sentence,) = costs.measure_costs([case], 168e6, 0)
     assert sentence.startswith("patient on 8×8 in q15 by auto: ")
-    assert "at most 100,000" in sentence
+    assert "at most 200,000" in sentence
 
 
 def test_flags_that_differ_are_a_share_of_those_that_are_up():

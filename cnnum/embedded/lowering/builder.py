@@ -19,6 +19,7 @@ from cnnum.integrators.choice import choose
 from cnnum.integrators.exact_ends import SHIFTS, Circulant, Decay, Propagator, Spectral, circulant
 from cnnum.integrators.schemes import FixedSteps
 from cnnum.integrators.solver import Solver
+from cnnum.integrators.tableau import EULER
 from cnnum.templating.boundary import Boundary, rim_copies
 from cnnum.templating.network import Network
 
@@ -331,6 +332,8 @@ def whole_solver(transient: Transient, shape: Shape) -> Solver:
     method = transient.spec.method
     exact = _exact(transient, shape)
     steps = method not in ("auto", "propagator") or not isinstance(exact.scheme, EXPORTED)
+    if isinstance(exact.scheme, FixedSteps) and exact.scheme.tableau != EULER:
+        steps = True  # those of Heun's method, which "auto" takes for a delay
     uncoupled = isinstance(exact.scheme, Decay)
     settled = exact.settle and isinstance(exact.scheme, Propagator | Spectral | Circulant)
     if uncoupled or settled or not steps:

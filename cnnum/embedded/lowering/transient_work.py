@@ -64,11 +64,6 @@ class TransientWork:
                     f"The figure '{pick.what}' of a run cannot be exported: leave out the outputs "
                     "that need it."
                 )
-        if template.delayed is not None or template.gains:
-            raise NotSupportedError(
-                f"Template '{template.name}' has delayed or timed couplings, which cannot be "
-                "exported: leave out the outputs that need it."
-            )
         for coupling in template.nonlinear:
             if not isinstance(coupling.function, Table):
                 raise NotSupportedError(
@@ -88,8 +83,11 @@ class TransientWork:
             return list(range(self.template.layers))
         return sorted({pick.layer for pick in self.picks.values()})
 
-    def drive_terms(self, layer: int, share: float) -> Terms:
-        """Return the terms of a share of B ∗ u + z + bias of a cell; loops are padded by `halo`."""
+    def drive_terms(self, layer: int, share: float, late: str = "input") -> Terms:
+        """Return the terms of a share of B ∗ u + z + bias of a cell; loops are padded by `halo`.
+
+        `late` says which inputs a delayed B reads: "previous" ones, or those of the run.
+        """
         template, terms = self.template, list[tuple[float, Quantity]]()
         if self.given["input"]:
             boundary = template.input_boundary
@@ -98,6 +96,10 @@ class TransientWork:
                 terms.append((share * tap.weight, padded.at(tap.row, tap.col)))
             for number, coupling in self.couplings(layer, static=True):
                 terms.append((share, self.coupled(number, coupling, self._input)))
+            if template.delayed is not None:
+                for tap in taps(template.delayed.B, layer):
+                    padded = self.padded(self.given[late][tap.source], boundary.constant)
+                    terms.append((share * tap.weight, padded.at(tap.row, tap.col)))
         if template.z[layer]:
             terms.append((1.0, self.fixed(share * float(template.z[layer]))))
         if self.given["bias"]:
@@ -123,16 +125,16 @@ class TransientWork:
                 first, second = (argument, own) if coupling.reversed_sign else (own, argument)
                 argument = to.arithmetic.subtract(first, second, FINE)
             name = f"{self.index}_{number}_{at}"
-            argument = self._register(f"v{name}", argument)
+            argument = self.register(f"v{name}", argument)
             value = self._function(coupling.table, argument)
             if coupling.times_argument:
-                value = self._register(f"g{name}", value)
+                value = self.register(f"g{name}", value)
                 value = to.arithmetic.multiply(value, argument, FINE)
-            terms.append((float(coupling.weights[row, col]), self._register(f"f{name}", value)))
+            terms.append((float(coupling.weights[row, col]), self.register(f"f{name}", value)))
         total = to.arithmetic.weighted(terms, FINE)
-        return self._register(f"f{self.index}_{number}", total)
+        return self.register(f"f{self.index}_{number}", total)
 
-    def _register(self, name: str, value: Quantity) -> Quantity:
+    def register(self, name: str, value: Quantity) -> Quantity:
         """Return a value by a name, in the format that its range takes."""
         form = self.to.formats.register(name)
         return self.to.let(name, self.to.arithmetic.fit(value, form))  # type: ignore[arg-type]
@@ -189,7 +191,9 @@ class TransientWork:
     @property
     def halo(self) -> int:
         """The width of the rims of inputs that the drive reads."""
-        return max(reach(self.template.B), self.far(static=True))
+        delayed = self.template.delayed
+        late = 0 if delayed is None else reach(delayed.B)
+        return max(reach(self.template.B), self.far(static=True), late)
 
     def far(self, *, static: bool) -> int:
         """Return how far nonlinear couplings reach: those of the drive, or those of each step."""
@@ -216,9 +220,13 @@ class TransientWork:
         static = [coupling for coupling in self.template.nonlinear if coupling.static]
         read = {coupling.source for coupling in static}
         read |= {coupling.centre_source for coupling in static if coupling.centre}
+        delayed, edge = self.template.delayed, self.template.input_boundary.constant
         for source, input_map in enumerate(self.given["input"]):
-            if source in read or np.any(self.template.B[:, source]):
-                self.padded(input_map, self.template.input_boundary.constant)
+            late = delayed is not None and bool(np.any(delayed.B[:, source]))
+            if late or source in read or np.any(self.template.B[:, source]):
+                self.padded(input_map, edge)
+            if late and self.given["previous"]:
+                self.padded(self.given["previous"][source], edge)
 
     def target(self, layer: int, what: str) -> Array:
         """Return a new array for a layer's state or output."""

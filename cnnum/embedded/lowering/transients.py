@@ -5,6 +5,7 @@ Uncoupled cells are a weighted sum of inputs and start, by any method: their ans
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from math import prod
 from typing import NamedTuple
 
@@ -19,10 +20,11 @@ from cnnum.embedded.program import Array
 from cnnum.errors import NotSupportedError
 from cnnum.graph.nodes import Node, Pick, Transient
 from cnnum.integrators.exact_ends import Circulant, Decay, Propagator, Spectral
-from cnnum.integrators.schemes import MAX_STEPS, FixedSteps
+from cnnum.integrators.schemes import FixedSteps
 from cnnum.integrators.solver import Solver
 from cnnum.integrators.tableau import EULER
-from cnnum.templating.network import moving_inputs, reads_states, taps
+from cnnum.templating.network import lag, moving_inputs, reads_states, taps
+from cnnum.templating.template import Template
 
 J = ir.Name("j", (0, 1 << 16))
 DOWN = ir.Name("d", (0, 1 << 16))
@@ -376,21 +378,26 @@ class Watch:
         return ir.Accumulate(self.moved, "maximum", call("greater", far, ir.Number(STILL)))
 
     def repeat(
-        self, work: TransientWork, scheme: FixedSteps, steps: Sequence[ir.Statement]
+        self,
+        work: TransientWork,
+        scheme: FixedSteps,
+        parts: Sequence[tuple["Part", Sequence[ir.Statement]]],
     ) -> None:
-        """Write the steps and the figures of the run."""
+        """Write the steps of each part and the figures of the run."""
         to, count = work.to, constant(float(scheme.count))
         if self.needed:
             to.body.append(ir.declare(self.moved, 0))
-            steps = (ir.Assign(self.moved, ir.Integer(0)), *steps)
+            clears = ir.Assign(self.moved, ir.Integer(0))
+            parts = [(part, (clears, *steps)) for part, steps in parts]
         if scheme.settle:
+            ((_, steps),) = parts
             count = self._until_still(work, scheme, steps)
             time = to.arithmetic.multiply(count, constant(scheme.step), FINE)
         else:
-            # a run of no time is watched for one step, which is not stored
-            count_of = scheme.count or int(self.needed)
-            to.body.append(ir.Counted(ir.ROUND, 0, count_of, None, tuple(steps)))
-            time = constant(scheme.step * scheme.count)
+            for part, steps in parts:
+                to.body.append(ir.Counted(STEP, part.first, part.after, None, tuple(steps)))
+            time = constant(sum(part.step * (part.after - part.first) for part, _ in parts))
+            time = time if scheme.count else constant(0.0)
         known = {"steps": count, "time": time, "settled": Quantity(opposite(self.moved))}
         for name in work.figures:
             figure = known[name]
@@ -407,7 +414,7 @@ class Watch:
         to.body += [
             ir.declare(self.steps, 0),
             ir.declare(self.running, 1),
-            ir.Counted(ir.ROUND, 0, scheme.count, self.running, body),
+            ir.Counted(STEP, 0, scheme.count, self.running, body),
         ]
         return Quantity(self.steps if to.integer else call("to_real", self.steps))
 
@@ -425,10 +432,11 @@ def stepped(work: TransientWork, scheme: FixedSteps) -> dict[int, Array]:
             f"Steps of '{scheme.tableau.name}' cannot be exported: use method='euler'."
         )
     to, template = work.to, work.template
+    parts = _parts(work, scheme)
     work.prepare()
     states = [_state(work, layer) for layer in range(template.layers)]
-    drives = [_drive(work, layer, scheme.step) for layer in range(template.layers)]
-    halo = max(reach(template.A), work.far(static=False))
+    drives = _drives(work, parts)
+    halo = max(reach(template.A), work.far(static=False), _late_reach(template))
     inputs = {source: work.seen_input(source, halo) for source in moving_inputs(template)}
     seen = [
         Padded.made(
@@ -441,20 +449,181 @@ def stepped(work: TransientWork, scheme: FixedSteps) -> dict[int, Array]:
         Padded.made(to, state, f"o{work.index}_{n}", template.boundary, halo)
         for n, state in enumerate(states if reads_states(template) else [])
     ]
+    late = _histories(work, scheme, states, halo)
     maps = {"u": inputs, "y": dict(enumerate(seen)), "x": dict(enumerate(past))}
-    watch = Watch.of(work, scheme)
-    with to.within() as steps:
-        for state, padded in zip(states, seen, strict=True):
-            value = to.item(state)
-            padded.fill(value if template.output.linear else work.output(value))
-        for state, padded in zip(states, past, strict=False):
-            padded.fill(to.item(state))
-        with to.within() as body:
-            for layer, (state, drive) in enumerate(zip(states, drives, strict=True)):
-                _step(work, layer, scheme, state, drive, maps, watch)
-        to.loop(body, cols=halo > 0, halo=halo)
-    watch.repeat(work, scheme, steps)
+    maps["late"] = {source: history.seen for source, history in late.items()}
+    watch, bodies = Watch.of(work, scheme), list[tuple[Part, Sequence[ir.Statement]]]()
+    for part in parts:
+        with to.within() as steps:
+            for state, padded in zip(states, seen, strict=True):
+                value = to.item(state)
+                padded.fill(value if template.output.linear else work.output(value))
+            for state, padded in zip(states, past, strict=False):
+                padded.fill(to.item(state))
+            for source, history in late.items():
+                history.exchange(work, seen[source])
+            with to.within() as body:
+                for layer, state in enumerate(states):
+                    drive = drives[part.step, part.late, layer]
+                    _step(work, layer, part, state, drive, maps, watch)
+            to.loop(body, cols=halo > 0, halo=halo)
+        bodies.append((part, steps))
+    watch.repeat(work, scheme, bodies)
     return _ends(work, states)
+
+
+MOST_STEPS = 200_000
+"""Steps of a transient at most: the slowest template of the library, INTERP, may take 128,000."""
+
+STEP = ir.Name("n", (0, MOST_STEPS))
+"""Number of a step."""
+
+MOST_FACTORS = 4096
+"""Steps of a part in which a gain varies: each has a factor in a table."""
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """Consecutive steps of one length that read the same inputs.
+
+    Attributes
+    ----------
+    first, after : int
+        Numbers of its first step and of the one after its last.
+    step : float
+    late : str
+        What a delayed B reads: "input", or "previous" inputs before the delay has passed.
+    factors : dict of (int, int) to (after − first,) float
+        Gains of each step, by the layers `to` and `source` of their couplings.
+    stores : bool
+        Whether its steps are stored; in a run of no time none is.
+    """
+
+    first: int
+    after: int
+    step: float
+    late: str
+    factors: Mapping[tuple[int, int], Floats]
+    stores: bool = True
+
+
+def _parts(work: TransientWork, scheme: FixedSteps) -> list[Part]:
+    """Return the parts of a run: they end where steps change, or a delayed input arrives."""
+    template, count = work.template, scheme.count
+    timed = template.delayed is not None or bool(template.gains)
+    if timed and (scheme.settle or "settled" in work.figures):
+        raise NotSupportedError(
+            f"Template '{template.name}' has a delay or a gain in time, so that a step that moves "
+            "nothing is no rest: give it a duration, and do not read 'settled'."
+        )
+    if not count or scheme.settle:
+        # a run of no time is watched for one step, which is not stored
+        watched = "settled" in work.figures
+        return [Part(0, count or int(watched), scheme.step, "input", {}, stores=bool(count))]
+    starts = {piece.first: (piece.step, piece.start) for piece in scheme.pieces}
+    starts = starts or {0: (scheme.step, 0.0)}
+    if not scheme.pieces and scheme.last != scheme.step:
+        starts[count - 1] = scheme.last, (count - 1) * scheme.step
+    before = lag(template, scheme.step) if work.given["previous"] else 0
+    ends = {*starts, count} | ({before} if 0 < before < count else set[int]())
+    result = list[Part]()
+    for first, after in pairwise(sorted(ends)):
+        at = max(start for start in starts if start <= first)
+        step, begin = starts[at]
+        times = begin + step * np.arange(first - at, after - at, dtype=np.float64)
+        late = "previous" if first < before else "input"
+        result.append(Part(first, after, step, late, _factors(work, times, step)))
+    return result
+
+
+def _factors(work: TransientWork, times: Floats, step: float) -> dict[tuple[int, int], Floats]:
+    """Return the gains of steps that begin at some times, as the engines take them."""
+    result = dict[tuple[int, int], Floats]()
+    for gain in work.template.gains:
+        if work.template.delayed is not None:
+            values = np.array([gain.table.mean(time, time + step) for time in times.tolist()])
+        else:
+            jumps = gain.table.interpolation == "constant"
+            values = np.asarray(gain.table(times + 0.5 * step if jumps else times))
+        pair = gain.to, gain.source
+        result[pair] = result.get(pair, np.ones(len(times))) + values - 1.0
+    return result
+
+
+def _late_reach(template: Template) -> int:
+    return 0 if template.delayed is None else reach(template.delayed.A)
+
+
+@dataclass(frozen=True, slots=True)
+class _History:
+    """The outputs of a layer over a delay, and the map of those that are read now.
+
+    Attributes
+    ----------
+    ring : Array or None
+        Outputs of the last steps, one map after the other; None where no step sees any.
+    steps : int
+        Maps in it.
+    seen : Padded
+    """
+
+    ring: Array | None
+    steps: int
+    seen: Padded
+
+    def exchange(self, work: TransientWork, now: Padded) -> None:
+        """Write the statements that take out the outputs of a delay ago, and put in the new."""
+        if self.ring is None:
+            return
+        to, place = work.to, call("remainder", STEP, ir.Integer(self.steps))
+        slot = ir.Name(f"slot_{self.ring.name}", place.bounds)
+        to.body.append(ir.fixed(slot, place))
+        at = call("add", call("multiply", slot, ir.Integer(to.cells)), CELL)
+        self.seen.fill(to.item(self.ring, at))
+        with to.within() as body:
+            to.store(self.ring, now.at(0, 0), at)
+        to.loop(body, cols=now.halo > 0, halo=now.halo)
+
+
+def _histories(
+    work: TransientWork, scheme: FixedSteps, states: Sequence[Array], halo: int
+) -> dict[int, _History]:
+    """Write the histories of the layers that a delayed A reads, as of before the start."""
+    to, template, result = work.to, work.template, dict[int, _History]()
+    if template.delayed is None:
+        return result
+    steps = lag(template, scheme.step)
+    for source in np.flatnonzero(template.delayed.A.any(axis=(0, 2, 3))).tolist():
+        name, state = f"{work.index}_{source}", states[source]
+        like, ring = _like_output(work, state), None
+        seen = Padded.made(to, like, f"l{name}", template.boundary, halo)
+        start = to.item(state)
+        start = start if template.output.linear else work.output(start)
+        if steps < scheme.count:
+            about = f"outputs of the last {steps} steps"
+            ring = to.array(f"ring{name}", "work", steps * to.cells, like.format, about)
+            at = call("add", call("multiply", J, ir.Integer(to.cells)), CELL)
+            store = to.store_to(ring, to.stored(start, ring), at)
+            to.loop([ir.Loop(J, steps, (store,))])
+        else:
+            seen.fill(start)
+        result[source] = _History(ring, steps, seen)
+    return result
+
+
+def _drives(
+    work: TransientWork, parts: Sequence[Part]
+) -> dict[tuple[float, str, int], Array | None]:
+    """Write what a step adds to any state, for each length of a step and each kind of input."""
+    result = dict[tuple[float, str, int], Array | None]()
+    for part in parts:
+        for layer in range(work.template.layers):
+            key = part.step, part.late, layer
+            if key not in result:
+                number = len({(step, late) for step, late, _ in result} - {key[:2]})
+                tag = f"_{number}" if number else ""
+                result[key] = _drive(work, layer, part, tag)
+    return result
 
 
 def _like_output(work: TransientWork, state: Array) -> Array:
@@ -482,14 +651,14 @@ def _value(work: TransientWork, array: Array, start: Quantity | None) -> ir.Expr
     return work.to.zero() if start is None else work.to.stored(start, array)
 
 
-def _drive(work: TransientWork, layer: int, step: float) -> Array | None:
+def _drive(work: TransientWork, layer: int, part: Part, tag: str) -> Array | None:
     """Write the part that a step adds to any state, or None if that is nothing."""
-    to, share = work.to, step / float(work.template.tau[layer])
+    to, share = work.to, part.step / float(work.template.tau[layer])
     with to.within() as body:
-        terms = work.drive_terms(layer, share)
+        terms = work.drive_terms(layer, share, part.late)
         if not terms:
             return None
-        name = f"d{work.index}_{layer}"
+        name = f"d{work.index}_{layer}{tag}"
         array = to.array(name, "work", to.cells, to.formats.kept(name), "drive of a step")
         to.store(array, to.arithmetic.weighted(terms, 40))
     to.loop(body, cols=True, halo=work.halo)
@@ -499,18 +668,24 @@ def _drive(work: TransientWork, layer: int, step: float) -> Array | None:
 def _step(
     work: TransientWork,
     layer: int,
-    scheme: FixedSteps,
+    part: Part,
     state: Array,
     drive: Array | None,
     maps: Mapping[str, Mapping[int, Padded]],
     watch: Watch,
 ) -> None:
     to, template, seen = work.to, work.template, maps["y"]
-    share = scheme.step / float(template.tau[layer])
+    share = part.step / float(template.tau[layer])
     terms = [
         (share * tap.weight, seen[tap.source].at(tap.row, tap.col))
         for tap in taps(template.A, layer)
+        if (layer, tap.source) not in part.factors
     ]
+    if template.delayed is not None:
+        terms += [
+            (share * tap.weight, maps["late"][tap.source].at(tap.row, tap.col))
+            for tap in taps(template.delayed.A, layer)
+        ]
     own = 1.0 - share
     if template.output.linear:
         # f(x) = x: the cell's own weight takes in the kept share of its state
@@ -522,6 +697,9 @@ def _step(
             number, coupling, lambda what, source, row, col: maps[what][source].at(row, col)
         )
         terms.append((share, value))
+    for (layer_to, source), factors in part.factors.items():
+        if layer_to == layer:
+            terms += _gained(work, layer, source, part, factors, seen[source])
     total = to.arithmetic.weighted(terms, FINE)
     if drive is not None:
         # of a step as long as τ nothing of the state is kept, and the drive is all there is
@@ -534,10 +712,35 @@ def _step(
     if watch.needed:
         new = to.let(f"new{work.index}_{layer}", Quantity(to.stored(total, state), _places(state)))
         to.body.append(watch.noted(new.value, to.item(state).value))
-        if scheme.count:
+        if part.stores:
             to.body.append(to.store_to(state, new.value))
         return
     to.store(state, total)
+
+
+def _gained(
+    work: TransientWork, layer: int, source: int, part: Part, factors: Floats, seen: Padded
+) -> list[tuple[float, Quantity]]:
+    """Return the terms of the couplings from a layer, scaled by a gain that varies in time."""
+    to, share = work.to, part.step / float(work.template.tau[layer])
+    some = [tap for tap in taps(work.template.A, layer) if tap.source == source]
+    if not some:
+        return []
+    if np.ptp(factors) == 0.0:
+        share *= float(factors[0])
+        return [(share * tap.weight, seen.at(tap.row, tap.col)) for tap in some]
+    if len(factors) > MOST_FACTORS:
+        raise NotSupportedError(
+            f"Template '{work.template.name}' has a gain that varies over {len(factors):,} steps, "
+            f"but an export has a table of at most {MOST_FACTORS:,}: take longer steps with 'dt'."
+        )
+    name = f"{work.index}_{layer}_{source}"
+    total = to.arithmetic.weighted([(tap.weight, seen.at(tap.row, tap.col)) for tap in some], FINE)
+    total = work.register(f"f{name}g", total)
+    table = _table(work, f"gain_{layer}_{source}_{part.first}", factors, "gains by steps")
+    at = call("subtract", STEP, ir.Integer(part.first)) if part.first else STEP
+    factor = to.item(table, at)
+    return [(share, work.register(f"h{name}g", to.arithmetic.multiply(total, factor, FINE)))]
 
 
 def _places(array: Array) -> int:
@@ -606,10 +809,10 @@ def _lowered(work: TransientWork, solver: Solver) -> dict[int, Array]:
         return around_torus(work, scheme)
     if isinstance(scheme, Spectral):
         return through_modes(work, scheme)
-    if isinstance(scheme, FixedSteps) and scheme.count > MAX_STEPS:
+    if isinstance(scheme, FixedSteps) and scheme.count > MOST_STEPS:
         raise NotSupportedError(
             f"Template '{work.template.name}' may take {scheme.count:,} steps, but an export can "
-            f"contain at most {MAX_STEPS:,}: give it a duration, or leave out the outputs that "
+            f"contain at most {MOST_STEPS:,}: give it a duration, or leave out the outputs that "
             "need it."
         )
     if isinstance(scheme, FixedSteps):
