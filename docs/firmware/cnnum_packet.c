@@ -1,5 +1,39 @@
 #include "cnnum_packet.h"
 
+#ifdef CNNUM_CRC_TABLES /* four bits at a time */
+
+static uint16_t crc16(const uint8_t *data, size_t size)
+{
+    static const uint16_t table[16] = {
+        0x0000, 0x1021, 0x2042, 0x3063, 0x4084, 0x50A5, 0x60C6, 0x70E7,
+        0x8108, 0x9129, 0xA14A, 0xB16B, 0xC18C, 0xD1AD, 0xE1CE, 0xF1EF,
+    };
+    uint16_t rest = 0xFFFF;
+    while (size--) {
+        rest = (uint16_t)(rest << 4 ^ table[rest >> 12 ^ *data >> 4]);
+        rest = (uint16_t)(rest << 4 ^ table[rest >> 12 ^ (*data++ & 15)]);
+    }
+    return rest;
+}
+
+static uint32_t crc32(const uint8_t *data, size_t size)
+{
+    static const uint32_t table[16] = {
+        0x00000000, 0x1DB71064, 0x3B6E20C8, 0x26D930AC,
+        0x76DC4190, 0x6B6B51F4, 0x4DB26158, 0x5005713C,
+        0xEDB88320, 0xF00F9344, 0xD6D6A3E8, 0xCB61B38C,
+        0x9B64C2B0, 0x86D3D2D4, 0xA00AE278, 0xBDBDF21C,
+    };
+    uint32_t rest = 0xFFFFFFFF;
+    while (size--) {
+        rest = rest >> 4 ^ table[(rest ^ *data) & 15];
+        rest = rest >> 4 ^ table[(rest ^ (uint32_t)*data++ >> 4) & 15];
+    }
+    return ~rest;
+}
+
+#else /* bit by bit */
+
 static uint16_t crc16(const uint8_t *data, size_t size)
 {
     uint16_t rest = 0xFFFF;
@@ -21,6 +55,8 @@ static uint32_t crc32(const uint8_t *data, size_t size)
     }
     return ~rest;
 }
+
+#endif
 
 static void put(uint8_t *at, uint64_t value, int bytes)
 {

@@ -111,7 +111,7 @@ def test_a_program_is_counted_and_scored(monkeypatch):
 
 
 def test_what_has_no_form_is_left_out_with_the_reason(monkeypatch):
-    monkeypatch.setattr(costs, "made", lambda name, shape, precision, method: too_long(precision))
+    monkeypatch.setattr(costs, "made", lambda name, shape, precision, *how: too_long(precision))
     case = ("patient", (8, 8), "q15", "auto", "m4")
     (sentence,) = costs.measure_costs([case], 168e6, 0)
     assert sentence.startswith("patient on 8×8 in q15 by auto: ")
@@ -145,7 +145,7 @@ def test_reports_are_compared_with_those_of_float32(monkeypatch):
         )
 
     monkeypatch.setattr(costs, "made_program", lambda *given: program(50))
-    found = costs.events(program(60), (2, 2), 1)
+    found = costs.events(program(60), (2, 2), 1, "p")
     assert found.reports_differ == pytest.approx(10 / 40)
     assert (found.twist_recall, found.false_reports) == (1.0, 0.0)
     assert isnan(found.slip_recall)

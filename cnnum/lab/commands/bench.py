@@ -35,8 +35,9 @@ embedded_options = together(
         "--program",
         "programs",
         **SEVERAL,
-        help="Program; may be repeated; slip and twist by default.",
+        help="Program, or FILE.py:FUNCTION; may be repeated; slip and twist by default.",
     ),
+    click.option("--needs", help="Outputs, such as gross_slip,slip_x; all by default."),
     click.option("--shape", "shapes", **SEVERAL, help="Array and channels; 8x8x3 by default."),
     click.option(
         "--precision", "precisions", **SEVERAL, help="q15, q7, q23 or float32; all by default."
@@ -50,6 +51,18 @@ embedded_options = together(
     click.option("--ram", help="Largest RAM allowed, such as 32k."),
     click.option("--flash", help="Largest flash allowed, such as 128k."),
     click.option("--rate", help="Frame rate to reach, such as 1kHz."),
+    click.option(
+        "--wait-states",
+        type=click.IntRange(0, 15),
+        default=0,
+        show_default=True,
+        help="Of the flash, for the most cycles; as if there was no cache.",
+    ),
+    click.option(
+        "--power",
+        type=click.FloatRange(min=0, min_open=True),
+        help="Power of the core, mW/MHz, for the energy of a frame.",
+    ),
     click.option("--quick", is_flag=True, help="Measure q15 and q7 only, and score no scenes."),
     results_option,
     force_option,
@@ -93,7 +106,7 @@ class Wanted:
         from cnnum.errors import name_error
         from cnnum.lab.embedded.cortex_m import CORES
         from cnnum.lab.embedded.costs import PRECISIONS, SCENES, USUAL, Bounds, cases
-        from cnnum.programs.library import get_program
+        from cnnum.scenes.arrangement import named
 
         def names(key: str, usual: tuple[str, ...]) -> tuple[str, ...]:
             return cast("tuple[str, ...]", options[key]) or usual
@@ -103,7 +116,7 @@ class Wanted:
         precisions = names("precisions", PRECISIONS[:2] if quick else PRECISIONS)
         methods, cores = names("methods", ("auto",)), names("cores", ("m4",))
         for program in programs:
-            get_program(program)
+            named(program)
         for precision in precisions:
             precision_named(precision)
         for kind, some, known in (("method", methods, METHODS), ("core", cores, CORES)):
@@ -345,7 +358,7 @@ SPARES = {
     "embedded": (
         "wrong", "clock_hz", "stack_bytes", "gnu_flash_bytes", "gnu_instructions",
         "reports_differ", "false_reports", "twist_recall", "slip_recall", "flags_differ", "core",
-        "output", "frames_per_s", "flash_bytes",
+        "output", "cycles_least", "cycles_most", "frames_per_s", "flash_bytes",
     )
 }  # fmt: skip
 """The same of a benchmark whose rows differ in precision and method."""
@@ -541,23 +554,32 @@ def design(device: str | None, quick: bool, out: Path | None, force: bool, as_js
 def embedded(**options: Any) -> int:
     """Measure programs on a Cortex-M: instructions, RAM, flash, error and events.
 
-    Instructions are counted; they are not cycles. With bounds, the command names the cheapest
-    configuration within them, or the nearest one.
+    Instructions are counted; cycles are an interval by Arm's manuals, and infinite for an M7. With
+    bounds, the command names the cheapest configuration within them, or the nearest one. With
+    --rate it says whether frames fit: yes, no, or unsure.
     """
-    from cnnum.lab.embedded.costs import CostRow, answers, measure_costs
+    from cnnum.lab.embedded.costs import CostRow, answers, fit_sentence, measure_costs
 
     wanted, kept = Wanted.of(options), list[CostRow]()
+    needs, wait_states = options["needs"], int(options["wait_states"])
+    names = None if needs is None else tuple(name.strip() for name in needs.split(","))
 
     def rows() -> Iterator[CostRow | str]:
-        for row in measure_costs(wanted.cases, wanted.clock, wanted.scenes):
+        for row in measure_costs(wanted.cases, wanted.clock, wanted.scenes, names, wait_states):
             if isinstance(row, CostRow):
                 kept.append(row)
             yield row
 
     out, force, as_json = options["out"], bool(options["force"]), bool(options["as_json"])
     code = _report("embedded", rows(), len(wanted.cases), wanted.label, out, force, as_json)
+    output, rate, sentences = Output(as_json), wanted.bounds.rate, list[str]()
     if wanted.bounds.asked and code == 0:
-        sentences, output = answers(kept, wanted.bounds), Output(as_json)
+        sentences += answers(kept, wanted.bounds)
+    if rate and code == 0:
+        sentences += [fit_sentence(row, rate, options["power"]) for row in kept]
+    if options["quick"]:
+        sentences.append("--quick leaves out q23, float32 and the scores of slip and twist.")
+    if sentences:
         output.record({"kind": "answer", "answers": sentences})
         output.show(*sentences)
     return code

@@ -7,10 +7,12 @@ testing (Unicorn is under the GPL). Nothing of them is part of the package.
 import subprocess
 import sys
 import tempfile
+from collections import Counter
 from dataclasses import dataclass
 from functools import cached_property
 from importlib import import_module
 from importlib.util import find_spec
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +25,7 @@ from cnnum.embedded.c.program import packed, record_type
 from cnnum.embedded.emulator import Numbers
 from cnnum.embedded.making import Made
 from cnnum.errors import DeviceError, missing_extra, name_error
+from cnnum.lab.embedded.cycles import Interval, cycles_of
 from cnnum.safety.files import write_whole
 
 CORES = {"m0": "cortex_m0", "m4": "cortex_m4", "m7": "cortex_m7"}
@@ -57,6 +60,8 @@ class Counted:
         Code and tables; memory, frame, answers and stack; the deepest stack alone.
     wrong : int
         Numbers of answers that differ from the emulator's.
+    cycles : (least, most)
+        Cycles of the longest frame, by `cnnum.lab.embedded.cycles`.
     """
 
     core: str
@@ -65,6 +70,7 @@ class Counted:
     ram_bytes: int
     stack_bytes: int
     wrong: int
+    cycles: Interval = (0.0, inf)
 
     @property
     def worst(self) -> int:
@@ -155,24 +161,27 @@ class Board:
                 total += int(section["sh_size"])
         return total
 
-    def run(self, frames: Floats) -> Counted:
+    def run(self, frames: Floats, wait_states: int = 0) -> Counted:
         """Run frames of one stream and compare every answer with the emulator's.
 
         Parameters
         ----------
         frames : (frames, rows, cols, channels) float
+        wait_states : int
+            Of the flash, for the upper bound of cycles.
         """
         from cnnum.embedded.emulator import cleared
 
-        program, machine = self.made.program, _Machine(self)
+        program, machine = self.made.program, Machine(self)
         inputs, outputs = program.of_kind("input"), program.of_kind("output")
         layout, state = record_type(outputs), cleared(program, 1)
         machine.call("board_reset")
-        counts, wrong = list[int](), 0
+        counts, cycles, wrong = list[int](), list[Interval](), 0
         for number, frame in enumerate(frames):
             given = self.made.inputs(frame[np.newaxis])
             machine.write("board_input", packed(inputs, given, 1).tobytes())
             counts.append(machine.call("board_step"))
+            cycles.append(cycles_of(self.core, machine.executed, machine.fetch, wait_states))
             answer: NDArray[Any] = np.frombuffer(
                 machine.read("board_output", layout.itemsize), layout
             )
@@ -182,7 +191,9 @@ class Board:
             )
         stack = machine.deepest
         ram = self._bytes_of(written=True) + stack
-        return Counted(self.core, tuple(counts), self._bytes_of(written=False), ram, stack, wrong)
+        longest = max(least for least, _ in cycles), max(most for _, most in cycles)
+        flash = self._bytes_of(written=False)
+        return Counted(self.core, tuple(counts), flash, ram, stack, wrong, longest)
 
 
 def _differing(answer: NDArray[Any], wanted: Numbers) -> int:
@@ -192,7 +203,7 @@ def _differing(answer: NDArray[Any], wanted: Numbers) -> int:
     return int((answer != flat).sum())
 
 
-class _Machine:
+class Machine:
     """An emulated core with an image in its memory."""
 
     def __init__(self, board: Board) -> None:
@@ -207,6 +218,7 @@ class _Machine:
         self._machine.mem_map(RETURN, PAGE)
         self._load()
         self.deepest = 0
+        self.executed = Counter[int]()
 
     def _load(self) -> None:
         pages = set[int]()
@@ -226,18 +238,22 @@ class _Machine:
         """Return bytes from where a symbol is."""
         return bytes(self._machine.mem_read(self._board.symbols[symbol], count))
 
+    def fetch(self, address: int) -> int:
+        """Return the half-word at an address."""
+        return int.from_bytes(self._machine.mem_read(address, 2), "little")
+
     def call(self, function: str) -> int:
-        """Call a function; return how many instructions it took."""
-        count, low, top = 0, STACK + STACK_BYTES, STACK + STACK_BYTES - 16
+        """Call a function; return how many instructions it took, and keep which in `executed`."""
+        executed = self.executed = Counter[int]()
+        low, top = STACK + STACK_BYTES, STACK + STACK_BYTES - 16
         stack_pointer = self._arm.UC_ARM_REG_SP
 
         def block(machine: Any, address: int, size: int, _: object) -> None:
             nonlocal low
             low = min(low, machine.reg_read(stack_pointer))
 
-        def code(*_: object) -> None:
-            nonlocal count
-            count += 1
+        def code(_: Any, address: int, size: int, __: object) -> None:
+            executed[address] += 1
 
         hooks = [
             self._machine.hook_add(self._uc.UC_HOOK_CODE, code),
@@ -253,7 +269,7 @@ class _Machine:
             for hook in hooks:
                 self._machine.hook_del(hook)
         self.deepest = max(self.deepest, top - low)
-        return count
+        return executed.total()
 
 
 def board_sections(board: Board) -> list[tuple[int, bytes]]:

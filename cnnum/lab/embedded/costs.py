@@ -102,10 +102,10 @@ def _reference(name: str, shape: Shape, needs: tuple[str, ...]) -> Mapping[str, 
     return {key: np.array([answer[key] for answer in answers]) for key in answers[0]}
 
 
-def loss(made: Made, shape: Shape) -> Loss:
-    """Return how far a program in a precision is from the reference engine."""
+def loss(made: Made, shape: Shape, name: str) -> Loss:
+    """Return how far a program in a precision is from the reference engine; `name` is its place."""
     remembers = bool(made.schedule.memories)
-    wanted = _reference(made.program.name, shape, tuple(made.schedule.outputs))
+    wanted = _reference(name, shape, tuple(made.schedule.outputs))
     result = made.run(excerpt(shape, remembers=remembers))
     worst, output, flags = -1.0, "", list[str]()
     for name, node in made.schedule.outputs.items():
@@ -130,13 +130,15 @@ def _unlike(
     return 1.0 - both / either if either else nan
 
 
-def events(made: Made, shape: Shape, count: int) -> Events:
+def events(made: Made, shape: Shape, count: int, name: str) -> Events:
     """Return the scores of the reports of a program on scenes that it has not seen.
 
     Parameters
     ----------
     made : Made
     shape : (rows, cols)
+    name : str
+        The program's place.
     count : int
         Scenes of each kind.
     """
@@ -158,7 +160,7 @@ def events(made: Made, shape: Shape, count: int) -> Events:
             false += 0 if "gross_slip" in known else _false_twists(scene, answer)
             if scene.sense.any():
                 twists.append(sense_right(scene, answer))
-    exact = _exact_answers(made.program.name, shape, count)
+    exact = _exact_answers(name, shape, count)
     differ = _unlike(_together(answers, reports), _together(exact, reports), reports)
     return Events(_share(slips), _share(twists), per_ten_minutes(false, seconds), differ)
 
@@ -231,6 +233,9 @@ class CostRow:
         Share of the frames with a report here or in float32 that lack it in one of them.
     frames_per_s : float
         At most, at the clock, if an instruction took a cycle.
+    cycles_least, cycles_most : float
+        Cycles of the longest frame by Arm's manuals: the least without wait states, the most with
+        those that were given, and no cache. Infinite where a manual has no upper bound.
     clock_hz : float
     stack_bytes : int
         The deepest stack.
@@ -261,6 +266,8 @@ class CostRow:
     wrong: int
     gnu_instructions: int | None = None
     gnu_flash_bytes: int | None = None
+    cycles_least: float = 0.0
+    cycles_most: float = inf
 
 
 def cases(
@@ -281,7 +288,13 @@ def cases(
     ]
 
 
-def measure_costs(some: Sequence[Case], clock: float, scenes: int) -> Iterator[CostRow | str]:
+def measure_costs(
+    some: Sequence[Case],
+    clock: float,
+    scenes: int,
+    needs: Sequence[str] | None = None,
+    wait_states: int = 0,
+) -> Iterator[CostRow | str]:
     """Yield a row a configuration, or a sentence of one that is left out.
 
     Parameters
@@ -291,6 +304,10 @@ def measure_costs(some: Sequence[Case], clock: float, scenes: int) -> Iterator[C
         Hz.
     scenes : int
         Of each kind, in which reports are scored; 0 scores none.
+    needs : sequence of str, optional
+        Outputs; all by default.
+    wait_states : int
+        Of the flash.
     """
     known: dict[tuple[str, Shape, str, str], tuple[object, ...]] = {}
     for program, shape, precision, method, core in some:
@@ -298,10 +315,10 @@ def measure_costs(some: Sequence[Case], clock: float, scenes: int) -> Iterator[C
         try:
             if key not in known:
                 known.clear()
-                export = made(program, shape, precision, method)
-                scored = events(export, shape, scenes) if scenes else NO_EVENTS
-                known[key] = (export, loss(export, shape), scored)
-            yield _row(key, core, clock, known[key])
+                export = made(program, shape, precision, method, needs)
+                scored = events(export, shape, scenes, program) if scenes else NO_EVENTS
+                known[key] = (export, loss(export, shape, program), scored)
+            yield _row(key, core, clock, known[key], wait_states)
         except NotSupportedError as error:
             yield f"{program} on {shape[0]}×{shape[1]} in {precision} by {method}: {error}"
         except CnnumError as error:
@@ -311,7 +328,11 @@ def measure_costs(some: Sequence[Case], clock: float, scenes: int) -> Iterator[C
 
 
 def _row(
-    key: tuple[str, Shape, str, str], core: str, clock: float, known: tuple[object, ...]
+    key: tuple[str, Shape, str, str],
+    core: str,
+    clock: float,
+    known: tuple[object, ...],
+    wait_states: int,
 ) -> CostRow:
     from cnnum.embedded.making import Made
     from cnnum.lab.embedded.costs import Events, Loss
@@ -322,7 +343,7 @@ def _row(
     assert isinstance(scored, Events)
     program, shape, precision, method = key
     frames = vector_frames(shape, COUNTED)
-    counted = Board.built(counts, frames[:1], core).run(frames)
+    counted = Board.built(counts, frames[:1], core).run(frames, wait_states)
     gnu = None
     if counts.precision.integer and not missing_gnu_tools():
         gnu = gnu_counted(counts, frames, core)
@@ -343,6 +364,8 @@ def _row(
         wrong=counted.wrong + (0 if gnu is None else gnu.wrong),
         gnu_instructions=None if gnu is None else max(gnu.instructions),
         gnu_flash_bytes=None if gnu is None else gnu.flash_bytes,
+        cycles_least=counted.cycles[0],
+        cycles_most=counted.cycles[1],
     )
 
 
@@ -398,6 +421,37 @@ def answers(rows: Sequence[CostRow], bounds: Bounds) -> list[str]:
             f"{at}: none is within the bounds; nearest is {_words(near)}, over in {over} the bound."
         )
     return result
+
+
+def fits(row: CostRow, rate: float) -> str:
+    """Return whether a row's frames fit a rate: "yes", "no" or "unsure"."""
+    budget = row.clock_hz / rate
+    if row.cycles_most <= budget:
+        return "yes"
+    return "no" if row.cycles_least > budget else "unsure"
+
+
+def fit_sentence(row: CostRow, rate: float, power: float | None = None) -> str:
+    """Return a sentence on cycles, the share of a frame, and the energy where power is given.
+
+    Parameters
+    ----------
+    row : CostRow
+    rate : float, Hz
+    power : float, optional
+        mW/MHz, which is nJ a cycle.
+    """
+    both, budget = (row.cycles_least, row.cycles_most), row.clock_hz / rate
+
+    def span(scale: float, form: str) -> str:
+        return " to ".join(format(end * scale, form) if isfinite(end) else "more" for end in both)
+
+    energy = "" if power is None else f", {span(1e-3 * power, '.3g')} µJ a frame"
+    return (
+        f"{row.case} in {row.precision} on {row.core} fits {rate:g} Hz at {row.clock_hz / 1e6:g} "
+        f"MHz: {fits(row, rate)} ({span(1.0, ',.0f')} cycles, {span(100.0 / budget, '.3g')} % of a "
+        f"frame{energy})."
+    )
 
 
 def _words(row: CostRow) -> str:
