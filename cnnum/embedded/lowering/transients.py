@@ -600,8 +600,8 @@ def _histories(
         start = to.item(state)
         start = start if template.output.linear else work.output(start)
         if steps < scheme.count:
-            about = f"outputs of the last {steps} steps"
-            ring = to.array(f"ring{name}", "work", steps * to.cells, like.format, about)
+            description = f"outputs of the last {steps} steps"
+            ring = to.array(f"ring{name}", "work", steps * to.cells, like.format, description)
             at = call("add", call("multiply", J, ir.Integer(to.cells)), CELL)
             store = to.store_to(ring, to.stored(start, ring), at)
             to.loop([ir.Loop(J, steps, (store,))])
