@@ -232,6 +232,9 @@ class Stream(OfThisProcess):
         self.frames, self._watch, self._before = 0, 0, ()
 
 
+Answer = dict[str, Floats] | FrameError | MethodError
+"""Outputs of a frame, or why it was refused."""
+
 FEWEST = 3
 """Ordinary frames from which a shared launch is quicker than one for each."""
 
@@ -256,13 +259,13 @@ class Abreast:
     shape : (rows, cols)
     """
 
-    __slots__ = ("_away", "_memory", "_plan", "_turn", "shape", "streams")
+    __slots__ = ("_all", "_away", "_memory", "_plan", "_turn", "shape", "streams")
 
     def __init__(self, plan: Plan, count: int) -> None:
         self.streams = tuple(plan.stream() for _ in range(count))
         self._plan, self._turn = plan, RLock()
         self._memory: object = None
-        self._away = [False] * count
+        self._away, self._all = [False] * count, list(range(count))
         self.shape = plan.schedule.shape
 
     def warm_up(self) -> None:
@@ -276,7 +279,7 @@ class Abreast:
 
     def push(
         self, lanes: Sequence[int], values: Floats, sizes: Sequence[float]
-    ) -> list[dict[str, Floats] | FrameError | MethodError]:
+    ) -> tuple[dict[str, Floats], dict[int, Answer]]:
         """Run the program on the next frame of some of the streams.
 
         Parameters
@@ -290,25 +293,27 @@ class Abreast:
 
         Returns
         -------
-        list
-            For each frame its outputs, or why it was refused.
+        dict of str to (streams, …) float
+            Outputs of the frames that shared a launch.
+        dict of int to outputs or error
+            For each stream whose frame did not its outputs, or why it was refused.
         """
         with self._turn:
-            streams = self.streams
+            streams, results = self.streams, dict[int, Answer]()
             ready = [
                 place for place, lane in enumerate(lanes) if streams[lane].ordinary(sizes[place])
             ]
-            results = dict[int, dict[str, Floats] | FrameError | MethodError]()
+            outputs = dict[str, Floats]()
             if len(ready) >= FEWEST:
-                results = self._together(lanes, values, ready)
-            for place, lane in enumerate(lanes):
-                if place not in results:
-                    results[place] = self._alone(lane, values[place], sizes[place])
-            return [results[place] for place in range(len(lanes))]
+                outputs = self._together(lanes, values, ready, results)
+            shared = set(ready) if outputs else set[int]()
+            if len(shared) < len(lanes):
+                for place, lane in enumerate(lanes):
+                    if place not in shared:
+                        results[lane] = self._alone(lane, values[place], sizes[place])
+            return outputs, results
 
-    def _alone(
-        self, lane: int, values: Floats, size: float
-    ) -> dict[str, Floats] | FrameError | MethodError:
+    def _alone(self, lane: int, values: Floats, size: float) -> Answer:
         self._bring_home([lane])
         try:
             return self.streams[lane].push_read(values, size)
@@ -316,15 +321,22 @@ class Abreast:
             return error
 
     def _together(
-        self, lanes: Sequence[int], values: Floats, ready: Sequence[int]
-    ) -> dict[int, dict[str, Floats] | FrameError | MethodError]:
+        self,
+        lanes: Sequence[int],
+        values: Floats,
+        ready: Sequence[int],
+        refused: dict[int, Answer],
+    ) -> dict[str, Floats]:
         """Run ordinary frames in one launch; return nothing where a transient does not end."""
         executable, count = self._plan.executable, len(self.streams)
         running = [lanes[place] for place in ready]
         self._send_away(running)
         before = self._rows()
-        frames = np.zeros((count, *values.shape[1:]))
-        frames[running] = values[ready]
+        if running == self._all:
+            frames = values
+        else:
+            frames = np.zeros((count, *values.shape[1:]))
+            frames[running] = values if len(ready) == len(lanes) else values[ready]
         try:
             outputs = executable.run(frames, self._memory, first=False)
         except MethodError:
@@ -336,34 +348,25 @@ class Abreast:
             for now, was in zip(after, before, strict=True):
                 now[others] = was[others]
             self._write(after)
-        results = dict[int, dict[str, Floats] | FrameError | MethodError]()
-        for place, lane in zip(ready, running, strict=True):
-            own = {name: numbers[lane] for name, numbers in outputs.items()}
+        for lane in running:
             self.streams[lane].frames += 1
-            results[place] = own
         if not all(all_finite(numbers) for numbers in outputs.values()):
-            results |= self._refused(ready, running, results)
-        return results
+            self._refuse(running, outputs, refused)
+        return outputs
 
-    def _refused(
-        self,
-        ready: Sequence[int],
-        running: Sequence[int],
-        results: Mapping[int, dict[str, Floats] | FrameError | MethodError],
-    ) -> dict[int, dict[str, Floats] | FrameError | MethodError]:
-        """Return the errors of frames whose outputs are not finite."""
-        errors = dict[int, dict[str, Floats] | FrameError | MethodError]()
-        for place, lane in zip(ready, running, strict=True):
-            outputs, stream = results[place], self.streams[lane]
-            assert isinstance(outputs, dict)
+    def _refuse(
+        self, running: Sequence[int], outputs: Mapping[str, Floats], refused: dict[int, Answer]
+    ) -> None:
+        """Refuse frames whose outputs are not finite."""
+        for lane in running:
+            own = {name: numbers[lane] for name, numbers in outputs.items()}
             try:
-                self._plan.refuse_infinite(outputs)
+                self._plan.refuse_infinite(own)
             except FrameError as error:
-                stream.frames -= 1
+                self.streams[lane].frames -= 1
                 self._bring_home([lane])
-                stream.begin_anew_if_infinite()
-                errors[place] = error
-        return errors
+                self.streams[lane].begin_anew_if_infinite()
+                refused[lane] = error
 
     def _rows(self) -> Numbers:
         """Return a copy of the shared memory, a row for each stream."""

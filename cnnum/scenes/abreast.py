@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -22,10 +22,54 @@ from cnnum.scenes.dropouts import (
     Dropouts,
     Liveness,
 )
+from cnnum.scenes.events import Event, EventDetector, FlagsAbreast
 from cnnum.scenes.frame_path import FramePath, FrameResult, Ready
 from cnnum.scenes.pipeline import Passage
+from cnnum.scenes.push_watch import WatchesAbreast
 from cnnum.scenes.saturation import Mask
-from cnnum.stream import Abreast
+from cnnum.scenes.scene_record import place_of
+from cnnum.stream import Abreast, Answer
+
+
+@dataclass(slots=True, eq=False)
+class StepAbreast:
+    """The results of one frame each of some skins; most are made only when they are asked for.
+
+    Attributes
+    ----------
+    events : dict of int to tuple of Event
+        By skins, of those in which one begins or ends.
+    others : dict of int to FrameResult
+        Results of frames that went alone.
+    lanes : list of int
+        Skins whose frames went together.
+    numbers : list of int
+        Numbers of these frames, in the order of the skins, as are the next two.
+    frames : list of Frame
+    values : (frames, rows, cols, channels read) float
+    outputs : dict of str to (skins, …) float
+    seconds : float
+        As of `FrameResult`, for all of them.
+    """
+
+    events: dict[int, tuple[Event, ...]]
+    others: dict[int, FrameResult]
+    lanes: list[int]
+    numbers: list[int]
+    frames: list[Frame]
+    values: Floats
+    outputs: dict[str, Floats]
+    seconds: float = 0.0
+
+    def results(self) -> dict[int, FrameResult]:
+        """Return the results of all these skins."""
+        made = dict(self.others)
+        parts = zip(self.lanes, self.numbers, self.frames, self.values, strict=True)
+        for lane, number, frame, values in parts:
+            outputs = {name: numbers[lane] for name, numbers in self.outputs.items()}
+            events = self.events.get(lane, ())
+            made[lane] = FrameResult(number, frame, values, outputs, events, self.seconds)
+        return made
 
 
 class PathsAbreast:
@@ -51,14 +95,18 @@ class PathsAbreast:
         for passage, stream in zip(passages, self._streams.streams, strict=True):
             passage.path = replace(passage.path, stream=stream)
         self.paths: list[FramePath] = [passage.path for passage in passages]
+        self._numbers = [0] * len(passages)
+        detectors = [path.detector for path in self.paths]
         watched = [
             (path.dropouts, path.liveness)
             for path in self.paths
             if path.dropouts is not None and path.liveness is not None
         ]
         simple = all(path.dead is None and path.grid is None for path in self.paths)
-        able = simple and len(watched) == len(self.paths) > 1
-        self._calm = Calm(watched) if able else None
+        able = simple and len(watched) == len(self.paths) > 1 and FlagsAbreast.able(detectors)
+        self._calm = Calm(watched, detectors) if able else None
+        self._shape = (*self._streams.shape, passages[0].channels)
+        self._watches = WatchesAbreast([passage.watches for passage in passages])
         self._readers = ReadersAbreast([path.read for path in self.paths])
         self._limits = np.array([path.range.limit for path in self.paths])
         self._ends = np.array(
@@ -69,17 +117,13 @@ class PathsAbreast:
         """Build the kernels of single frames, and of shared launches."""
         self._streams.warm_up()
 
-    def step(
-        self, lanes: Sequence[int], numbers: Sequence[int], frames: Sequence[Frame]
-    ) -> list[FrameResult]:
-        """Return the results of the next frames of some skins.
+    def step(self, lanes: Sequence[int], frames: Sequence[Frame]) -> StepAbreast:
+        """Take the next frames of some skins to their events, and count them.
 
         Parameters
         ----------
         lanes : sequence of int
-            The skins, each once.
-        numbers : sequence of int
-            Numbers of the frames.
+            The skins, each once, in their order.
         frames : sequence of Frame
 
         Raises
@@ -87,82 +131,128 @@ class PathsAbreast:
         ArrayError, SceneError, MethodError
             As for a single scene; frames of the others are then lost.
         """
-        for lane, number, frame in zip(lanes, numbers, frames, strict=True):
-            if self._passages[lane].tares(number, frame):
+        started = time.perf_counter()
+        passages, numbers = self._passages, self._numbers
+        frame_of = dict(zip(lanes, frames, strict=True))
+        for lane, frame in frame_of.items():
+            if passages[lane].due:
+                self._begin(lane, frame)
+        running, values, sizes = self._calmly(lanes, frames)
+        calm, ready, others = len(running), dict[int, Ready](), dict[int, FrameResult]()
+        if calm < len(lanes):
+            for lane in sorted(frame_of.keys() - running):
                 self._settle(lane)
-                self._passages[lane].tare()
-            self._passages[lane].hold_times(frame)
-        ready = self._calmly(lanes, numbers, frames)
-        results: dict[int, FrameResult] = {}
-        for lane, number, frame in zip(lanes, numbers, frames, strict=True):
-            if lane not in ready:
-                self._settle(lane)
-                moment = self.paths[lane].prepare(number, frame)
+                moment = self.paths[lane].prepare(numbers[lane], frame_of[lane])
                 if isinstance(moment, Ready):
                     ready[lane] = moment
                 else:
-                    results[lane] = moment
-        running = list(ready)
-        if running:
-            values = np.stack([ready[lane].values for lane in running])
-            sizes = [ready[lane].size for lane in running]
-            answers = self._streams.push(running, values, sizes)
-            for lane, outputs in zip(running, answers, strict=True):
-                path, moment = self.paths[lane], ready[lane]
-                if isinstance(outputs, CnnumError):
-                    results[lane] = path.refused(moment, outputs)
-                else:
-                    results[lane] = path.finish(moment, outputs)
-        return [self._passages[lane].end(results[lane]) for lane in lanes]
+                    others[lane] = passages[lane].end(moment)
+        if ready:
+            running = [*running, *ready]
+            values = np.stack([*values, *(moment.values for moment in ready.values())])
+            sizes = [*sizes, *(moment.size for moment in ready.values())]
+        outputs, answers = self._streams.push(running, values, sizes)
+        for lane in ready.keys() - answers:
+            answers[lane] = {name: of[lane] for name, of in outputs.items()}
+        kept = [place for place in range(calm) if running[place] not in answers]
+        for place, lane in enumerate(running):
+            if lane in answers:
+                size, frame = sizes[place], frame_of[lane]
+                own = Ready(numbers[lane], frame, values[place], size, None, None, (), started)
+                others[lane] = self._alone(lane, ready.get(lane, own), answers[lane])
+        lanes = [running[place] for place in kept]
+        if len(kept) < len(running):
+            values = values[kept]
+        shared = [frame_of[lane] for lane in lanes]
+        events = self._together(lanes, shared, values, outputs) if lanes else {}
+        seconds = time.perf_counter() - started
+        for lane in others:
+            self._watches.anew(lane)
+            passages[lane].count(others[lane])
+        micros, place = 1e6 * seconds, place_of(1e6 * seconds)
+        for lane, frame in zip(lanes, shared, strict=True):
+            passages[lane].count_good(place, micros, frame)
+        step = [numbers[lane] for lane in lanes]
+        for lane in frame_of:
+            numbers[lane] += 1
+        events |= {lane: moment.events for lane, moment in others.items() if moment.events}
+        return StepAbreast(events, others, lanes, step, shared, values, outputs, seconds)
+
+    def _begin(self, lane: int, frame: Frame) -> None:
+        """Tare a skin where that is due, and hold the times of its first frames."""
+        passage = self._passages[lane]
+        if passage.tares(self._numbers[lane], frame):
+            self._settle(lane)
+            passage.tare()
+            self._watches.anew(lane)
+        passage.hold_times(frame)
+
+    def _alone(self, lane: int, ready: Ready, answer: Answer) -> FrameResult:
+        """Return the result of a frame that no longer goes with those of the others."""
+        self._settle(lane)
+        path = self.paths[lane]
+        if isinstance(answer, CnnumError):
+            return self._passages[lane].end(path.refused(ready, answer))
+        return self._passages[lane].end(path.finish(ready, answer))
+
+    def _together(
+        self, lanes: list[int], frames: list[Frame], values: Floats, outputs: dict[str, Floats]
+    ) -> dict[int, tuple[Event, ...]]:
+        """Return the events of frames that shared a launch, by their skins."""
+        assert self._calm is not None
+        at, times = np.array(lanes, dtype=np.intp), np.array([frame.time for frame in frames])
+        changed = self._calm.flags.look(at, times, outputs)
+        for lane in self._watches.look(lanes, frames, values, times):
+            self._passages[lane].ask_tare()
+        events = dict[int, tuple[Event, ...]]()
+        for lane in changed:
+            own = {name: of[lane] for name, of in outputs.items()}
+            self._calm.flags.settle(lane)
+            now = self.paths[lane].detector.update(
+                frames[lanes.index(lane)].time, self._numbers[lane], own
+            )
+            self._calm.flags.take(lane)
+            if now:
+                events[lane] = self._passages[lane].marked(now)
+        return events
 
     def _settle(self, lane: int) -> None:
         if self._calm is not None:
             self._calm.settle(lane)
 
     def _calmly(
-        self, lanes: Sequence[int], numbers: Sequence[int], frames: Sequence[Frame]
-    ) -> dict[int, Ready]:
-        """Return the inputs of the frames that are out of no order."""
-        started = time.perf_counter()
-        calm, shape = self._calm, self._streams.shape
+        self, lanes: Sequence[int], frames: Sequence[Frame]
+    ) -> tuple[list[int], Floats, list[float]]:
+        """Return the skins whose frames are out of no order, and the program's inputs and sizes."""
+        calm, shape, paths = self._calm, self._shape, self.paths
         places = [
             place
             for place, (lane, frame) in enumerate(zip(lanes, frames, strict=True))
-            if not frame.quality
-            and frame.shape == shape
-            and frame.values.shape == frames[0].values.shape
-            and self.paths[lane].idle
+            if frame.quality == 0 and frame.values.shape == shape and paths[lane].idle
         ]
         if calm is None or len(places) < 2:
-            return {}
-        taken = [frames[place] for place in places]
-        at = np.array([lanes[place] for place in places], dtype=np.intp)
-        values = np.stack([frame.values for frame in taken])
-        times = np.array([frame.time for frame in taken])
-        sizes: Floats = np.abs(values).max(axis=(1, 2, 3))
+            return [], np.zeros(0), []
+        if len(places) < len(lanes):
+            lanes, frames = [lanes[place] for place in places], [frames[place] for place in places]
+        at, times = np.array(lanes, dtype=np.intp), np.array([frame.time for frame in frames])
+        values = np.concatenate([frame.values for frame in frames]).reshape(-1, *shape)
+        sizes: Floats = np.abs(values.reshape(len(at), -1)).max(axis=1)
         within = (sizes <= self._limits[at]) & (sizes < self._ends[at])
         if not within.all():
-            places, at, values = _kept(places, within), at[within], values[within]
-            times, sizes = times[within], sizes[within]
-        if not places:
-            return {}
+            at, values, times, sizes = at[within], values[within], times[within], sizes[within]
         ordinary = calm.look(at, values, times)
         if not ordinary.all():
-            places, at = _kept(places, ordinary), at[ordinary]
-            values, sizes = values[ordinary], sizes[ordinary]
-        if not places:
-            return {}
-        read = self._readers(at, [frames[place] for place in places], values)
-        if self.paths[0].marks:
+            at, values, sizes = at[ordinary], values[ordinary], sizes[ordinary]
+        own: list[int] = at.tolist()
+        if len(own) < len(lanes):
+            frame_of = dict(zip(lanes, frames, strict=True))
+            frames = [frame_of[lane] for lane in own]
+        if not own:
+            return [], np.zeros(0), []
+        read = self._readers(at, frames, values)
+        if paths[0].marks:
             read = np.concatenate([read, np.zeros((*read.shape[:-1], 1))], axis=3)
-        return {
-            lanes[place]: Ready(numbers[place], frames[place], own, size, None, None, (), started)
-            for place, own, size in zip(places, read, sizes.tolist(), strict=True)
-        }
-
-
-def _kept(places: Sequence[int], mask: NDArray[np.bool_]) -> list[int]:
-    return [place for place, keep in zip(places, mask.tolist(), strict=True) if keep]
+        return own, read, sizes.tolist()
 
 
 class Calm:
@@ -175,10 +265,21 @@ class Calm:
     ----------
     skins : sequence of (Dropouts, Liveness)
         State of skins of one shape, all of whose taxels are checked.
+    detectors : sequence of EventDetector
+
+    Attributes
+    ----------
+    flags : FlagsAbreast
+        Of the skins whose last frame was in order.
     """
 
-    def __init__(self, skins: Sequence[tuple[Dropouts, Liveness]]) -> None:
+    def __init__(
+        self,
+        skins: Sequence[tuple[Dropouts, Liveness]],
+        detectors: Sequence[EventDetector],
+    ) -> None:
         self._skins, self._here = tuple(skins), np.zeros(len(skins), dtype=np.bool_)
+        self.flags = FlagsAbreast(detectors)
         self._raw: Floats = np.zeros(0)
 
     def look(self, lanes: NDArray[np.intp], values: Floats, times: Floats) -> Mask:
@@ -279,11 +380,13 @@ class Calm:
         for name, value in (drops | lives).items():
             self._kept[name][lane] = value
         self._here[lane] = True
+        self.flags.take(lane)
 
     def settle(self, lane: int) -> None:
         """Give what is kept of a skin back to its own objects."""
         if not self._here[lane]:
             return
         self._here[lane] = False
+        self.flags.settle(lane)
         for part in self._skins[lane]:
             part.went_on({name: kept[lane].copy() for name, kept in self._kept.items()})

@@ -8,6 +8,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from cnnum.arrays import Floats
 from cnnum.errors import SceneError, name_error
 from cnnum.programs import Program
 from cnnum.renamed import warn_of
@@ -260,6 +261,11 @@ class EventRule:
         row, col = np.unravel_index(int(np.argmax(flag)), flag.shape)
         return float(row), float(col)
 
+    @property
+    def levels(self) -> tuple[float, float, float]:
+        """Levels above which the event begins and goes on, and how long a change must last."""
+        return self.on, self.off, max(self.steady, 0.0)
+
     def state_at_end(self, *, now: bool, held: bool) -> bool:
         """Return the state of the flag while taxels stand at an end of their range."""
         return held if self.shape or (self.load and held) else now
@@ -444,6 +450,9 @@ def rules_that_fit(events: Iterable[str], outputs: Collection[str]) -> tuple[Eve
 
 _NO_GAP = (0.0, 0.0)
 
+LASTED = 1.0 - 1e-9
+"""Part of its time that a change must have lasted: the times of frames are rounded."""
+
 
 @dataclass(slots=True)
 class EventDetector:
@@ -472,6 +481,11 @@ class EventDetector:
         self._levels = tuple((rule.flag, rule.on, rule.off) for rule in self.rules)
         self._steady = tuple(n for n, rule in enumerate(self.rules) if rule.steady > 0.0)
         self._gaps = [_NO_GAP] * len(self.rules)
+
+    @property
+    def idle(self) -> bool:
+        """Whether no gap ends with the next frame."""
+        return not self._missed
 
     def miss(self) -> None:
         """Take in that a frame before the next one was lost or refused."""
@@ -517,6 +531,16 @@ class EventDetector:
             if on != was and (on or rule.ends)
         )
 
+    def calm(self) -> tuple[list[bool], list[bool], list[float], float]:
+        """Return what `FlagsAbreast` keeps instead of it."""
+        since = [self._since.get(place, math.nan) for place in range(len(self.rules))]
+        return self._above, self._held, since, math.nan if self._last is None else self._last
+
+    def went_on(self, above: list[bool], since: list[float], last: float) -> None:
+        """Take that back, after frames in which no event began or ended."""
+        self._above, self._last = above, None if math.isnan(last) else last
+        self._since = {place: at for place, at in enumerate(since) if not math.isnan(at)}
+
     def _lasting(self, place: int, t: float, *, now: bool) -> bool:
         """Return the state of a flag whose changes must last."""
         held = self._held[place]
@@ -524,7 +548,7 @@ class EventDetector:
             self._since.pop(place, None)
             return held
         since = self._since.setdefault(place, t)
-        if t - since < self.rules[place].steady * (1 - 1e-9):
+        if t - since < self.rules[place].steady * LASTED:
             return held
         del self._since[place]
         return now
@@ -541,6 +565,67 @@ class EventDetector:
     def _after_gap(self, place: int, event: Event) -> Event:
         (length, end), self._gaps[place] = self._gaps[place], _NO_GAP
         return replace(event, after_gap=length, gap_end=end) if length > 0.0 else event
+
+
+class FlagsAbreast:
+    """The flags of several skins with one program: says in which of them an event begins or ends.
+
+    What `EventDetector.update` keeps of frames without an event lies here in one array for all
+    skins. A frame with one goes through it, with `settle` before it.
+
+    Parameters
+    ----------
+    detectors : sequence of EventDetector
+        With rules that read the same flags.
+    """
+
+    def __init__(self, detectors: Sequence[EventDetector]) -> None:
+        self._detectors, shape = tuple(detectors), (len(detectors), len(detectors[0].rules))
+        self._flags = [rule.flag for rule in detectors[0].rules]
+        levels = [[rule.levels for rule in detector.rules] for detector in detectors]
+        self._on, self._off, steady = np.array(levels).reshape(*shape, 3).transpose(2, 0, 1)
+        self._steady = steady if steady.any() else None
+        self._above, self._held = np.zeros(shape, np.bool_), np.zeros(shape, np.bool_)
+        self._since, self._last = np.full(shape, np.nan), np.zeros(len(detectors))
+
+    @staticmethod
+    def able(detectors: Sequence[EventDetector]) -> bool:
+        """Return whether the rules of all read the same flags, and there is one at least."""
+        flags = [[rule.flag for rule in detector.rules] for detector in detectors]
+        return bool(flags[0]) and all(own == flags[0] for own in flags)
+
+    def look(self, lanes: NDArray[np.intp], times: Floats, outputs: Outputs) -> list[int]:
+        """Take in the frames in which no event begins or ends, and return the other skins.
+
+        Parameters
+        ----------
+        lanes : (frames,) int
+            Skins, each once.
+        times : (frames,) float, s
+        outputs : mapping of str to (skins, …) float
+        """
+        count = len(self._last)
+        flags = [outputs[name].reshape(count, -1).max(axis=1) for name in self._flags]
+        now = np.stack(flags, axis=1)[lanes] > np.where(self._above, self._off, self._on)[lanes]
+        changed = now != self._held[lanes]
+        since, begun = self._since[lanes], times[:, np.newaxis]
+        if self._steady is not None:
+            since = np.where(changed, np.where(np.isnan(since), begun, since), np.nan)
+            changed &= ~(begun - since < self._steady[lanes] * LASTED)
+        calm = ~changed.any(axis=1)
+        own = lanes[calm]
+        self._above[own], self._since[own], self._last[own] = now[calm], since[calm], times[calm]
+        return [] if len(own) == len(lanes) else lanes[~calm].tolist()
+
+    def take(self, lane: int) -> None:
+        """Take what the skin's own detector keeps."""
+        self._above[lane], self._held[lane], self._since[lane], last = self._detectors[lane].calm()
+        self._last[lane] = last
+
+    def settle(self, lane: int) -> None:
+        """Give what is kept of a skin back to its own detector."""
+        own = (part[lane].tolist() for part in (self._above, self._since, self._last))
+        self._detectors[lane].went_on(*own)
 
 
 SCORE = "score"

@@ -208,8 +208,8 @@ class FramePath:
 
     @property
     def idle(self) -> bool:
-        """Whether no taxel has been at an end of its range for as long as that counts."""
-        return self.saturation is None or self.saturation.idle
+        """Whether no gap ends, and no taxel has been at an end of its range for long enough."""
+        return self.detector.idle and (self.saturation is None or self.saturation.idle)
 
     def tare(self) -> None:
         """Restart with the next frame, from which rest and noise are learned again."""

@@ -3,7 +3,15 @@
 import asyncio
 import math
 import time
-from collections.abc import AsyncIterator, Callable, Generator, Iterator, Mapping
+from collections.abc import (
+    AsyncIterator,
+    Callable,
+    Generator,
+    Iterable,
+    Iterator,
+    Mapping,
+    Sequence,
+)
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, closing
 from dataclasses import dataclass
@@ -16,7 +24,7 @@ from cnnum.drivers.driver import Mailbox
 from cnnum.errors import SceneError, name_error
 from cnnum.frame import Frame
 from cnnum.safety.values import checked_name, is_real, shown
-from cnnum.scenes.abreast import PathsAbreast
+from cnnum.scenes.abreast import PathsAbreast, StepAbreast
 from cnnum.scenes.events import Event
 from cnnum.scenes.frame_path import FrameResult
 from cnnum.scenes.pipeline import Passage, Scene
@@ -31,7 +39,6 @@ TOGETHER = 0.5
 """Part of the shortest period within which frames of several skins are of one step."""
 
 
-@dataclass(frozen=True, slots=True)
 class HandResult:
     """One step of a hand: at most one frame of each skin, with its results.
 
@@ -42,20 +49,43 @@ class HandResult:
     time : float
         Time of its last frame on the hand's clock, s. Frames and events keep the time of their own
         array.
-    skins : dict of str to FrameResult
-        The skins that had a frame.
     seconds : float
         Time from the arrival of the first of these frames at the host, or from the beginning of
         the step where that is not known, to the last event.
     missed : bool
         Whether that was longer than the hand's deadline.
+    events : tuple of (str, Event)
+        Names of skins with their events, in the order of the skins.
     """
 
-    number: int
-    time: float
-    skins: dict[str, FrameResult]
-    seconds: float
-    missed: bool = False
+    __slots__ = ("_order", "_parts", "_skins", "events", "missed", "number", "seconds", "time")
+
+    def __init__(
+        self,
+        number: int,
+        time: float,
+        seconds: float,
+        events: tuple[tuple[str, Event], ...],
+        order: Iterable[str],
+        parts: Sequence[tuple[Sequence[str], StepAbreast]],
+        *,
+        missed: bool = False,
+    ) -> None:
+        self.number, self.time, self.seconds, self.missed = number, time, seconds, missed
+        self.events, self._order, self._parts = events, order, parts
+        self._skins: dict[str, FrameResult] | None = None
+
+    @property
+    def skins(self) -> dict[str, FrameResult]:
+        """The skins that had a frame, with its results; made when they are asked for."""
+        if self._skins is None:
+            made = {
+                names[lane]: moment
+                for names, part in self._parts
+                for lane, moment in part.results().items()
+            }
+            self._skins = {name: made[name] for name in self._order if name in made}
+        return self._skins
 
     def __getitem__(self, name: str) -> FrameResult:
         return self.skins[name]
@@ -63,10 +93,8 @@ class HandResult:
     def __contains__(self, name: object) -> bool:
         return name in self.skins
 
-    @property
-    def events(self) -> tuple[tuple[str, Event], ...]:
-        """Names of skins with their events, in the order of the skins."""
-        return tuple((name, event) for name, of in self.skins.items() for event in of.events)
+    def __repr__(self) -> str:
+        return f"HandResult({self.number} at {self.time:.4f} s, {', '.join(self.skins)})"
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,7 +175,6 @@ class Hand(OfThisProcess):
 
     def begin(self) -> None:
         """Begin anew with the next frames: memories, numbers, clocks and counts of steps."""
-        self._numbers = dict.fromkeys(self._skins, 0)
         self._clocks: dict[str, float] = {}
         self._began: dict[bool, int] = {}  # by the host's two clocks, which have no common zero
         self._steps = self._missed = 0
@@ -216,29 +243,26 @@ class Hand(OfThisProcess):
 
     def _step(self, frames: Mapping[str, Frame]) -> HandResult:
         begun = time.monotonic_ns()
-        done: dict[str, FrameResult] = {}
+        parts = list[tuple[list[str], StepAbreast]]()
         for names, group in self._groups:
             lanes = [lane for lane, name in enumerate(names) if name in frames]
             if lanes:
-                own = [frames[names[lane]] for lane in lanes]
-                numbers = [self._numbers[names[lane]] for lane in lanes]
-                for lane, moment in zip(lanes, group.step(lanes, numbers, own), strict=True):
-                    self._skins[names[lane]].count(moment, group.paths[lane])
-                    done[names[lane]] = moment
-                    self._numbers[names[lane]] += 1  # now: another group may fail
-        arrived = begun
-        last = -math.inf
+                parts.append((names, group.step(lanes, [frames[names[lane]] for lane in lanes])))
+        arrived, last = begun, -math.inf
         for name, frame in frames.items():
             last = max(last, self._time(name, frame))
             if frame.monotonic_ns is not None:
                 arrived = min(arrived, frame.monotonic_ns)
+        found = {names[lane]: own for names, part in parts for lane, own in part.events.items()}
+        order = self._skins if found else ()
+        events = tuple((name, event) for name in order for event in found.get(name, ()))
         seconds = 1e-9 * (time.monotonic_ns() - arrived)
         missed = self._deadline is not None and seconds > self._deadline
         self._micros.add(1e6 * seconds)
         self._missed += missed
         self._steps += 1
-        skins = {name: done[name] for name in self._skins if name in done}
-        return HandResult(self._steps - 1, last, skins, seconds, missed)
+        number = self._steps - 1
+        return HandResult(number, last, seconds, events, self._skins, parts, missed=missed)
 
     def _time(self, name: str, frame: Frame) -> float:
         """Return the time of a frame on the hand's clock, s since the first frame of the hand."""

@@ -8,7 +8,6 @@ from collections.abc import Generator, Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from threading import Event as ThreadEvent
 from typing import cast
 
 import numpy as np
@@ -75,7 +74,7 @@ from cnnum.scenes.like_frames import like_frames
 from cnnum.scenes.push_watch import HeldWatch, OrderWatch, PushWatch
 from cnnum.scenes.saturation import CHANNEL, Saturation
 from cnnum.scenes.scene_file import EVERYTHING, SceneSpec, read_scene, scene_names
-from cnnum.scenes.scene_record import Histogram, SceneRecord, Summary
+from cnnum.scenes.scene_record import Histogram, SceneRecord, Summary, place_of
 from cnnum.values import ByContent, OfThisProcess, same
 
 TIMED = 64
@@ -118,8 +117,9 @@ class Passage:
     def __init__(self, scene: "Scene") -> None:
         self._scene, self.path, self.first = scene, scene.path(), math.nan
         self._due, self._times = sorted(scene.spec.tares), list[float]()
-        for watch in (scene.push, scene.orders, scene.holds):
+        for watch in self.watches:
             watch.begin()
+        scene.follow(self.path)
 
     def step(self, number: int, frame: Frame) -> FrameResult:
         """Return the results of a frame; it raises as `FramePath.step`.
@@ -133,6 +133,21 @@ class Passage:
             self.tare()
         self.hold_times(frame)
         return self.end(self.path.step(number, frame))
+
+    @property
+    def watches(self) -> tuple[HeldWatch, PushWatch, OrderWatch]:
+        """All that watches the scene."""
+        return self._scene.holds, self._scene.push, self._scene.orders
+
+    @property
+    def channels(self) -> int:
+        """Channels of the array's frames."""
+        return len(self._scene.driver.channels)
+
+    @property
+    def due(self) -> bool:
+        """Whether `tares` and `hold_times` have something to do before the next frame."""
+        return len(self._times) < TIMED or self._scene.tared or bool(self._due)
 
     def tares(self, number: int, frame: Frame) -> bool:
         """Return whether rest is to be learned again from this frame on."""
@@ -148,6 +163,10 @@ class Passage:
         self._scene.holds.begin()
         self.path.tare()
 
+    def ask_tare(self) -> None:
+        """Let the next frame be the first from which rest is learned again."""
+        self._scene.tare()
+
     def hold_times(self, frame: Frame) -> None:
         """Hold the times of the first frames against the rate; it raises as `step`."""
         if len(self._times) < TIMED:
@@ -162,10 +181,21 @@ class Passage:
                 scene.tare()
             scene.push.look(moment.values, frame.time)
             scene.orders.look(scene.on_grid(frame))
-        if moment.events and scene.holds.marks:
-            marked_events = tuple(replace(event, rest_held=True) for event in moment.events)
-            moment = moment._replace(events=marked_events)
-        return moment
+        return moment._replace(events=self.marked(moment.events)) if moment.events else moment
+
+    def marked(self, events: tuple[Event, ...]) -> tuple[Event, ...]:
+        """Return events of the last frame, with the mark of a rest that was held."""
+        if not self._scene.holds.marks:
+            return events
+        return tuple(replace(event, rest_held=True) for event in events)
+
+    def count(self, moment: FrameResult) -> None:
+        """Take a result into the summary of the scene."""
+        self._scene.count(moment)
+
+    def count_good(self, place: int, micros: float, frame: Frame) -> None:
+        """Take a good frame with nothing unusual into it; `place` is the bin of `micros`."""
+        self._scene.count_good(place, micros, frame)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -210,6 +240,8 @@ class Scene(OfThisProcess):
         What the plan was made of, or None if it is for this array alone.
     bad : BadFrames
         Frames skipped so far.
+    tared : bool
+        Whether rest is to be learned again from the next frame on.
     """
 
     spec: SceneSpec
@@ -229,17 +261,15 @@ class Scene(OfThisProcess):
     bad: BadFrames = field(default_factory=BadFrames)
     _micros: Histogram = field(default_factory=Histogram)
     _late: Histogram = field(default_factory=Histogram)  # µs from arrival to events
-    _begun: int = 0
     _repeated: int = 0
-    _longest_gap: float = 0.0
     _passes: int = 0
     _before: int = 0
     _last_before: Frame | None = None
     _seconds_before: float = 0.0
     _saturated: int = 0
     _masked: int = 0
-    _dropouts: int = 0
-    _tare: ThreadEvent = field(default_factory=ThreadEvent)
+    _way: FramePath | None = None  # of the present pass
+    tared: bool = field(default=False, init=False)
 
     @classmethod
     def of(
@@ -354,7 +384,7 @@ class Scene(OfThisProcess):
                     self._before, self._last_before = self._before + 1, frame
                     self._seconds_before = frame.time - way.first
                     continue
-                self.count(moment, way.path)
+                self.count(moment)
                 yield moment
 
     def check_times(self, times: Sequence[float]) -> None:
@@ -411,10 +441,9 @@ class Scene(OfThisProcess):
                     "and replay it."
                 )
             self.bad, self._micros, self._late = BadFrames(), Histogram(), Histogram()
-            self._begun = self._repeated = self._before = self._saturated = 0
-            self._masked = self._dropouts = 0
+            self._repeated = self._before = self._saturated = self._masked = 0
             self._last_before = None
-            self._longest_gap = self._seconds_before = 0.0
+            self._seconds_before = 0.0
         self._passes += 1
         own = self._passes
         try:
@@ -509,23 +538,28 @@ class Scene(OfThisProcess):
         known = cast(Limits | None, getattr(self.driver, "limits", None))
         return self.spec.limits or known
 
-    def count(self, moment: FrameResult, way: FramePath) -> None:
+    def follow(self, way: FramePath) -> None:
+        """Let the summary be that of a new pass."""
+        self._way = way
+
+    def count(self, moment: FrameResult) -> None:
         """Take a result into the summary."""
-        self._begun += 1
         if moment.values is not None:
             self._saturated += moment.saturated is not None
             self._masked += moment.masked is not None
-            if way.dropouts is not None:
-                self._dropouts = way.dropouts.count
-            self._micros.add(1e6 * moment.seconds)
-            if moment.frame.monotonic_ns is not None:
-                self._late.add(1e-3 * (time.monotonic_ns() - moment.frame.monotonic_ns))
-            self._longest_gap = way.detector.longest_gap
+            micros = 1e6 * moment.seconds
+            self.count_good(place_of(micros), micros, moment.frame)
         elif moment.error is not None:
             frame = moment.frame
             self.bad.add(moment.number, frame.time, moment.error, self._micros.total)
         else:
             self._repeated += 1
+
+    def count_good(self, place: int, micros: float, frame: Frame) -> None:
+        """Take a frame on which the program ran into it; `place` is the bin of `micros`."""
+        self._micros.add_at(place, micros)
+        if frame.monotonic_ns is not None:
+            self._late.add(1e-3 * (time.monotonic_ns() - frame.monotonic_ns))
 
     def on_grid(self, frame: Frame) -> Frame:
         """Return a frame on the grid of the program, or unchanged if no grid is needed."""
@@ -538,13 +572,14 @@ class Scene(OfThisProcess):
 
         A contact that is held is released. This may be called from any thread.
         """
-        self._tare.set()
+        self.tared = True
 
     def take_tare(self) -> bool:
         """Return whether the rest must be learned again, and clear that request."""
-        wanted = self._tare.is_set()
-        self._tare.clear()
-        return wanted
+        if not self.tared:
+            return False
+        self.tared = False
+        return True
 
     def events(self) -> Iterator[Event]:
         """Yield the events of the scene as they occur; each call is a pass, as in `results`."""
@@ -691,18 +726,19 @@ class Scene(OfThisProcess):
 
     def summary(self) -> Summary:
         """Return the summary so far."""
-        handed_on = self._micros.total
+        handed_on, way = self._micros.total, self._way
+        drops = None if way is None else way.dropouts
         return Summary(
-            frames=self._begun,
+            frames=handed_on + self.bad.count + self._repeated,
             before=self._before,
             handed_on=handed_on,
             refused=self.bad.count,
             repeated=self._repeated,
             saturated=self._saturated,
             masked=self._masked,
-            dropouts=self._dropouts,
+            dropouts=0 if drops is None else drops.count,
             counters=self.driver.counters,
-            longest_gap=self._longest_gap,
+            longest_gap=0.0 if way is None else way.detector.longest_gap,
             p50_us=self._micros.quantile(0.50),
             p99_us=self._micros.quantile(0.99),
             arrival_p50_us=self._late.quantile(0.50) if self._late.total else None,

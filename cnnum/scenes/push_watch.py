@@ -68,6 +68,13 @@ class OrderWatch:
         self._agreed = 0
         self._start = self._last = -np.inf
 
+    @property
+    def looked(self) -> float:
+        """When it looked last, s; -inf where it looks at every frame, and inf where at none."""
+        if self.said or not self._able:
+            return np.inf
+        return -np.inf if self._rest is None else self._last
+
     def look(self, frame: Frame) -> None:
         """Take in a good frame."""
         if self.said or not self._able:
@@ -144,6 +151,11 @@ HELD = ("slip", "twist", "mindlin_slip", "grasp_code")
 """Programs that may begin with a held object: its release reads as a pull rightly."""
 
 
+def _flat(maps: Floats) -> Floats:
+    """Return (skins, taxels) numbers of (skins, rows, cols)."""
+    return maps.reshape(len(maps), -1)
+
+
 def moved_in(seen: Floats) -> float:
     """Return the largest change of a reading from the first half of (frames, …) to the last."""
     half = len(seen) // 2
@@ -188,22 +200,34 @@ class PushWatch:
         self._noise = self._size = self._uneven = 0.0
         self._wrong = self._back = self._pushed = 0.0
 
+    @property
+    def looked(self) -> float:
+        """When it looked last, s; -inf where it looks at every frame, and inf where at none."""
+        if self._channel is None:
+            return np.inf
+        if self._rest is None:
+            return -np.inf
+        return np.inf if self.said or self._held else self._looked
+
     def look(self, values: Floats, time: float) -> None:
         """Take in the (rows, cols, channels) values of a good frame, and its time, s."""
         if self._channel is None:
             return
         if self._rest is None:
             self._learn(values[..., self._channel], time)
-            return
-        since = time - self._looked
-        if self.said or self._held or not since >= EVERY:
-            return
-        self._looked = time
-        loads = self._push * (values[..., self._channel] - self._rest)
-        push, pull = float(loads.max()), -float(loads.min())
-        if push > CLEAR * self._noise:
-            self._pushed = max(self._pushed, push)
-        self._judge(values[..., self._channel], pull, max(push, self._pushed, 0.0), min(since, 0.1))
+        elif not self.said and not self._held and time - self._looked >= EVERY:
+            self.look_at([self], values[np.newaxis], [time])
+
+    @staticmethod
+    def look_at(watches: "Sequence[PushWatch]", values: Floats, times: Sequence[float]) -> None:
+        """Take in (skins, rows, cols, channels) values; all know their rest, and it is time."""
+        first, rests = watches[0], [watch._rest for watch in watches if watch._rest is not None]
+        normal: Floats = np.asarray(values[..., first._channel])
+        loads = _flat(first._push * (normal - np.stack(rests)))
+        apart = np.ptp(_flat(normal), axis=1)
+        figures = np.stack([loads.max(axis=1), loads.min(axis=1), apart], axis=1)
+        for watch, time, (push, least, apart) in zip(watches, times, figures.tolist(), strict=True):
+            watch._judge(push, -least, apart, time)
 
     def _learn(self, normal: Floats, time: float) -> None:
         """Take in a frame at rest."""
@@ -233,11 +257,14 @@ class PushWatch:
                 marked,
             )
 
-    def _judge(self, normal: Floats, pull: float, push: float, since: float) -> None:
+    def _judge(self, push: float, pull: float, apart: float, time: float) -> None:
         """Add up the time of pulls that no push outweighs, and say what they mean."""
-        if not (pull > CLEAR * self._noise and pull > OUTWEIGHS * push):
+        since, self._looked = min(time - self._looked, 0.1), time
+        if push > CLEAR * self._noise:
+            self._pushed = max(self._pushed, push)
+        if not (pull > CLEAR * self._noise and pull > OUTWEIGHS * max(push, self._pushed, 0.0)):
             return
-        if float(np.ptp(normal)) > self._uneven:
+        if apart > self._uneven:
             self._wrong += since
         else:
             self._back += since
@@ -321,6 +348,13 @@ class HeldWatch:
         """Whether an event of the last frame may be that of a hidden load."""
         return self.held or self._hidden > 0.0
 
+    @property
+    def looked(self) -> float:
+        """When it looked last, s; -inf where it looks at every frame, and inf where at none."""
+        if not self._able:
+            return np.inf
+        return -np.inf if self._rest is None else self._looked
+
     def look(self, values: Floats, time: float) -> bool:
         """Take in a good frame and its time, s; return whether a held object was just let go."""
         if not self._able:
@@ -328,23 +362,49 @@ class HeldWatch:
         if self._rest is None:
             self._learn(values, time)
             return False
-        since = time - self._looked
-        if not since >= EVERY:
+        if not time - self._looked >= EVERY:
             return False
-        self._looked = time
-        x, y, normal = (self._push * (values - self._rest)[..., n] for n in self._places)
-        clear = CLEAR * self._noise * float(normal.size) ** 0.5
-        load, push, pull = max(normal.sum(), 0.0), float(normal.max()), -float(normal.min())
-        shear = self._gain * float(np.hypot(x.sum(), y.sum()))
+        return self.look_at([self], values[np.newaxis], [time])[0]
+
+    @staticmethod
+    def look_at(
+        watches: "Sequence[HeldWatch]", values: Floats, times: Sequence[float]
+    ) -> list[bool]:
+        """Take in (skins, rows, cols, channels) values; all know their rest, and it is time."""
+        first, rests = watches[0], [watch._rest for watch in watches if watch._rest is not None]
+        away: Floats = first._push * (values - np.stack(rests))
+        x, y, normal = (_flat(away[..., place]) for place in first._places)
+        shear = first._gain * np.hypot(x.sum(axis=1), y.sum(axis=1))
+        apart = np.ptp(_flat(values[..., first._places[2]]), axis=1)
+        parts = normal.sum(axis=1), normal.max(axis=1), normal.min(axis=1), shear, apart
+        rows: list[list[float]] = np.stack(parts, axis=1).tolist()
+        return [
+            watch._judge(loads, time, *row)
+            for watch, loads, time, row in zip(watches, normal, times, rows, strict=True)
+        ]
+
+    def _judge(
+        self,
+        normal: Floats,
+        time: float,
+        load: float,
+        push: float,
+        least: float,
+        shear: float,
+        apart: float,
+    ) -> bool:
+        """Add up the time of hidden loads, and return whether a held object was just let go."""
+        since, self._looked = min(time - self._looked, 0.1), time
+        clear, pull = CLEAR * self._noise * float(normal.size) ** 0.5, -least
         below = pull > CLEAR * self._noise and pull > OUTWEIGHS * max(push, 0.0)
         # a touch that reads as a pull makes taxels less even, one that ends makes them more so
-        falls = below and float(np.ptp(values[..., self._places[2]])) <= self._uneven
-        hidden = falls or (not below and shear > NO_FRICTION * float(load) + clear)
-        self._hidden = self._hidden + min(since, 0.1) if hidden else 0.0
+        falls = below and apart <= self._uneven
+        hidden = falls or (not below and shear > NO_FRICTION * max(load, 0.0) + clear)
+        self._hidden = self._hidden + since if hidden else 0.0
         if self._hidden >= SEEN and not self.held:
             self.held = True
             self._say()
-        return self.held and self._let_go(normal, min(since, 0.1), falls=falls)
+        return self.held and self._let_go(normal, since, falls=falls)
 
     def _let_go(self, normal: Floats, since: float, *, falls: bool) -> bool:
         """Return whether readings far below rest stand still, as when nothing touches any more."""
@@ -380,3 +440,61 @@ class HeldWatch:
             "have the mark 'rest_held' until the object is let go, when the rest is learned "
             "again; start without contact, or tare once nothing touches."
         )
+
+
+class WatchesAbreast:
+    """The watches of several skins with one program, which look at their frames together.
+
+    Parameters
+    ----------
+    skins : sequence of (HeldWatch, PushWatch, OrderWatch)
+    """
+
+    def __init__(self, skins: Sequence[tuple[HeldWatch, PushWatch, OrderWatch]]) -> None:
+        self._skins = tuple(skins)
+        self._looked = np.full((len(skins), 3), -np.inf)
+
+    def anew(self, lane: int) -> None:
+        """Take in that the watches of a skin have looked, or have begun anew, by themselves."""
+        self._looked[lane] = [watch.looked for watch in self._skins[lane]]
+
+    def look(
+        self, lanes: Sequence[int], frames: Sequence[Frame], values: Floats, times: Floats
+    ) -> list[int]:
+        """Take in good frames, and return the skins whose held object was just let go.
+
+        Parameters
+        ----------
+        lanes : sequence of int
+            Skins, each once.
+        frames : sequence of Frame
+        values : (frames, rows, cols, channels read) float
+        times : (frames,) float, s
+        """
+        due = times[:, np.newaxis] - self._looked[lanes] >= PERIODS
+        if not due.any():
+            return []
+        released = list[int]()
+        known = np.isfinite(self._looked[lanes])
+        own = [self._skins[lane] for lane in lanes]
+        at: list[float] = times.tolist()
+        for place in np.flatnonzero(due[:, 0] & ~known[:, 0]).tolist():
+            own[place][0].look(values[place], at[place])
+        for place in np.flatnonzero(due[:, 1] & ~known[:, 1]).tolist():
+            own[place][1].look(values[place], at[place])
+        for place in np.flatnonzero(due[:, 2]).tolist():
+            own[place][2].look(frames[place])
+        if places := np.flatnonzero(due[:, 0] & known[:, 0]).tolist():
+            watches = [own[place][0] for place in places]
+            gone = HeldWatch.look_at(watches, values[places], [at[place] for place in places])
+            released = [lanes[place] for place, go in zip(places, gone, strict=True) if go]
+        if places := np.flatnonzero(due[:, 1] & known[:, 1]).tolist():
+            others = [own[place][1] for place in places]
+            PushWatch.look_at(others, values[places], [at[place] for place in places])
+        for place in np.flatnonzero(due.any(axis=1)).tolist():
+            self.anew(lanes[place])
+        return released
+
+
+PERIODS = np.array([EVERY, EVERY, ORDER_EVERY])
+"""s between looks of the three watches of a skin."""

@@ -28,6 +28,11 @@ PER_DECADE = 232
 """Bins: each is 1 % wider than the one before."""
 
 
+def place_of(value: float) -> int:
+    """Return the bin of a number."""
+    return int(PER_DECADE * math.log10(min(max(LEAST, value), MOST) / LEAST))
+
+
 class Histogram:
     """Counts positive numbers in bins 1 % wide, from 1e-9 to 1e6; those beyond in the end bins.
 
@@ -45,7 +50,10 @@ class Histogram:
 
     def add(self, value: float) -> None:
         """Count a number."""
-        place = int(PER_DECADE * math.log10(min(max(LEAST, value), MOST) / LEAST))
+        self.add_at(place_of(value), value)
+
+    def add_at(self, place: int, value: float) -> None:
+        """Count a number whose bin is known."""
         self._counts[place] += 1
         self._sums[place] += value
         self.total += 1

@@ -424,20 +424,20 @@ def test_changes_make_no_skin(place):
 def test_ordinary_frames_are_looked_at_together(hand, frames, monkeypatch):
     """What is quick has to be taken: nothing else would tell that each skin goes alone."""
     looked, shared = [], []
-    look, run = Calm.look, Abreast._together
+    look, push = Calm.look, Abreast.push
 
     def counted_look(self, lanes, values, times):
         calm = look(self, lanes, values, times)
         looked.append(int(calm.sum()))
         return calm
 
-    def counted_run(self, lanes, values, ready):
-        done = run(self, lanes, values, ready)
-        shared.append(len(done))
-        return done
+    def counted_push(self, lanes, values, sizes):
+        outputs, alone = push(self, lanes, values, sizes)
+        shared.append(len(lanes) - len(alone))
+        return outputs, alone
 
     monkeypatch.setattr(Calm, "look", counted_look)
-    monkeypatch.setattr(Abreast, "_together", counted_run)
+    monkeypatch.setattr(Abreast, "push", counted_push)
     hand.begin()
     grasps = {name: again(frames[name], 3) for name in ("thumb", "index", "ring")}
     for n in range(240):
