@@ -153,15 +153,77 @@ def _opencv_maximum(picture: Any, _: Blacks) -> Callable[[], Any]:
     return partial(_opencv().dilate, picture, np.ones((3, 3), np.uint8))
 
 
+def _skimage(module: str) -> Any:
+    try:
+        return importlib.import_module(f"skimage.{module}")
+    except ImportError:
+        raise missing_extra("the peer scikit-image", "scikit-image", "race") from None
+
+
+def _skimage_edge(black: Blacks, _: Blacks) -> Callable[[], Any]:
+    find = _skimage("segmentation").find_boundaries
+    return _frames(partial(find, connectivity=2, mode="inner"), black)
+
+
+def _skimage_holes(black: Blacks, _: Blacks) -> Callable[[], Any]:
+    fill = _skimage("morphology").reconstruction
+
+    def holes(picture: Blacks) -> Any:
+        seed = picture.copy()
+        seed[1:-1, 1:-1] = True
+        return fill(seed, picture, method="erosion", footprint=CROSS)
+
+    return _frames(holes, black)
+
+
+def _skimage_recall(black: Blacks, marks: Blacks) -> Callable[[], Any]:
+    return partial(_skimage("morphology").reconstruction, marks, black, footprint=SQUARE)
+
+
+def _skimage_unmarked(black: Blacks, marks: Blacks) -> Callable[[], Any]:
+    fill = _skimage("morphology").reconstruction
+    return lambda: black & (fill(marks, black, footprint=CROSS) == 0.0)
+
+
+def _skimage_erosion(black: Blacks, _: Blacks) -> Callable[[], Any]:
+    return partial(_skimage("morphology").erosion, black, CROSS, mode="min")
+
+
+def _skimage_dilation(black: Blacks, _: Blacks) -> Callable[[], Any]:
+    return partial(_skimage("morphology").dilation, black, CROSS, mode="min")
+
+
+def _skimage_median(picture: Any, _: Blacks) -> Callable[[], Any]:
+    return partial(_skimage("filters").median, picture, SQUARE, mode="nearest")
+
+
+def _skimage_maximum(picture: Any, _: Blacks) -> Callable[[], Any]:
+    return partial(_skimage("morphology").dilation, picture, SQUARE)
+
+
 STEP = 0.01
 """By which the table of the library's MEDIAN shifts its answer."""
 
-MEDIANS: Mapping[str, Prepare] = {"OpenCV": _opencv_median, "SciPy": _scipy_median}
-MAXIMA: Mapping[str, Prepare] = {"OpenCV": _opencv_maximum, "SciPy": _scipy_maximum}
-EDGES: Mapping[str, Prepare] = {"OpenCV": _opencv_edge, "SciPy": _scipy_edge}
-HOLES: Mapping[str, Prepare] = {"SciPy": _scipy_holes}
-RECALL: Mapping[str, Prepare] = {"SciPy": _scipy_recall}
-UNMARKED: Mapping[str, Prepare] = {"SciPy": _scipy_unmarked}
+MEDIANS: Mapping[str, Prepare] = {
+    "OpenCV": _opencv_median,
+    "SciPy": _scipy_median,
+    "scikit-image": _skimage_median,
+}
+MAXIMA: Mapping[str, Prepare] = {
+    "OpenCV": _opencv_maximum,
+    "SciPy": _scipy_maximum,
+    "scikit-image": _skimage_maximum,
+}
+EDGES: Mapping[str, Prepare] = {
+    "OpenCV": _opencv_edge,
+    "SciPy": _scipy_edge,
+    "scikit-image": _skimage_edge,
+}
+HOLES: Mapping[str, Prepare] = {"SciPy": _scipy_holes, "scikit-image": _skimage_holes}
+RECALL: Mapping[str, Prepare] = {"SciPy": _scipy_recall, "scikit-image": _skimage_recall}
+ERODED: Mapping[str, Prepare] = {"SciPy": _scipy_erosion, "scikit-image": _skimage_erosion}
+DILATED: Mapping[str, Prepare] = {"SciPy": _scipy_dilation, "scikit-image": _skimage_dilation}
+UNMARKED: Mapping[str, Prepare] = {"SciPy": _scipy_unmarked, "scikit-image": _skimage_unmarked}
 
 CASES = (
     Case("EDGE", (1000, 64, 64), EDGES),
@@ -169,8 +231,8 @@ CASES = (
     *(Case("HOLE", (size, size), HOLES) for size in (64, 256, 1024)),
     *(Case("RECALL", (size, size), RECALL) for size in (64, 256, 1024)),
     *(Case("CONNECTI", (size, size), UNMARKED) for size in (64, 256, 1024)),
-    Case("CHUA_EROSION", (1024, 1024), {"SciPy": _scipy_erosion}),
-    Case("CHUA_DILATION", (1024, 1024), {"SciPy": _scipy_dilation}),
+    Case("CHUA_EROSION", (1024, 1024), ERODED),
+    Case("CHUA_DILATION", (1024, 1024), DILATED),
     *(Case("MEDIAN", (size, size), MEDIANS, gray=True) for size in (256, 1024)),
     Case("MAX", (256, 256), MAXIMA, gray=True),
 )
