@@ -28,6 +28,7 @@ from cnnum.safety.values import expect, shown
 from cnnum.scenes.arrangement import bound, named, program_of
 from cnnum.scenes.conversion import unit_of
 from cnnum.scenes.pipeline import Scene
+from cnnum.scenes.scene_code import with_scene
 
 RATE = 200.0
 """Hz of the streams, and the parameter of programs."""
@@ -273,8 +274,8 @@ def export(
 def export_scene(scene: Scene, *, precision: str = "q15", method: str = "auto") -> Exported:
     """Return the program of a scene as C99: with its parameters, and the outputs that it wants.
 
-    Ranges are measured on the scene's frames, calibrated as it says, to their end. The inputs of
-    the C are calibrated values, in the unit that its header names.
+    Ranges are measured on the scene's frames, calibrated as it says, to their end. The C has also
+    the calibration, from raw frames to inputs, and the rules of events, from answers to events.
     """
     if scene.grid is not None:
         rows, cols = scene.grid.shape
@@ -282,13 +283,16 @@ def export_scene(scene: Scene, *, precision: str = "q15", method: str = "auto") 
             f"Scene '{scene.spec.name}': its taxels have positions, but the C code reads a grid: "
             f"export the program by its name for {rows}×{cols} cells, and interpolate before it."
         )
-    program = bound(program_of(scene.spec), scene.spec, scene.driver)
-    return export(
+    program, driver = bound(program_of(scene.spec), scene.spec, scene.driver), scene.driver
+    exported = export(
         program,
         precision=precision,
         method=method,
         needs=tuple(scene.plan.schedule.outputs),
         like=scene,
+    )
+    return with_scene(
+        exported, scene.conversion, driver.channels, driver.unit, scene.rules, driver.rate
     )
 
 

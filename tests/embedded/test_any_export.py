@@ -104,6 +104,7 @@ def test_a_function_that_is_no_program_is_one_sentence():
         cnnum.export(lambda frame: {"a": frame.normal})
 
 
+@needs_cc
 def test_the_command_takes_files_and_scenes(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     source = "import numpy as np\nimport cnnum\n\n\n@cnnum.program\ndef most(frame):\n"
@@ -118,7 +119,12 @@ def test_the_command_takes_files_and_scenes(tmp_path, monkeypatch):
     ):
         done = CliRunner().invoke(main, ["export", *options, "--out", "c", "--force"])
         assert done.exit_code == 0, done.output
-        assert "in_normal, strain" in (tmp_path / "c" / "most.h").read_text()
+        header = (tmp_path / "c" / "most.h").read_text()
+        assert "in_normal, strain" in header
+        assert ("#define MOST_EVENT_HIT 1" in header) == ("--scene" in options)
+        assert ("most_calibrate(const int32_t *raw" in header) == ("--scene" in options)
+        # the C of the scene is compiled here, and its numbers are held in test_scene_code.py
+        subprocess.run(["make", "vector"], cwd=tmp_path / "c", check=True, capture_output=True)
     for options in ([], ["own.py:most", "--scene", "scene.toml"]):
         refused = CliRunner().invoke(main, ["export", *options, "--out", "d"])
         assert refused.exit_code == 2
