@@ -308,3 +308,32 @@ def limited(given: Iterable[Given], seconds: float | None, frames: int | None) -
         late = seconds is not None and time.monotonic() - begin >= seconds
         if late or (frames is not None and count >= frames):
             return
+
+
+RAW = ("count", "V")
+"""Units of arrays that nothing is known of: no scene fits all of them."""
+
+
+def usual_scene(
+    file: Path, array: Mapping[str, object], given: Mapping[str, object], usual: str
+) -> str:
+    """Return the usual scene, which fits calibrated recordings; counts fit none unasked.
+
+    Raises
+    ------
+    click.UsageError
+        If the recording has raw values.
+    """
+    from cnnum.drivers.registry import open_driver
+
+    options = {key.removeprefix("array."): v for key, v in given.items() if key[:6] == "array."}
+    options = {key: value for key, value in ({**array, **options}).items() if key != "driver"}
+    with open_driver(str(array["driver"]), options) as driver:
+        raw = driver.unit in RAW and getattr(driver, "calibration", None) is None
+        unit = driver.unit
+    if raw:
+        raise click.UsageError(
+            f"'{file}' contains values in '{unit}', whose physical scale is unknown: choose a "
+            "scene for them, as in '--scene uskin_grasp', or write a scene file of your own."
+        )
+    return usual

@@ -189,6 +189,7 @@ class Hub:
         self.unit, self.rate, self.duration = unit, rate, duration
         self._read, self._counters = read, counters
         self._newest: FrameResult | None = None
+        self._read_last: FrameResult | None = None  # a repeated scan has no read-outs
         self._events: deque[dict[str, object]] = deque(maxlen=KEPT)
         self._warnings: deque[str] = deque(maxlen=WARNED)
         self._lock = Lock()
@@ -201,6 +202,8 @@ class Hub:
     def offer(self, moment: FrameResult) -> None:
         """Take in a moment; it costs the source next to nothing."""
         self._newest = moment
+        if moment.values is not None:
+            self._read_last = moment
         self.frames += 1
         gap = self._gaps.seen(moment.number, moment.frame)
         if moment.events or gap is not None:
@@ -279,10 +282,10 @@ class Hub:
             loads = np.where(moment.masked, 0.0, loads)
         return loads
 
-    def why(self) -> dict[str, object] | None:
-        """Return every read-out of slip and twist against its level, unless it was returned."""
-        newest = self._newest
-        if self._why is None or newest is None or newest is self._told or newest.values is None:
+    def why(self, *, again: bool = False) -> dict[str, object] | None:
+        """Return every read-out of slip and twist against its level, once unless `again`."""
+        newest = self._read_last
+        if self._why is None or newest is None or (newest is self._told and not again):
             return None
         self._told = newest
         return {"kind": "why", "t": newest.frame.time, "reports": self._why(newest)}

@@ -208,6 +208,11 @@ class Pages(Door):
 
         with contextlib.suppress(ConnectionClosed):
             await connection.send(json.dumps(self._feed.hub.hello()))
+            # a source that has ended or is paused has nothing newer for a page that comes late
+            if picture := self._feed.hub.picture(None)[1]:
+                await connection.send(picture)
+            if (why := self._feed.hub.why(again=True)) is not None:
+                await connection.send(json.dumps(json_value(why)))
             self._open.add(connection)
             try:
                 async for message in connection:

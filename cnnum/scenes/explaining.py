@@ -22,9 +22,10 @@ CAUSES = {
 WEIGHTS = ("still", "swing", "look", "pull")
 """Parameters of `slip` that weigh what a movement is divided by."""
 
-STICKS, AHEAD, PULLED = 0.5, 1 / 3, 2.0
-"""Share of the contact that sticks from which nothing slides; cosine of the motion to the shear
-from which it counts in full; least curl over the ratio of shear to load. As in the programs."""
+STICKS, AHEAD, ALIGNED, PULLED = 0.5, 1 / 3, 0.3, 2.0
+"""Share of the contact that sticks from which nothing slides; cosines of the motion to the shear,
+and of the shear's map to the load's, from which a slip counts in full; least curl over the ratio of
+shear to load. As in the programs."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,8 +151,11 @@ def _slip(numbers: Mapping[str, float], holds: Mapping[str, float]) -> str:
     else:
         share = holds[most] / sum(holds.values())
         said += f", and {share:.0%} of what explains it is that {CAUSES[most]}"
-    if at.get("motion_cosine", 1.0) < AHEAD:
-        said += f"; it moves little along its shear (cosine {at['motion_cosine']:.2g})"
+    along, lies = at.get("motion_cosine", AHEAD), at.get("alignment", ALIGNED)
+    if lies < ALIGNED and max(lies, 0.0) / ALIGNED <= ((1.0 + along) / (1.0 + AHEAD)) ** 2:
+        said += f"; its shear does not lie where it presses (cosine {lies:.2g})"
+    elif along < AHEAD:
+        said += f"; it moves little along its shear (cosine {along:.2g})"
     return said
 
 

@@ -15,7 +15,7 @@ import pytest
 from cnnum.errors import PortError, SceneError
 from cnnum.frame import FORCE_AXES, Frame, Quality
 from cnnum.live.feeds import ArrayFeed, RecordingFeed
-from cnnum.live.hub import CONTACT, DROPPED, HEAD, encoded, planes
+from cnnum.live.hub import CONTACT, DROPPED, HEAD, Hub, encoded, planes
 from cnnum.live.server import Gate, Place, serving, static
 from cnnum.recordings.recording import Recording
 from cnnum.scenes.frame_path import FrameResult
@@ -322,3 +322,42 @@ def test_a_recording_stops_and_goes_where_it_is_sent(tmp_path: Path) -> None:
         time.sleep(0.01)
     feed.stop()
     assert feed.hub.frames == 50
+
+
+class Ended:
+    """A feed whose last scan repeats the one before, and so has no read-outs of its own."""
+
+    def __init__(self) -> None:
+        from cnnum.drivers.driver import Counters
+
+        self.hub = Hub(
+            "ended", (8, 8), FORCE_AXES, "N", 100.0, lambda frame: frame.values, Counters,
+            why=lambda moment: [{"kind": "slip", "frame": moment.number}],
+        )  # fmt: skip
+
+    def start(self) -> None:
+        for number in range(3):
+            values = np.full((8, 8, 3), float(number))
+            frame = Frame(values, FORCE_AXES, "N", number, number / 100.0)
+            self.hub.offer(FrameResult(number, frame, values if number < 2 else None, {}, (), 0.0))
+
+    def stop(self) -> None: ...
+
+    def command(self, wanted: dict[str, Any]) -> None: ...
+
+
+def test_a_page_that_comes_after_the_end_sees_the_last_picture_and_its_reasons() -> None:
+    from websockets.asyncio.client import connect
+
+    async def work() -> None:
+        async with serving(Ended(), Place(port=0)) as (_, _, port):
+            for _ in range(2):  # the second page is greeted as the first
+                async with connect(f"ws://127.0.0.1:{port}/stream", proxy=None) as page:
+                    greeting, picture, why = [await page.recv() for _ in range(3)]
+                assert json.loads(greeting)["kind"] == "hello"
+                assert isinstance(picture, bytes)
+                assert HEAD.unpack_from(picture)[0] == 2
+                assert json.loads(why)["t"] == 0.01
+                assert json.loads(why)["reports"] == [{"kind": "slip", "frame": 1}]
+
+    run(work())

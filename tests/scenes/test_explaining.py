@@ -11,6 +11,7 @@ from cnnum.drivers.simulated.array import SimulatedOptions
 from cnnum.drivers.simulated.settings import Phase
 from cnnum.errors import ReportError, SceneError
 from cnnum.report.read_outs import PLACES, draw_explained
+from cnnum.scenes.explaining import explained
 from cnnum.scenes.pipeline import load_scene
 
 SCRIPT = (
@@ -72,6 +73,34 @@ def test_the_command_says_the_same(recording, tmp_path, capsys):
     assert (line["kind"], line["frame"], line["reported"]) == ("slip", 220, True)
     assert line["margin"] == pytest.approx(line["strength"] / line["level"])
     assert {"slip_trend", "slip_ratio", "slip_stick_share"} <= set(line["read_outs"])
+
+
+@pytest.mark.parametrize("command", ["explain --at 0", "replay", "view"])
+def test_counts_need_a_scene_that_knows_their_scale(command, tmp_path, capsys):
+    file, (name, *options) = tmp_path / "raw.npz", command.split()
+    values = np.full((9, 4, 4, 3), 16000.0)
+    cnnum.Recording(values, rate=60.0, unit="count").save(file)
+    with pytest.raises(SystemExit, match="2"):
+        main([name, str(file), *options])
+    assert "choose a scene for them, as in '--scene uskin_grasp'" in capsys.readouterr().err
+
+
+def test_a_slip_with_its_shear_beside_the_load_says_so():
+    """By the weights of the page: that of the alignment is 0, that of the motion 0.5."""
+    names = ("pattern_speed", "incoherent_shear", "trend", "load_rate", "swings", "ratio_rate")
+    outputs = {f"slip_{name}": 0.1 for name in names}
+    outputs |= {"slip_ratio": 0.2, "slip_stick_share": 0.0, "slip_level": 0.4, "gross_slip": 0.0}
+    weights = {"still": 0.2, "swing": 0.6, "look": 0.08, "pull": 0.6}
+
+    def why(**more):
+        (said,) = explained({**outputs, **more}, ["slip"], 1.0, 10, weights)
+        return said.why
+
+    at_rest = {"slip_strength": 0.0, "slip_motion_cosine": -0.05}
+    assert "does not lie where it presses (cosine -0.1)" in why(**at_rest, slip_alignment=-0.1)
+    assert "moves little along its shear (cosine -0.05)" in why(**at_rest, slip_alignment=0.29)
+    at_rest["slip_motion_cosine"] = 0.9
+    assert "cosine" not in why(**at_rest, slip_alignment=0.31)
 
 
 def test_the_picture_shows_every_read_out_around_the_time(recording, tmp_path):

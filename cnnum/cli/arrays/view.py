@@ -32,7 +32,10 @@ SHOWN = (
 
 @click.command("view")
 @click.argument("source", shell_complete=completed("scene", files=True))
-@click.option("--scene", help="Scene to run on a recording; 'demo' by default.")
+@click.option(
+    "--scene",
+    help="Scene to run on a recording; required for raw counts, otherwise 'demo' by default.",
+)
 @page_options(8765)
 @scene_options
 @trust_option
@@ -79,7 +82,7 @@ def feed_of(
     source: str, scene: str | None, changes: dict[str, Any], trust: bool, *, inside: bool = False
 ) -> "Feed":
     """Return the feed of a source; `inside` with the result of every operation of its program."""
-    from cnnum.cli.options import open_source
+    from cnnum.cli.options import open_source, usual_scene
     from cnnum.drivers.recording_file import array_of
     from cnnum.drivers.registry import is_driver
     from cnnum.live.feeds import ArrayFeed, RecordingFeed, SceneFeed
@@ -91,7 +94,8 @@ def feed_of(
     if source in scene_names() or source.endswith(".toml"):
         return SceneFeed(_scene(source, changes, trust, inside), inside=inside)
     array = array_of(Path(source))
-    opened = _scene(scene or "demo", {"array": array} | changes, trust, inside)
+    chosen = scene or usual_scene(Path(source), array, changes, "demo")
+    opened = _scene(chosen, {"array": array} | changes, trust, inside)
     return RecordingFeed(opened, inside=inside)
 
 

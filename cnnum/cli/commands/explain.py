@@ -11,6 +11,7 @@ from cnnum.cli.options import (
     picture_option,
     scene_options,
     trust_option,
+    usual_scene,
 )
 from cnnum.cli.output import COMPILING, Output, busy, table
 
@@ -23,7 +24,10 @@ AROUND = 1.0
 @click.option(
     "--at", type=click.FloatRange(min=0.0), required=True, help="Time after the first frame, s."
 )
-@click.option("--scene", default="slip", help="Scene file or name ('slip').")
+@click.option(
+    "--scene",
+    help="Scene file or name; required for raw counts, otherwise 'slip' by default.",
+)
 @click.option("--topic", default="", help="Topic of an MCAP file or a bag.")
 @picture_option("--out", "Draw every read-out from 1 s before to 1 s after.")
 @scene_options
@@ -33,7 +37,7 @@ AROUND = 1.0
 def command(
     file: Path,
     at: float,
-    scene: str,
+    scene: str | None,
     topic: str,
     out: Path | None,
     changes: Changes,
@@ -51,7 +55,10 @@ def command(
         from cnnum.drivers.recording_file import array_of
         from cnnum.scenes.pipeline import load_scene
 
-        given = {"array": array_of(file, topic)} | changes
+        array = array_of(file, topic)
+        if scene is None:
+            scene = usual_scene(file, array, changes, "slip")
+        given = {"array": array} | changes
         with load_scene(scene, changes=given, trust=trust) as opened:
             moments = opened.explain(at)
             if out is not None:

@@ -13,13 +13,9 @@ from cnnum.cli.options import (
     json_option,
     scene_options,
     trust_option,
+    usual_scene,
 )
 from cnnum.cli.output import COMPILING, Output, busy
-
-RAW = ("count", "V")
-"""Units of arrays that nothing is known of: no scene fits all of them."""
-
-DEFAULT = "demo"
 
 
 @click.command("replay")
@@ -85,7 +81,7 @@ def command(
 
         array = array_of(file, topic)
         if scene is None:
-            scene = _usual_scene(file, array, changes)
+            scene = usual_scene(file, array, changes, "demo")
         loaded = load_scene(scene, changes={"array": array} | changes, trust=trust)
         if speed or begin is not None or end is not None:
             from cnnum.drivers.timing import Paced
@@ -103,20 +99,3 @@ def command(
             watch=watch,
             keep=following.kept(saver.write, filmed.write),
         )
-
-
-def _usual_scene(file: Path, array: dict[str, object], given: dict[str, object]) -> str:
-    """Return the scene that fits calibrated recordings; counts fit none without being asked."""
-    from cnnum.drivers.registry import open_driver
-
-    options = {key.removeprefix("array."): v for key, v in given.items() if key[:6] == "array."}
-    options = {key: value for key, value in (array | options).items() if key != "driver"}
-    with open_driver(str(array["driver"]), options) as driver:
-        raw = driver.unit in RAW and getattr(driver, "calibration", None) is None
-        unit = driver.unit
-    if raw:
-        raise click.UsageError(
-            f"'{file}' contains values in '{unit}', whose physical scale is unknown: choose a "
-            "scene for them, as in '--scene uskin_grasp', or write a scene file of your own."
-        )
-    return DEFAULT
