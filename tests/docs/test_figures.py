@@ -16,10 +16,7 @@ ROWS = {
 # of a frame, in microseconds: where a page says it, and of which program
 STATED = [
     ("../README.md", r"through slip and twist in ([\d.]+) µs", "slip and twist"),
-    ("scoring.md", r"together take ([\d.]+) µs", "slip and twist"),
-    ("scoring.md", r"slip alone ([\d.]+) µs", "slip"),
-    ("scoring.md", r"twist alone ([\d.]+) µs", "twist"),
-    ("programs/halfspace.md", r"transform, and take ([\d.]+) µs", "halfspace_stress"),
+    ("programs/halfspace.md", r"transform, and takes ([\d.]+) µs", "halfspace_stress"),
     ("programs/halfspace.md", r"transform and takes ([\d.]+) µs", "halfspace_layers"),
     ("programs/halfspace.md", r"8×8 taxels takes ([\d.]+) µs", "halfspace_equilibrium"),
     ("programs/edges.md", r"8×8 taxels takes ([\d.]+) µs", "edges"),
