@@ -11,7 +11,6 @@ from typing import Any, cast
 from numpy.typing import ArrayLike
 
 from cnnum.engines.fallback import opened
-from cnnum.engines.whole import measuring
 from cnnum.errors import ProgramError
 from cnnum.frame import FORCE_AXES
 from cnnum.graph.nodes import Graph
@@ -162,6 +161,8 @@ class Engine(OfThisProcess):
         if chip is not None:
             backend = chip_backend(chip, backend)
         if like is not None:
+            from cnnum.engines.whole import measuring  # formats and emulator take their time
+
             backend = measuring(backend, like, (*graph.shape, len(channels)))
         parts = (program.name, graph, channels, needs)
         plan = plan_of(*parts, self._open.backend, backend=backend, overrides=options)
