@@ -28,17 +28,20 @@ class Made:
     precision : Precision
     method : str
     program : IntegerProgram
+    shares : bool
+        Whether working arrays share their places in C.
     """
 
     schedule: Schedule
     precision: Precision
     method: str
     program: IntegerProgram
+    shares: bool = False
 
     @property
     def memory_bytes(self) -> int:
         """Bytes of persistent arrays and of working arrays."""
-        return bytes_of(c_text(self.program).memory, memory=True)
+        return bytes_of(c_text(self.program, shares=self.shares).memory, memory=True)
 
     def inputs(self, frames: Floats) -> dict[str, Numbers]:
         """Return the channels of a batch of frames in their formats, (batch, cells) each.
@@ -102,7 +105,7 @@ class Made:
         streams = frames if frames.ndim == 5 else frames[:, np.newaxis]
         channels = array_names("in", self.schedule.channels)
         inputs = [self.inputs(frame) for frame in streams]
-        return exported(self.program, inputs, remarks, facts, channels)
+        return exported(self.program, inputs, remarks, facts, channels, shares=self.shares)
 
 
 def quantised(array: Array, values: Floats) -> Numbers:

@@ -1,7 +1,7 @@
 """Programs as C99 for a microcontroller: whose frames, at which rate, with which ranges."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cache, lru_cache
 from os import PathLike
 from typing import Any, cast
@@ -22,7 +22,9 @@ from cnnum.errors import ArrayError, ProgramError, SceneError, name_error
 from cnnum.frame import FORCE_AXES
 from cnnum.graph.schedule import Schedule, schedule
 from cnnum.programs import Program
+from cnnum.programs.fields import Field
 from cnnum.programs.library import program_names
+from cnnum.programs.machine import FrameFields
 from cnnum.recordings.recording import Recording
 from cnnum.safety.values import expect, shown
 from cnnum.scenes.arrangement import bound, named, program_of
@@ -79,9 +81,43 @@ def measuring_frames(shape: Shape, rate: float = RATE) -> Floats:
     return side_by_side(trials(shape, 0, MEASURED, rate), max(60, round(3.0 * rate)))
 
 
+def together(programs: Sequence[Program], rate: float) -> Program:
+    """Return one program of several: fields that they share are computed once.
+
+    Parameters
+    ----------
+    programs : sequence of Program
+    rate : float, Hz
+        Of those that are bound to none.
+
+    Returns
+    -------
+    Program
+        Its name is theirs, joined by "_". An output that several have under one name has the name
+        of its program before it, as in "slip_contact", unless it is the same field.
+    """
+    timed = [part if part.rate is not None else part.bind(rate=rate) for part in programs]
+
+    def all_of_them(frame: FrameFields) -> Mapping[str, Field]:
+        given = [(part.name, dict(part(frame))) for part in timed]
+        nodes = dict[str, set[int]]()
+        for _, fields in given:
+            for name, output in fields.items():
+                nodes.setdefault(name, set()).add(output.node.index)
+        return {
+            name if len(nodes[name]) == 1 else f"{program}_{name}": output
+            for program, fields in given
+            for name, output in fields.items()
+        }
+
+    joined = Program(all_of_them, "_".join(part.name for part in timed))
+    return joined.bind(rate=rate)
+
+
 def bound_program(name: str) -> Program:
     """Return a program, of the library or by its place, at the rate of the streams."""
-    return named(name).bind(rate=RATE)
+    several = [named(part) for part in name.split(",")]
+    return together(several, RATE) if len(several) > 1 else several[0].bind(rate=RATE)
 
 
 def schedule_of(name: str, shape: Shape, needs: Sequence[str] | None = None) -> Schedule:
@@ -114,7 +150,9 @@ def made(
     kind, result = precision_named(precision), schedule_of(name, shape, needs)
     wanted = None if needs is None else tuple(needs)
     seen = _seen(name, shape, method, wanted) if kind.integer else Seen()
-    return make_with(named(name).name, result, solvers_for(result, method), kind, seen, method)
+    label, solvers = bound_program(name).name, solvers_for(result, method)
+    made = make_with(label, result, solvers, kind, seen, method)
+    return replace(made, shares="," in name)
 
 
 @lru_cache(maxsize=4)
@@ -198,7 +236,7 @@ PICTURE, GREY = "picture", "-1 white to 1 black"
 
 
 def export(
-    program: Program | str,
+    program: Program | str | Sequence[Program | str],
     shape: Sequence[int] | None = None,
     *,
     precision: str = "q15",
@@ -207,13 +245,15 @@ def export(
     channels: Sequence[str] | None = None,
     rate: float | None = None,
     like: "Recording | ArrayLike | str | PathLike[str] | Scene | None" = None,
+    share_memory: bool = False,
 ) -> Exported:
     """Return a program as self-contained C99, with a test vector and a Makefile.
 
     Parameters
     ----------
-    program : Program or str
+    program : Program or str, or a sequence of them
         A program with its parameters, the name of one of the library, or "file.py:function".
+        Several become one, which shares what they have in common, and its working memory.
     shape : (rows, cols), optional
         The default is that of `like`, or 8×8.
     precision : str
@@ -231,6 +271,9 @@ def export(
         Typical frames, on which the range of every value is measured: a recording, its file, an
         array (frames, rows, cols, channels), or a scene, which is run to its end and calibrated.
         The default is strain of simulated scenes, or random black-and-white pictures.
+    share_memory : bool
+        Whether working arrays that are not needed at the same time lie in the same place; those of
+        several programs always do. The answers are the same.
 
     Returns
     -------
@@ -248,17 +291,22 @@ def export(
     UnknownNameError
         If there is no such program, output, precision or channel.
     """
-    chosen = named(program) if isinstance(program, str) else program
-    expect("program", chosen, Program, ProgramError)
-    if like is None and channels is None and chosen.name in program_names("pictures"):
+    given = [program] if isinstance(program, str | Program) else _several(program)
+    several = [named(part) if isinstance(part, str) else part for part in given]
+    for part in several:
+        expect("program", part, Program, ProgramError)
+    known_pictures = program_names("pictures")
+    if like is None and channels is None and all(p.name in known_pictures for p in several):
         channels = (PICTURE,)
     seen = Examples.of(like, shape, channels, rate)
+    chosen = several[0] if len(several) == 1 else together(several, seen.rate)
     timed = chosen if chosen.rate is not None else chosen.bind(rate=seen.rate)
     traced = timed.trace(seen.shape, seen.channels)
     wanted = schedule(traced, seen.channels, None if needs is None else tuple(needs))
     # frames of a program without memories need not follow each other
     streams = seen.measured[:: 1 if wanted.memories or not seen.simulated else APART]
     made = make(timed.name, wanted, precision_named(precision), streams, method)
+    made = replace(made, shares=share_memory or len(several) > 1)
     facts = Facts(traced.rate if traced.timed else None, seen.unit, precision, method)
     if seen.unit == GREY:
         # waves may take a thousand steps per picture, and no picture depends on others
@@ -269,6 +317,13 @@ def export(
         if len(longer.vector.still) < len(exported.vector.still):
             return longer
     return exported
+
+
+def _several(programs: object) -> list[Program | str]:
+    """Return several programs; what is none of them is found out by the caller."""
+    if isinstance(programs, Sequence) and programs:
+        return list(cast("Sequence[Program | str]", programs))
+    return [cast("Program", programs)]
 
 
 def export_scene(scene: Scene, *, precision: str = "q15", method: str = "auto") -> Exported:

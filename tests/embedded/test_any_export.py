@@ -129,3 +129,53 @@ def test_the_command_takes_files_and_scenes(tmp_path, monkeypatch):
         refused = CliRunner().invoke(main, ["export", *options, "--out", "d"])
         assert refused.exit_code == 2
         assert not (tmp_path / "d").exists()
+
+
+def rest_of(frame):
+    return frame.memory("rest").mean(frame.normal, 0.25)
+
+
+def both_of_them(frame):
+    rest = frame.once(rest_of)
+    return rest, cnnum.apply(cnnum.get_template("DIFFUS"), state=frame.normal - rest, duration=0.5)
+
+
+@cnnum.program
+def rises(frame):
+    rest, smooth = both_of_them(frame)
+    edge = cnnum.apply(cnnum.get_template("EDGE"), input=smooth, duration=3.0)
+    return {"rest": rest, "most": smooth.max(), "rim": edge}
+
+
+@cnnum.program
+def falls(frame):
+    rest, smooth = both_of_them(frame)
+    wide = cnnum.apply(cnnum.get_template("DIFFUS"), state=-smooth, duration=2.0)
+    return {"rest": rest, "most": wide.max(), "wide": wide, "fell": frame.normal.max() < 1.0}
+
+
+@needs_cc
+@pytest.mark.one_in(2)
+@pytest.mark.parametrize("method", ["euler", "auto"])
+def test_several_programs_are_one_with_one_memory_to_work_in(tmp_path, method):
+    """Its numbers are those of the programs alone, and it takes less memory than they together."""
+    rng = np.random.default_rng(3)
+    given, shown = (np.cumsum(rng.normal(0.0, 0.5, (24, 4, 5, 1)), axis=0) for _ in range(2))
+    alone = {p.name: cnnum.export(p, like=given, method=method) for p in (rises, falls)}
+    joined = cnnum.export([rises, falls], like=given, method=method)
+    assert joined.memory_bytes < 0.7 * sum(one.memory_bytes for one in alone.values())
+    compact = cnnum.export(rises, like=given, method=method, share_memory=True)
+    assert compact.memory_bytes < alone["rises"].memory_bytes
+    results = {}
+    for name, one in {**alone, "joined": joined, "compact": compact}.items():
+        one.write(tmp_path / name)
+        results[name] = cnnum.load_export(tmp_path / name).run(shown)
+    names = {"rest", "rises_most", "falls_most", "rim", "wide", "fell"}
+    assert set(results["joined"]) == names
+    for name in ("rises", "falls"):
+        for key, values in results[name].items():
+            found = results["joined"][f"{name}_most" if key == "most" else key]
+            np.testing.assert_array_equal(found, values, key)
+            assert np.ptp(values) > 0
+    for key, values in results["rises"].items():
+        np.testing.assert_array_equal(results["compact"][key], values)

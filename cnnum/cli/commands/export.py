@@ -3,7 +3,7 @@
 import os
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING
 
 import click
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 @click.command("export")
-@click.argument("program", required=False, shell_complete=completed("program"))
+@click.argument("programs", nargs=-1, metavar="[PROGRAM]...", shell_complete=completed("program"))
 @click.option("--shape", help="Rows and columns; by default those of --like, or 8x8.")
 @click.option("--precision", default="q15", show_default=True, help="q15, q7, qM.N or float32.")
 @click.option(
@@ -51,6 +51,11 @@ if TYPE_CHECKING:
     type=click.Choice(PACKAGES),
     help="Also write the files for this build system.",
 )
+@click.option(
+    "--share-memory",
+    is_flag=True,
+    help="Let working arrays share memory, as those of several programs always do.",
+)
 @click.option("--needs", help="Outputs, such as gross_slip,slip_x; all by default.")
 @click.option(
     "--out",
@@ -62,7 +67,7 @@ if TYPE_CHECKING:
 @force_option
 @json_option
 def command(
-    program: str | None,
+    programs: tuple[str, ...],
     shape: str | None,
     precision: str,
     method: str,
@@ -73,6 +78,7 @@ def command(
     settings: tuple[str, ...],
     trust: bool,
     package: str | None,
+    share_memory: bool,
     needs: str | None,
     out: Path,
     force: bool,
@@ -80,8 +86,9 @@ def command(
 ) -> int:
     """Write PROGRAM as self-contained C99, with a test vector and a Makefile.
 
-    PROGRAM is a program of the library, or your own as FILE.py:FUNCTION or MODULE:FUNCTION. With
-    --scene it is the program of the scene.
+    PROGRAM is a program of the library, or your own as FILE.py:FUNCTION or MODULE:FUNCTION. Several
+    become one, which shares what they have in common and its working memory. With --scene it is
+    the program of the scene.
 
     Memory is static, and whole-number precisions need no mathematics library. The range of every
     value is measured on the frames of --like or --scene, or on simulated strain, and values
@@ -91,10 +98,13 @@ def command(
     from cnnum.scenes.exporting import export, export_scene
     from cnnum.scenes.pipeline import load_scene
 
-    if (program is None) == (scene is None):
+    if bool(programs) == (scene is not None):
         raise click.UsageError("Give either a PROGRAM, or a scene with --scene.")
     if scene is not None:
-        if any(option is not None for option in (shape, rate, like, channels, needs)):
+        if (
+            any(option is not None for option in (shape, rate, like, channels, needs))
+            or share_memory
+        ):
             raise click.UsageError(
                 "A scene determines shape, rate, channels and outputs: leave these options out."
             )
@@ -103,10 +113,11 @@ def command(
             exported = export_scene(opened, precision=precision, method=method)
     else:
         size = None if shape is None else shape_of(shape)
-        library_program = named(cast("str", program))
-        ours = require_room(out, library_program.name, package, force=force)
+        several = [named(program) for program in programs]
+        label = "_".join(program.name for program in several)
+        ours = require_room(out, label, package, force=force)
         exported = export(
-            library_program,
+            several,
             size,
             precision=precision,
             method=method,
@@ -114,6 +125,7 @@ def command(
             channels=_names(channels),
             rate=rate,
             like=like,
+            share_memory=share_memory,
         )
     if package is not None:
         exported = exported.packaged(package)

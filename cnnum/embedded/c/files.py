@@ -169,6 +169,8 @@ def exported(
     remarks: Sequence[str],
     facts: Facts | None = None,
     channels: Mapping[str, str] | None = None,
+    *,
+    shares: bool = False,
 ) -> Exported:
     """Return a program's files.
 
@@ -183,6 +185,8 @@ def exported(
         What the header says of the frames.
     channels : mapping of str to str, optional
         The arrays of all channels of a frame; those that are not read have none in the program.
+    shares : bool
+        Whether working arrays share their places, as `c_text` has them.
     """
     if facts is not None and not remarks:
         remarks = (
@@ -191,7 +195,7 @@ def exported(
             f"Written by cnnum {__version__}.",
         )
     name, vector = identifier(program.name), vector_of(program, streams)
-    text = c_text(program)
+    text = c_text(program, shares=shares)
     inputs, outputs = program.of_kind("input"), program.of_kind("output")
     header = _header(name, program, text.memory, inputs, outputs, text.tables, facts)
     source = [

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -133,12 +133,17 @@ class CText:
     memory: list[Array]
 
 
-def c_text(program: IntegerProgram) -> CText:
-    """Return the parts of a program's text; of its arrays only those that are read."""
+def c_text(program: IntegerProgram, *, shares: bool = False) -> CText:
+    """Return the parts of a program's text; of its arrays only those that are read.
+
+    With `shares`, working arrays that are not needed at the same time lie in the same place.
+    """
     body = live(program.body, set[str]())
+    places = _shared(program, body) if shares else {}
+    names = {name: places[name].name if name in places else name for name in program.arrays}
     printer = C99Printer(
         FLOAT32,
-        {name: f"{PREFIX[array.kind]}{name}" for name, array in program.arrays.items()},
+        {name: f"{PREFIX[array.kind]}{names[name]}" for name, array in program.arrays.items()},
         {name: element_type(array) for name, array in program.arrays.items()},
         HELPERS,
     )
@@ -147,12 +152,54 @@ def c_text(program: IntegerProgram) -> CText:
     called = set(re.findall(r"\w+(?=\()", text))
     helpers = [code for name, code in HELPERS.items() if name in called]
     arrays = [array for array in program.arrays.values() if array.name in used]
+    kept = [array for array in arrays if array.kind == "state"]
+    work = [places.get(array.name, array) for array in arrays if array.kind == "work"]
     return CText(
         helpers,
         [array for array in arrays if array.kind == "table"],
         lines,
-        [array for array in arrays if array.kind in ("state", "work")],
+        [array for array in arrays if array.kind in ("state", "work")]
+        if not shares
+        else [*kept, *{array.name: array for array in work}.values()],
     )
+
+
+def _shared(program: IntegerProgram, body: Sequence[ir.Statement]) -> dict[str, Array]:
+    """Return the places of working arrays, which those of one type share one after the other.
+
+    An array is written in every frame before it is read, and no longer needed after the last
+    statement that names it.
+    """
+    spans: dict[str, tuple[int, int]] = {}
+    for number, statement in enumerate(body):
+        for name in names_in(statement):
+            array = program.arrays.get(name)
+            if array is not None and array.kind == "work":
+                spans[name] = spans.get(name, (number, number))[0], number
+    result, places = dict[str, Array](), list[Array]()
+    ends: dict[str, int] = {}
+    for name, (first, last) in sorted(spans.items(), key=lambda span: span[1]):
+        array = program.arrays[name]
+        kind, length = element_type(array), max(1, array.length)
+        free = [p for p in places if ends[p.name] < first and element_type(p) == kind]
+        # the smallest that holds it, or else the largest, which grows
+        fits = sorted((place for place in free if place.length >= length), key=_length)
+        grows = sorted((place for place in free if place.length < length), key=_length)[-1:]
+        if place := next(iter([*fits, *grows]), None):
+            places.remove(place)
+            place = replace(place, length=max(place.length, length))
+        else:
+            shared_name = f"shared_{len(places)}"
+            place = replace(array, name=shared_name, length=length, about="several, in turn")
+        places.append(place)
+        ends[place.name] = last
+        result[name] = place
+    sizes = {place.name: place for place in places}
+    return {name: sizes[place.name] for name, place in result.items()}
+
+
+def _length(array: Array) -> int:
+    return array.length
 
 
 def element_type(array: Array) -> str:
