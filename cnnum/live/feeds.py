@@ -5,8 +5,9 @@ import time
 from abc import ABC, abstractmethod
 from base64 import b64decode
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from threading import Condition, Thread
-from typing import Any, Protocol, TypeGuard
+from typing import Any, Protocol, TypeGuard, cast
 
 import numpy as np
 
@@ -21,6 +22,7 @@ from cnnum.safety.values import is_real
 from cnnum.scenes.conversion import unit_of
 from cnnum.scenes.explaining import explained, explained_kinds, read_outs_of
 from cnnum.scenes.frame_path import FrameResult
+from cnnum.scenes.hand import Hand
 from cnnum.scenes.pipeline import Passage, Scene
 
 FIRST, ENOUGH = 0.3, 8
@@ -33,9 +35,12 @@ SLOWEST, QUICKEST = 0.01, 100.0
 
 
 class Feed(Protocol):
-    """Brings moments to a hub from a thread of its own."""
+    """Brings moments to a hub from a thread of its own; those of a hand to one for each skin."""
 
-    hub: Hub
+    @property
+    def hubs(self) -> Sequence[Hub]:
+        """Hubs of all skins; one of anything else."""
+        ...
 
     def start(self) -> None:
         """Begin."""
@@ -48,6 +53,22 @@ class Feed(Protocol):
     def command(self, wanted: dict[str, Any]) -> None:
         """Follow a page's command."""
         ...
+
+
+class Take(Protocol):
+    """A recording in the making, which a page has begun."""
+
+    def add(self, name: str, frame: Frame) -> None:
+        """Keep a frame of a skin; `name` is empty where there is one array."""
+        ...
+
+    def finish(self) -> str:
+        """Close its files, and return in a sentence what was kept."""
+        ...
+
+
+Begin = Callable[[], Take]
+"""Begins a recording."""
 
 
 class Rested:
@@ -113,6 +134,11 @@ class _Threaded(ABC):
         self._thread = Thread(target=self._run, name="cnnum-view", daemon=True)
         self._stopped = False
 
+    @property
+    def hubs(self) -> Sequence[Hub]:
+        """The one hub."""
+        return (self.hub,)
+
     def start(self) -> None:
         """Begin."""
         self._thread.start()
@@ -120,18 +146,19 @@ class _Threaded(ABC):
     def _run(self) -> None:
         logger, handler = logging.getLogger("cnnum"), _Warnings(self.hub)
         logger.addHandler(handler)
+        ended = "The source has ended."
         try:
             self._work()
         except CnnumError as error:
-            self.hub.end(str(error))
+            ended = str(error)
         except Exception as error:  # of a driver of the user's own: the page is told, too
             said = " ".join(f"{type(error).__name__}: {error!s:.300}".split())
-            self.hub.end(f"The source has failed ({said}): see to its driver.")
+            ended = f"The source has failed ({said}): see to its driver."
             logging.getLogger(__name__).error("The source has failed.", exc_info=error)
-        else:
-            self.hub.end("The source has ended.")
         finally:
             logger.removeHandler(handler)
+        for hub in self.hubs:
+            hub.end(ended)
 
     @abstractmethod
     def _work(self) -> None:
@@ -156,23 +183,59 @@ class _Asked(_Threaded):
 class _Live(_Threaded):
     """A feed whose time is that of the world: it cannot be moved in time."""
 
+    def __init__(self, begin: Begin | None = None) -> None:
+        super().__init__()
+        self._begin, self._take, self._keeps = begin, cast(Take | None, None), False
+
     def command(self, wanted: dict[str, Any]) -> None:
-        """Learn rest anew, if that is wanted."""
+        """Learn rest anew, of one skin or of all, and begin or end a recording."""
         if wanted.get("tare") is True:
-            self.tare()
+            skin = wanted.get("skin")
+            self.tare(skin if isinstance(skin, str) else "")
+        if isinstance(keeps := wanted.get("record"), bool) and self._begin is not None:
+            self._keeps = keeps
 
     @abstractmethod
-    def tare(self) -> None:
-        """Learn rest anew from the next frame on."""
+    def tare(self, skin: str) -> None:
+        """Learn rest anew from the next frame on; of all skins where no name is given."""
+
+    def _keep(self, frames: Mapping[str, Frame]) -> None:
+        """Record frames, by the names of their skins, while a page wants it."""
+        hub = self.hubs[0]
+        try:
+            if self._keeps and self._take is None and self._begin is not None:
+                self._take, hub.recorded = self._begin(), ""
+            if self._take is not None and self._keeps:
+                for name, frame in frames.items():
+                    self._take.add(name, frame)
+        except CnnumError as error:
+            self._keeps, hub.recorded = False, str(error)
+        if not self._keeps:
+            self._finish()
+        hub.recording = self._take is not None
+
+    def _finish(self) -> None:
+        """End a recording, if there is one."""
+        take, self._take = self._take, None
+        if take is not None:
+            said, hub = take.finish(), self.hubs[0]
+            hub.recorded, hub.recording = f"{hub.recorded} {said}".strip(), False
+
+    def _run(self) -> None:
+        try:
+            super()._run()
+        finally:
+            self._finish()
 
 
 class SceneFeed(_Live):
     """A scene as it runs: its program sees every frame, pages the newest."""
 
-    def __init__(self, scene: Scene, *, inside: bool = False) -> None:
-        super().__init__()
+    def __init__(self, scene: Scene, *, inside: bool = False, begin: Begin | None = None) -> None:
+        super().__init__(begin)
         self._scene, self._shown = scene, shown_of(scene)
         self.hub = hub_of(scene, self._shown, inside=inside)
+        self.hub.records = begin is not None
 
     def _work(self) -> None:
         begin = time.monotonic()
@@ -182,10 +245,11 @@ class SceneFeed(_Live):
             if moment.values is not None:
                 self._shown.look(moment.frame)
             self.hub.offer(moment)
+            self._keep({"": moment.frame})
             if self._stopped:
                 return
 
-    def tare(self) -> None:
+    def tare(self, skin: str) -> None:
         """Learn rest anew from the next frame on."""
         self._shown.begin()
         self._scene.tare()
@@ -197,11 +261,60 @@ class SceneFeed(_Live):
         self._thread.join(5.0)
 
 
+class HandFeed(_Live):
+    """A hand as it runs: programs see every frame, pages the newest of each skin."""
+
+    def __init__(self, hand: Hand, *, begin: Begin | None = None) -> None:
+        super().__init__(begin)
+        self._hand = hand
+        self._shown = {name: shown_of(scene) for name, scene in hand.skins.items()}
+        self._hubs = {name: hub_of(hand[name], shown) for name, shown in self._shown.items()}
+        self.hub = self.hubs[0]
+        self.hub.records = begin is not None
+
+    @property
+    def hubs(self) -> Sequence[Hub]:
+        """Hubs of the skins."""
+        return tuple(self._hubs.values())
+
+    def _work(self) -> None:
+        begin = time.monotonic()
+        for step in self._hand.results():
+            if not self._live:
+                time.sleep(max(0.0, begin + step.time - time.monotonic()))
+            for name, moment in step.skins.items():
+                if moment.values is not None:
+                    self._shown[name].look(moment.frame)
+                self._hubs[name].offer(moment)
+            self._keep({name: moment.frame for name, moment in step.skins.items()})
+            if self._stopped:
+                return
+
+    @property
+    def _live(self) -> bool:
+        return any(getattr(scene.driver, "live", False) for scene in self._hand.skins.values())
+
+    def tare(self, skin: str) -> None:
+        """Learn rest anew from the next frames on."""
+        names = [skin] if skin in self._hubs else list(self._hubs)
+        for name in names:
+            self._shown[name].begin()
+        self._hand.tare(*names)
+
+    def stop(self) -> None:
+        """End the hand."""
+        self._stopped = True
+        with suppress(CnnumError):
+            self._hand.stop()
+        self._thread.join(5.0)
+        self._hand.close()
+
+
 class ArrayFeed(_Live):
     """An array alone, without a program: its numbers less those of the first frames."""
 
-    def __init__(self, name: str, driver: Driver) -> None:
-        super().__init__()
+    def __init__(self, name: str, driver: Driver, *, begin: Begin | None = None) -> None:
+        super().__init__(begin)
         self._driver = driver
         self._shown = Rested(lambda frame: frame.values)
         self.hub = Hub(
@@ -213,6 +326,7 @@ class ArrayFeed(_Live):
             self._shown,
             lambda: driver.counters,
         )
+        self.hub.records = begin is not None
 
     def _work(self) -> None:
         begin = time.monotonic()
@@ -221,10 +335,11 @@ class ArrayFeed(_Live):
                 time.sleep(max(0.0, begin + frame.time - time.monotonic()))
             self._shown.look(frame)
             self.hub.offer(FrameResult(number, frame, None, {}, (), 0.0))
+            self._keep({"": frame})
             if self._stopped:
                 return
 
-    def tare(self) -> None:
+    def tare(self, skin: str) -> None:
         """Show the next frames as nothing."""
         self._shown.begin()
 

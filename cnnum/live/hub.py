@@ -2,8 +2,9 @@
 
 A picture: one frame with its results, as the few bytes that the page draws.
 
-Little-endian: number u32, flags u32, time f64 (s), wait f32 (ms), load f32. Then shear x, shear y
-and normal of all taxels (f32). Then a mark a taxel (u8): bit 0 contact, bit 1 bump, bit 2 edge.
+Little-endian: number u32, flags u32 (from bit 16 on the number of the skin), time f64 (s), wait f32
+(ms), load f32. Then shear x, shear y and normal of all taxels (f32). Then a mark a taxel (u8): bit
+0 contact, bit 1 bump, bit 2 edge.
 """
 
 import struct
@@ -54,7 +55,11 @@ def planes(values: Floats, channels: tuple[str, ...]) -> Floats:
     return np.nan_to_num(result, posinf=0.0, neginf=0.0)
 
 
-def encoded(moment: FrameResult, loads: Floats, slip: str | None = None) -> bytes:
+SKIN = 16
+"""First bit of a picture's flags that is of the number of its skin."""
+
+
+def encoded(moment: FrameResult, loads: Floats, slip: str | None = None, skin: int = 0) -> bytes:
     """Return the bytes of a picture.
 
     Parameters
@@ -64,6 +69,8 @@ def encoded(moment: FrameResult, loads: Floats, slip: str | None = None) -> byte
         As `planes` returns them.
     slip : str, optional
         Phase of the slip that goes on: "incipient" or "gross".
+    skin : int
+        Number of the skin of a hand.
     """
     frame, outputs = moment.frame, moment.outputs
     flags = sum(bit for name, bit in FLAGS.items() if _holds(outputs.get(name)))
@@ -76,9 +83,11 @@ def encoded(moment: FrameResult, loads: Floats, slip: str | None = None) -> byte
         field = outputs.get(name)
         if field is not None and field.shape == marks.shape:
             marks |= np.where(field > 0, bit, 0).astype(np.uint8)
-    wait = (time.monotonic_ns() - frame.monotonic_ns) * 1e-6 if frame.monotonic_ns else 0.0
+    late = (time.monotonic_ns() - frame.monotonic_ns) * 1e-6 if frame.monotonic_ns else 0.0
+    wait = late or 1e3 * moment.seconds  # of what did not just arrive, the time of its way
     said = outputs.get("load_normal")
     load = float(np.abs(loads[2]).sum()) if said is None else float(said)
+    flags |= skin << SKIN
     head = HEAD.pack(moment.number & 0xFFFFFFFF, flags, frame.time, wait, load)
     return head + loads.astype("<f4").tobytes() + marks.tobytes()
 
@@ -167,6 +176,13 @@ class Hub:
         The program's operations, where the plan keeps their results.
     drawn : bool
         Whether a page draws the frames.
+
+    Attributes
+    ----------
+    records, recording : bool
+        Whether a page can begin a recording, and whether one goes on.
+    recorded : str
+        What the last recording has kept, in a sentence.
     """
 
     def __init__(
@@ -196,7 +212,8 @@ class Hub:
         self._slip: tuple[float, str] | None = None
         self._gaps = GapWatch()
         self.frames = self.count = 0
-        self.ended = ""
+        self.ended = self.recorded = ""
+        self.records = self.recording = False
         self._since = (time.monotonic(), 0)
 
     def offer(self, moment: FrameResult) -> None:
@@ -236,11 +253,11 @@ class Hub:
         self.ended = why
 
     def hello(self) -> dict[str, object]:
-        """Return the first message of a page."""
+        """Return what a page has to know first."""
         with self._lock:
             events = list(self._events)
         return {
-            "kind": "hello",
+            "records": self.records,
             "name": self.name,
             "shape": self.shape,
             "unit": self.unit,
@@ -265,7 +282,7 @@ class Hub:
             new = min(self.count - count, len(self._events))
             return self.count, list(self._events)[len(self._events) - new :]
 
-    def picture(self, shown: FrameResult | None) -> tuple[FrameResult | None, bytes]:
+    def picture(self, shown: FrameResult | None, skin: int = 0) -> tuple[FrameResult | None, bytes]:
         """Return the newest moment and its picture; no bytes where `shown` is the newest."""
         newest = self._newest
         if newest is None or newest is shown:
@@ -273,7 +290,7 @@ class Hub:
         loads = self.loads(newest)
         slip = self._slip
         going_on = slip is not None and 0 <= newest.frame.time - slip[0] < SLIPPING
-        return newest, encoded(newest, loads, slip[1] if slip and going_on else None)
+        return newest, encoded(newest, loads, slip[1] if slip and going_on else None, skin)
 
     def loads(self, moment: FrameResult) -> Floats:
         """Return shear x, shear y and normal of a moment, (3, rows, cols), as a page shows them."""
@@ -308,4 +325,6 @@ class Hub:
             "gaps": seen.gaps,
             "waiting": seen.waiting,
             "ended": self.ended,
+            "recording": self.recording,
+            "recorded": self.recorded,
         }

@@ -207,12 +207,15 @@ class Pages(Door):
         from websockets.exceptions import ConnectionClosed
 
         with contextlib.suppress(ConnectionClosed):
-            await connection.send(json.dumps(self._feed.hub.hello()))
+            hubs = self._feed.hubs
+            skins = [hub.hello() for hub in hubs]
+            await connection.send(json.dumps({"kind": "hello", "skins": skins}))
             # a source that has ended or is paused has nothing newer for a page that comes late
-            if picture := self._feed.hub.picture(None)[1]:
-                await connection.send(picture)
-            if (why := self._feed.hub.why(again=True)) is not None:
-                await connection.send(json.dumps(json_value(why)))
+            for skin, hub in enumerate(hubs):
+                if picture := hub.picture(None, skin)[1]:
+                    await connection.send(picture)
+                if (why := hub.why(again=True)) is not None:
+                    await connection.send(json.dumps(json_value({**why, "skin": skin})))
             self._open.add(connection)
             try:
                 async for message in connection:
@@ -228,7 +231,7 @@ class Pages(Door):
             return
         if not isinstance(wanted, dict):
             return
-        known, inside = cast("dict[str, Any]", wanted), self._feed.hub.inside
+        known, inside = cast("dict[str, Any]", wanted), self._feed.hubs[0].inside
         if inside is not None and isinstance(nodes := known.get("nodes"), list):
             self._seen[connection] = inside.known(cast("list[object]", nodes)), None
         else:
@@ -236,13 +239,16 @@ class Pages(Door):
 
     async def show(self) -> None:
         """Send a picture 60 times a second, read-outs 10 times, a status twice, events at once."""
-        hub, shown, sent = self._feed.hub, None, self._feed.hub.count
+        hubs = self._feed.hubs
+        shown: list[FrameResult | None] = [None for _ in hubs]
+        sent = [hub.count for hub in hubs]
         loop = asyncio.get_running_loop()
         due, count = loop.time(), 0
         while True:
             due = max(due + 1.0 / PICTURES, loop.time())
             await asyncio.sleep(due - loop.time())
-            shown, sent = self._once(hub, shown, sent, count)
+            for skin, hub in enumerate(hubs):
+                shown[skin], sent[skin] = self._once(skin, hub, shown[skin], sent[skin], count)
             count += 1
 
     def _ready(self) -> "set[ServerConnection]":
@@ -250,7 +256,7 @@ class Pages(Door):
         return {c for c in self._open if c.transport.get_write_buffer_size() < BEHIND}
 
     def _once(
-        self, hub: Hub, shown: FrameResult | None, sent: int, count: int
+        self, skin: int, hub: Hub, shown: FrameResult | None, sent: int, count: int
     ) -> tuple[FrameResult | None, int]:
         from websockets.asyncio.server import broadcast
 
@@ -258,13 +264,13 @@ class Pages(Door):
         if not self._open:
             return shown, sent
         if events:
-            self._send(json.dumps({"kind": "events", "events": events}), always=True)
-        shown, picture = hub.picture(shown)
+            self._send(json.dumps({"kind": "events", "skin": skin, "events": events}), always=True)
+        shown, picture = hub.picture(shown, skin)
         if picture:
             self.pictures += 1
             self._send(picture)
         if count % WHY == 0 and (why := hub.why()) is not None:
-            self._send(json.dumps(json_value(why)))
+            self._send(json.dumps(json_value({**why, "skin": skin})))
         if count % WHY == 0 and hub.inside is not None and (newest := hub.newest) is not None:
             for page in self._ready():
                 nodes, known = self._seen.get(page, ((), None))
@@ -272,7 +278,7 @@ class Pages(Door):
                     self._seen[page] = nodes, newest
                     broadcast([page], hub.inside.encoded(newest, nodes))
         if count % STATUS == 0:
-            self._send(json.dumps({**hub.status(), "late": self.late}))
+            self._send(json.dumps({**hub.status(), "skin": skin, "late": self.late}))
         return shown, sent
 
     def _send(self, message: str | bytes, *, always: bool = False) -> None:

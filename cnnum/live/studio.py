@@ -469,7 +469,7 @@ class Studio(Door):
         """Return the newest loads as a picture: 0 is white, the largest one so far black."""
         if self._feed is None:
             raise TemplateError("No array is connected: start the studio with --live SOURCE.")
-        hub = self._feed.hub
+        hub = self._feed.hubs[0]
         if hub.newest is None:
             return {"number": -1, "ended": hub.ended}
         load = np.abs(hub.loads(hub.newest)[2])[:SIDE, :SIDE]

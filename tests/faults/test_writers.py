@@ -696,7 +696,7 @@ OUTPUTS = {
 OTHERS = {
     *("run --rerun", "replay --rerun", "export --out", "sweep --output", "templates import --to"),
     *("templates design --output", "record FILE", "recover OUT", "lerobot FOLDER"),
-    *("templates export FILE", "process --out", "process --fields"),
+    *("templates export FILE", "process --out", "process --fields", "view --record"),
     *(f"bench {name} --out" for name in main.get_command(None, "bench").commands),
 }
 """Those whose target is known later, or is a folder: tests above and of each command have them."""

@@ -308,3 +308,94 @@ def test_the_studio_looks_into_a_program(browser: Browser, tmp_path: Path) -> No
         shot(browser, tmp_path, "program-400-dark")
     finally:
         server.stop()
+
+
+HAND = """
+needs = ["contact", "slip", "twist"]
+[array]
+driver = "simulated"
+shape = [4, 4]
+rate = 100.0
+script = [
+    {kind = "hold", duration = 0.4},
+    {kind = "press", duration = 0.3, load = 0.5},
+    {kind = "pull", duration = 0.5, speed = 2e-3, direction = 0.3},
+    {kind = "twist", duration = 0.4, angle = 0.5},
+    {kind = "hold", duration = 60.0},
+]
+[program.parameters]
+depth = 0.667
+unit = 1.305
+[skin.thumb]
+[skin.index.array]
+seed = 1
+[skin.ring.array]
+seed = 3
+[skin.palm.array]
+shape = [16, 16]
+"""
+
+
+def test_the_page_of_a_hand(
+    browser: Browser, viewing: Callable[..., Viewing], tmp_path: Path
+) -> None:
+    """All skins are seen at once, and the chosen one as a scene alone is."""
+    (tmp_path / "hand.toml").write_text(HAND)
+    kept = tmp_path / "kept"
+    kept.mkdir()
+    server = viewing(str(tmp_path / "hand.toml"), "--record", str(kept), "--port", "0")
+    browser.size(1300)
+    browser.open(server.address)
+    skins = ["thumb", "index", "ring", "palm"]
+    shown = "[...document.querySelectorAll('#skins b')].map((name) => name.textContent)"
+    browser.until(f"{shown}.length === 4")
+    assert browser.value(shown) == skins
+    # events name their skin, where a slip goes, and which way a twist turns
+    lines = "[...document.querySelectorAll('#events li')].map((line) => line.textContent)"
+    for name in skins:
+        browser.until(f"{lines}.some((line) => line.startsWith('{name} contact'))")
+        browser.until(f"{lines}.some((line) => line.startsWith('{name} ') && line.includes('°'))")
+    browser.until(f"{lines}.some((line) => /twist .* from [xy] to [xy]/.test(line))")
+    touched = "#skins [data-state=contact], #skins [data-state=twist]"
+    browser.until(f"document.querySelectorAll('{touched}').length === 4")
+    assert all(
+        text.endswith(" ms")
+        for text in browser.value(
+            "[...document.querySelectorAll('#skins small')].map((late) => late.textContent)"
+        )
+    )
+    # another skin is chosen; the plot is of the taxel under the pointer
+    browser.value("document.querySelectorAll('#skins button')[3].click()")
+    browser.until("view.hello.name === 'palm' && view.shown && view.shown.marks.length === 256")
+    box = browser.value("(({left, top, width, height}) => [left, top, width, height])"
+                        "(at('taxels').getBoundingClientRect())")  # fmt: skip
+    x, y = box[0] + box[2] * 5.5 / 16, box[1] + box[3] * 7.5 / 16
+    browser.call("Input.dispatchMouseEvent", type="mouseMoved", x=x, y=y)
+    browser.until(
+        "!at('taxel').hidden && at('taxelSaid').textContent.startsWith('row 7, column 5')"
+    )
+    said = browser.value("[at('taxelNow').children[0].textContent, at('plot').toDataURL().length]")
+    assert said[0].startswith("normal ")
+    assert said[1] > browser.value(
+        "(() => { const blank = document.createElement('canvas');"
+        " blank.width = at('plot').width; blank.height = at('plot').height;"
+        " return blank.toDataURL().length; })()"
+    )
+    # a tare lets go of all that is held; a recording has a file of each skin
+    browser.value("at('record').click()")
+    browser.until("view.recording === true")
+    browser.value("at('tare').click()")
+    for name in skins:
+        browser.until(f"{lines}.some((line) => line.startsWith('{name} release'))")
+    browser.value("at('record').click()")
+    browser.until("at('recorded').textContent.includes(' frames in ')")
+    files = sorted(path.stem.rpartition("-")[2] for path in kept.glob("*.mcap"))
+    assert files == sorted(skins)
+    assert load_recording(next(kept.glob("*-palm.mcap"))).values.shape[1:] == (16, 16, 4)
+    for width, dark in ((1300, False), (400, True), (1300, True), (400, False)):
+        theme = "dark" if dark else "light"
+        browser.size(width, dark=dark)
+        browser.value(f"theme('{theme}')")
+        browser.until("view.dirty === false")
+        assert browser.value("document.documentElement.scrollWidth <= innerWidth")
+        shot(browser, tmp_path, f"hand-{width}-{theme}")

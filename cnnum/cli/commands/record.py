@@ -227,7 +227,7 @@ def command(
     given, output = assignments(settings), Output(as_json)
     if not is_hand_file(source):
         with open_source(source, given, trust=trust) as driver:
-            recorders = _recorders(source, {file: driver}, force=force, raw=raw)
+            recorders = recorders_of(source, {file: driver}, force=force, raw=raw)
             steps = ({"": frame} for frame in driver.frames())
             return _fill({"": recorders[0]}, steps, output, seconds, frames)
     from cnnum.scenes.hand import load_hand
@@ -240,7 +240,7 @@ def command(
             if target in targets:
                 raise RecordingError(f"Two skins of '{source}' would have the file '{target}'.")
             targets[target] = hand[skin].driver
-        recorders = _recorders(source, targets, force=force, raw=raw)
+        recorders = recorders_of(source, targets, force=force, raw=raw)
         named = dict(zip(hand, recorders, strict=True))
         code = _fill(named, hand.frames(), output, seconds, frames)
         lost = hand.summary().dropped
@@ -249,7 +249,7 @@ def command(
     return code
 
 
-def _recorders(
+def recorders_of(
     source: str, targets: Mapping[Path, "Driver"], *, force: bool, raw: bool
 ) -> list[Recorder]:
     """Return a recorder for each file; none is left if one cannot be made."""

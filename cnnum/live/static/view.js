@@ -1,14 +1,31 @@
 "use strict";
-// The live page: pictures come as bytes (cnnum/live/picture.py), the rest as JSON.
+// The live page: pictures come as bytes (cnnum/live/hub.py), the rest as JSON.
+// All that belongs to one skin lies in a record of `view.skins`; `view` holds the chosen one's.
 const at = (id) => document.getElementById(id);
 const MINUTE = 60, HEAD = 24;
 const FLAG = { contact: 1, incipient: 2, gross: 4, twist: 8, bad: 16, dropped: 32, saturated: 64 };
 const MARK = { contact: 1, bump: 2, edge: 4 };
 
+const fresh = (hello) => ({ hello, past: [], whys: [], events: [], shown: null, held: null, newest: null, scale: 0, shearScale: 0, latency: 0, status: null });
+const OF_SKIN = Object.keys(fresh(null));
 const view = {
-  hello: null, past: [], whys: [], events: [], shown: null, held: null, paused: false, scale: 0, shearScale: 0,
-  pictures: 0, counted: 0, drawn: null, latency: 0, wait: 500, dirty: true, lineDirty: true,
+  ...fresh(null), skins: [], chosen: 0, paused: false,
+  pictures: 0, counted: 0, drawn: null, wait: 500, dirty: true, lineDirty: true,
 };
+const skin = (n) => (n === view.chosen ? view : view.skins[n]);
+
+function choose(n) {
+  for (const key of OF_SKIN) { view.skins[view.chosen][key] = view[key]; view[key] = view.skins[n][key]; }
+  view.chosen = n;
+  at("name").textContent = named(view.hello);
+  at("what").textContent = view.hello.drawn ? "draw on it" : `normal (${view.hello.unit})`;
+  at("skins").querySelectorAll("button").forEach((tile, k) => tile.setAttribute("aria-pressed", String(k === n)));
+  at("taxel").hidden = true;
+  if (view.newest && !view.held) view.shown = view.newest;
+  if (view.status) status(view.status);
+  place();
+  fit();
+}
 
 // ---- the line to the server -------------------------------------------------------------------
 
@@ -36,28 +53,51 @@ function state(kind, text) {
 
 function received(message) {
   if (message.kind === "hello") greet(message);
-  else if (message.kind === "events") message.events.forEach(note);
-  else if (message.kind === "status") status(message);
-  else if (message.kind === "why") reasons(message);
+  else if (message.kind === "events") message.events.forEach((event) => note(event, message.skin));
+  else if (message.kind === "status") statusOf(message);
+  else if (message.kind === "why" && message.skin === view.chosen) reasons(message);
 }
 
-function greet(hello) {
-  const same = view.hello && view.hello.name === hello.name;
-  view.hello = hello;
+const named = (hello) => `${hello.name}, ${hello.shape[0]}×${hello.shape[1]} ${hello.drawn ? "cells" : "taxels"}`;
+
+function greet({ skins }) {
+  const names = (some) => some.map((one) => one.name).join("\n");
+  const same = view.hello && names(view.skins.map((one) => one.hello)) === names(skins);
+  if (!same) {
+    view.chosen = 0;
+    Object.assign(view, fresh(null));
+  }
+  view.skins = skins.map((hello, n) => (same ? Object.assign(view.skins[n], { hello, events: [] }) : fresh(hello)));
+  const hello = view.hello = skins[view.chosen];
   state("on", hello.duration ? "recording" : "live");
-  at("name").textContent = `${hello.name}, ${hello.shape[0]}×${hello.shape[1]} ${hello.drawn ? "cells" : "taxels"}`;
+  at("name").textContent = named(hello);
+  at("record").hidden = !skins[0].records;
+  tiles();
   at("what").textContent = hello.drawn ? "draw on it" : `normal (${hello.unit})`;
   document.body.classList.toggle("drawn", hello.drawn);
   readColours();
   at("speed").hidden = !hello.duration;
   at("live").hidden = Boolean(hello.duration);
-  if (!same) view.past = [];
   showProgram(hello.graph);
   view.whys = [];
   view.events = [];
   at("events").replaceChildren();
-  hello.events.slice(-200).forEach(note);
+  const events = skins.flatMap((one, n) => one.events.slice(-200).map((event) => [event, n]));
+  events.sort((a, b) => a[0].t - b[0].t).forEach(([event, n]) => note(event, n));
   fit();
+}
+
+function statusOf(s) {
+  skin(s.skin).status = s;
+  if (s.skin === view.chosen) status(s);
+  if (s.skin !== 0) return;
+  warn(s.warnings);
+  view.recording = s.recording;
+  at("record").textContent = s.recording ? "End recording" : "Record";
+  at("record").setAttribute("aria-pressed", String(s.recording));
+  at("recorded").textContent = s.recorded;
+  at("pictures").textContent = `${view.pictures - view.counted > 0 ? 2 * (view.pictures - view.counted) : 0} /s`;
+  view.counted = view.pictures;
 }
 
 function status(s) {
@@ -65,11 +105,8 @@ function status(s) {
   at("dropped").textContent = s.dropped;
   at("badCount").textContent = s.bad;
   at("gaps").textContent = s.gaps;
-  at("pictures").textContent = `${view.pictures - view.counted > 0 ? 2 * (view.pictures - view.counted) : 0} /s`;
-  view.counted = view.pictures;
   at("latency").textContent = `${view.latency.toFixed(1)} ms`;
   if (s.ended) state("ended", s.ended);
-  warn(s.warnings);
 }
 
 function warn(sentences) {
@@ -83,21 +120,25 @@ function warn(sentences) {
 function picture(buffer) {
   if (!view.hello) return;
   if (new DataView(buffer).getUint32(0, true) === NODES) { nodesCame(buffer); return; }
-  const head = new DataView(buffer), [rows, cols] = view.hello.shape, taxels = rows * cols;
+  const head = new DataView(buffer), flags = head.getUint32(4, true), n = flags >>> 16, own = skin(n);
+  if (!own) return;
+  const [rows, cols] = own.hello.shape, taxels = rows * cols;
   const one = {
-    number: head.getUint32(0, true), flags: head.getUint32(4, true), time: head.getFloat64(8, true),
+    number: head.getUint32(0, true), flags: flags & 0xffff, time: head.getFloat64(8, true),
     wait: head.getFloat32(16, true), load: head.getFloat32(20, true),
     loads: new Float32Array(buffer, HEAD, 3 * taxels),
     marks: new Uint8Array(buffer, HEAD + 12 * taxels, taxels),
   };
-  view.latency = one.wait;
-  const past = view.past;
+  own.latency = one.wait;
+  const past = own.past;
   if (past.length && one.time < past[past.length - 1].time) past.length = 0; // a recording moved back
   past.push(one);
-  if (!view.hello.duration) while (past.length && past[0].time < one.time - MINUTE) past.shift();
+  if (!own.hello.duration) while (past.length && past[0].time < one.time - MINUTE) past.shift();
   else if (past.length > 60 * MINUTE) past.shift();
+  own.newest = one;
+  view.tilesDirty = true;
+  if (n !== view.chosen) return;
   view.pictures += 1;
-  view.newest = one;
   document.body.dataset.newest = one.number;
   view.lineDirty = true;
   if (!view.held) show(one);
@@ -112,16 +153,23 @@ function show(one) {
 
 // ---- events ------------------------------------------------------------------------------------
 
-function note(event) {
+const AXES = { 1: "from x to y", [-1]: "from y to x" };
+
+function note(event, n = 0) {
   if (event.t === undefined) return;
-  view.events.push(event);
-  if (view.events.length > 5000) view.events.shift();
+  const own = skin(n);
+  own.events.push(event);
+  if (own.events.length > 5000) own.events.shift();
   const item = document.createElement("li");
   item.dataset.t = `${event.t.toFixed(3)} s`;
   item.dataset.kind = event.kind;
   const where = event.where ? ` at row ${event.where[0].toFixed(1)}, column ${event.where[1].toFixed(1)}` : "";
   const lost = event.kind === "gap" ? ` of ${event.seconds.toFixed(3)} s, ${event.missing} missing` : "";
-  item.append(`${event.phase ? event.phase + " " : ""}${event.kind.replaceAll("_", " ")}${where}${lost}`);
+  const way = event.direction === undefined ? "" : ` towards ${Math.round((180 * event.direction) / Math.PI)}°`;
+  const sense = AXES[event.sense] && event.kind !== "grasp_squeeze" ? ` ${AXES[event.sense]}` : "";
+  const said = made("span", "", ...(view.skins.length > 1 ? [made("b", "", own.hello.name), " "] : []));
+  item.append(said);
+  said.append(`${event.phase ? event.phase + " " : ""}${event.kind.replaceAll("_", " ")}${where}${way}${sense}${lost}`);
   at("events").prepend(item);
   while (at("events").children.length > 200) at("events").lastChild.remove();
   view.lineDirty = true;
@@ -204,6 +252,89 @@ function fill(box, report) {
   const held = Object.values(report.holds), whole = held.reduce((sum, part) => sum + part, 0) || 1;
   box.querySelectorAll(".holds i").forEach((part, n) => { part.style.width = `${(100 * held[n]) / whole}%`; });
 }
+
+// ---- skins -------------------------------------------------------------------------------------
+
+function tiles() {
+  at("skins").hidden = view.skins.length < 2;
+  at("skins").replaceChildren(...view.skins.map((one, n) => {
+    const tile = made("button", "", document.createElement("canvas"), made("b", "", one.hello.name), made("span", "", ""), made("small", "", ""));
+    tile.type = "button";
+    tile.setAttribute("aria-pressed", String(n === view.chosen));
+    [tile.firstChild.height, tile.firstChild.width] = one.hello.shape;
+    tile.addEventListener("click", () => choose(n));
+    return tile;
+  }));
+}
+
+function stateOf(flags) {
+  if (flags & FLAG.bad) return "bad";
+  if (flags & FLAG.gross) return "gross";
+  if (flags & FLAG.incipient) return "incipient";
+  if (flags & FLAG.twist) return "twist";
+  return flags & FLAG.contact ? "contact" : "";
+}
+
+const SAID = { gross: "slip", incipient: "incipient slip", bad: "bad frame" };
+
+function drawTiles() {
+  at("skins").querySelectorAll("button").forEach((tile, n) => {
+    const own = skin(n), one = own.newest;
+    if (!one) return;
+    const [rows, cols] = own.hello.shape, pen = tile.firstChild.getContext("2d"), taxels = rows * cols;
+    let most = 0;
+    for (let k = 0; k < taxels; k += 1) most = Math.max(most, Math.abs(one.loads[2 * taxels + k]));
+    own.top = Math.max(most, 0.999 * (own.top || 0));
+    for (let k = 0; k < taxels; k += 1) {
+      pen.fillStyle = colours.ramp[Math.round((255 * Math.abs(one.loads[2 * taxels + k])) / (own.top || 1))];
+      pen.fillRect(k % cols, Math.floor(k / cols), 1, 1);
+    }
+    const now = stateOf(one.flags);
+    tile.dataset.state = now;
+    tile.children[2].textContent = SAID[now] || now || "–";
+    tile.children[3].textContent = `${one.wait.toFixed(1)} ms`;
+  });
+}
+
+// the plot of the taxel under the pointer, over the time that the time line shows
+const TAXEL = [["normal", 2, "r3"], ["shear x", 0, "gross"], ["shear y", 1, "twist"]];
+
+function hover(event) {
+  if (!view.hello || view.hello.drawn || !view.shown) return;
+  const [rows, cols] = view.hello.shape, box = at("taxels").getBoundingClientRect();
+  const inside = (share, count) => Math.min(count - 1, Math.max(0, Math.floor(share * count)));
+  view.taxel = [inside((event.clientY - box.top) / box.height, rows), inside((event.clientX - box.left) / box.width, cols)];
+  at("taxel").hidden = false;
+  drawTaxel();
+}
+
+function drawTaxel() {
+  if (at("taxel").hidden || !view.taxel) return;
+  const canvas = at("plot"), density = devicePixelRatio || 1, [row, col] = view.taxel, [rows, cols] = view.hello.shape;
+  canvas.width = canvas.clientWidth * density; canvas.height = canvas.clientHeight * density;
+  const pen = canvas.getContext("2d"), taxels = rows * cols, n = row * cols + col, past = view.past;
+  let low = 0, high = 1e-12;
+  for (const one of past) for (const [, place] of TAXEL) {
+    const value = one.loads[place * taxels + n];
+    low = Math.min(low, value); high = Math.max(high, value);
+  }
+  const from = past.length ? past[0].time : 0, to = past.length ? past[past.length - 1].time : 1;
+  const x = (t) => ((t - from) / (to - from || 1)) * canvas.width;
+  const y = (v) => 3 * density + (1 - (v - low) / (high - low)) * (canvas.height - 6 * density);
+  pen.strokeStyle = colours.rule; pen.lineWidth = density;
+  pen.beginPath(); pen.moveTo(0, y(0)); pen.lineTo(canvas.width, y(0)); pen.stroke();
+  for (const [, place, colour] of TAXEL) {
+    pen.strokeStyle = colours[colour]; pen.lineWidth = 1.5 * density; pen.beginPath();
+    past.forEach((one, k) => (k ? pen.lineTo(x(one.time), y(one.loads[place * taxels + n])) : pen.moveTo(x(one.time), y(one.loads[place * taxels + n]))));
+    pen.stroke();
+  }
+  const now = TAXEL.map(([name, place]) => `${name} ${view.shown.loads[place * taxels + n].toPrecision(3)}`);
+  at("taxelSaid").textContent = `row ${row}, column ${col}, last ${(to - from).toFixed(0)} s (${view.hello.unit})`;
+  [...at("taxelNow").children].forEach((item, k) => { item.textContent = now[k]; });
+}
+at("taxels").addEventListener("pointermove", hover);
+at("taxels").addEventListener("pointerdown", hover);
+at("taxels").addEventListener("pointerleave", (event) => { if (event.pointerType === "mouse") at("taxel").hidden = true; });
 
 // ---- taxels ------------------------------------------------------------------------------------
 
@@ -432,6 +563,7 @@ at("pause").addEventListener("click", () => {
   place();
 });
 at("tare").addEventListener("click", () => send({ tare: true }));
+at("record").addEventListener("click", () => send({ record: !view.recording }));
 at("speed").addEventListener("change", (e) => send({ speed: Number(e.target.value) }));
 at("theme").addEventListener("click", () => theme(document.documentElement.dataset.theme === "dark" ? "light" : "dark"));
 function theme(name) {
@@ -485,7 +617,8 @@ function draw() {
     drawStates();
     if (view.hello.duration) at("scrub").value = (1000 * (view.shown.time - 0)) / view.hello.duration;
   }
-  if (view.lineDirty && view.hello) { view.lineDirty = false; drawLine(); }
+  if (view.lineDirty && view.hello) { view.lineDirty = false; drawLine(); drawTaxel(); }
+  if (view.tilesDirty && view.skins.length > 1) { view.tilesDirty = false; drawTiles(); }
   requestAnimationFrame(draw);
 }
 
