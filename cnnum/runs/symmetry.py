@@ -10,6 +10,8 @@ not, neither the rates nor a finer run need show it. For an error e = x − x* o
 so that the part of e without the symmetry, e less its mean over the group of all such g, is at most
 the largest |x − gx|. This is added to the estimate of the other part. Modes act on each other where
 an array is not linear: of a state much of which breaks its symmetry, nothing is known.
+
+Where opposite maps have opposite states, g may change their sign, too. A mask has none to change.
 """
 
 import math
@@ -57,6 +59,9 @@ LARGE = 0.1
 PROBES = 16
 """Cells by which most maps show that a move changes them, long before all cells are compared."""
 
+SAMPLES = np.linspace(0.0, 4.0, 257)
+"""Where an output function is looked at: one that only seems to be odd adds to errors."""
+
 KEPT = 64
 """Templates and shapes whose moves are kept."""
 
@@ -70,6 +75,10 @@ def _least(maps: Maps) -> Maps:
     return least
 
 
+def _opposite(move: Move, maps: Maps) -> Maps:
+    return -move(maps)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Moves:
     """Moves that a template does not see.
@@ -81,11 +90,14 @@ class Moves:
     probes : (moves, PROBES) int
         Which cell stands at each probed one after a move, in row-major order.
     probed : (PROBES,) int
+    signs : (moves, 1) int
+        −1 for those that change the sign of all numbers.
     """
 
     each: tuple[Move, ...]
     probes: NDArray[np.intp]
     probed: NDArray[np.intp]
+    signs: NDArray[np.intp]
 
     def keeping(
         self, maps: Sequence[Maps], lead: tuple[int, ...] = ()
@@ -101,7 +113,7 @@ class Moves:
         likely = np.ones(len(self.each), dtype=bool)
         for own in maps:
             flat = own.reshape(*own.shape[:-2], -1)
-            same = flat[..., self.probes] == flat[..., np.newaxis, self.probed]
+            same = flat[..., self.probes] == self.signs * flat[..., np.newaxis, self.probed]
             likely &= same.all(axis=(-3, -1)).reshape(-1, len(likely)).any(axis=0)
         for place in np.flatnonzero(likely).tolist():
             move, alike = self.each[place], np.ones(lead, dtype=bool)
@@ -133,12 +145,25 @@ def moves_of(template: Template, shape: Shape) -> Moves:
     if edges == {PERIODIC}:
         both = product(_divisors(shape[0]), _divisors(shape[1]))
         moves += [partial(np.roll, shift=shift, axis=(-2, -1)) for shift in both if shift != shape]
+    signs = np.ones(len(moves), dtype=np.intp)
+    if _is_odd(template) and not any(edge.constant for edge in edges):
+        moves += [partial(_opposite, move) for move in moves]
+        signs = np.append(signs, -signs)
     cells = np.arange(float(math.prod(shape))).reshape(shape)
     probed = np.linspace(0, cells.size - 1, PROBES).astype(np.intp)
     if all(edge.constant is None for edge in edges):
         moves.insert(0, _least)
-    rows = [np.broadcast_to(move(cells), shape).ravel()[probed] for move in moves]
-    return Moves(tuple(moves), np.array(rows, np.intp).reshape(-1, PROBES), probed)
+        signs = np.insert(signs, 0, 1)
+    rows = [np.abs(np.broadcast_to(move(cells), shape).ravel()[probed]) for move in moves]
+    probes = np.array(rows, np.intp).reshape(-1, PROBES)
+    return Moves(tuple(moves), probes, probed, signs[:, np.newaxis])
+
+
+def _is_odd(template: Template) -> bool:
+    """Return whether opposite maps have opposite states, but for fixed virtual cells."""
+    response = template.output.numpy
+    still = not (template.z.any() or template.nonlinear) and template.initial in (0.0, "input")
+    return still and np.allclose(response(-SAMPLES), -response(SAMPLES), rtol=1e-12, atol=0.0)
 
 
 def _divisors(count: int) -> list[int]:

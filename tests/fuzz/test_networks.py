@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from random_networks import SYMMETRIC, Account, Network, Truth, judged, network_of
+from random_networks import OPPOSITE, SYMMETRIC, Account, Network, Truth, judged, network_of
 
 import cnnum
 
@@ -151,6 +151,8 @@ def test_networks_are_of_every_kind():
         (1, 102, "float64"),
         (1, 113, "float32"),  # at several times
         (2, 98, "float64"),  # a delay: steps end at the limit, however long they are
+        (OPPOSITE - SYMMETRIC + 1, 41, "float32"),  # mirrored cells have opposite states
+        (OPPOSITE - SYMMETRIC + 1, 44, "float64"),
     ],
 )
 def test_roundings_that_break_a_symmetry_are_in_the_error(seed, number, precision):

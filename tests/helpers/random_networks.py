@@ -276,7 +276,8 @@ class Truth:
 
     def __init__(self, net: Network, *, alike: bool = True) -> None:
         self.net = net
-        self.first = _alike(net) if alike else np.arange(net.x[0, 0].size)
+        cells = np.arange(net.x[0, 0].size)
+        self.first, self.sign = _alike(net) if alike else (cells, np.ones(len(cells)))
         self.frames, *shape = net.x.shape
         self.shape = tuple(shape)
         self.n = self.shape[1] * self.shape[2]
@@ -316,7 +317,7 @@ class Truth:
         """Return the cell that every cell sees there; the one after the last beyond a fixed rim."""
         rows, cols = self.shape[1:]
         cells = [self._cell(i + di, j + dj, edge) for i in range(rows) for j in range(cols)]
-        return np.array([self.n if at is None else self.first[at] for at in cells])
+        return np.array([self.n if at is None else at for at in cells])
 
     def _matrix(self, kernels: Any) -> tuple[Any, Any]:
         """Return the matrix of all couplings, and what fixed virtual cells add to them."""
@@ -330,7 +331,8 @@ class Truth:
                     if at == n:
                         still[to, source, cell] += weight * beyond
                     else:
-                        matrix[to * n + cell, source * n + at] += weight
+                        seen = source * n + self.first[at]
+                        matrix[to * n + cell, seen] += weight * self.sign[at]
         return matrix, still
 
     def _driven(self, kernels: Any) -> Any:
@@ -350,8 +352,9 @@ class Truth:
         beyond = 0.0 if isinstance(edge, str) else float(edge)
         if b.neighbour == "y":
             beyond = float(self.f(np.float64(beyond)))
+        first = np.append(self.first, self.n)  # no cells of opposite sign, with bends
         near = [
-            (weight, self._near(di - r, dj - r, edge))
+            (weight, first[self._near(di - r, dj - r, edge)])
             for (di, dj), weight in np.ndenumerate(b.weights)
             if weight
         ]
@@ -443,73 +446,108 @@ MIRRORS: tuple[Callable[[Any], Any], ...] = (
 """The symmetries of a square but for the turn that is the last one backwards."""
 
 
-def symmetries(net: Network) -> Iterator[Callable[[Any], Any]]:
-    """Yield the mirrors, turns and shifts of an array that change nothing in a network."""
+def symmetries(net: Network) -> Iterator[tuple[Callable[[Any], Any], float]]:
+    """Yield the mirrors, turns and shifts of an array that change nothing in a network.
+
+    With each comes the sign of all states and maps that it leaves as they are.
+    """
     rows, cols = net.x.shape[2:]
     kernels = [net.A, net.B, *([net.late.A, net.late.B] if net.late else [])]
     kernels += [bend.weights for bend in net.bends]
-    maps = [
-        net.x,
-        *([] if net.bias is None else [net.bias]),
-        *([] if net.held is None else [net.held]),
-    ]
+    maps = [net.x, *([] if net.bias is None else [net.bias])]
+    held = [] if net.held is None else [net.held]
     reads = (
         net.B.any()
         or net.late is not None
         or any(b.neighbour == "u" or b.centre == "u" for b in net.bends)
     )
     maps += [net.u] if reads else []
-    for mirror in MIRRORS[: 6 if rows == cols else 3]:
-        if all(np.array_equal(mirror(one), one) for one in (*kernels, *maps)):
-            yield mirror
-    if net.boundary == "periodic" and (net.rim == "periodic" or not reads):
-        for by in np.ndindex(rows, cols):
-            if any(by) and all(np.array_equal(np.roll(one, by, (-2, -1)), one) for one in maps):
-                yield lambda maps, by=by: np.roll(maps, by, (-2, -1))
-    uniform = all((one == one[..., :1, :1]).all() for one in maps)
     edges = (net.boundary, net.rim) if reads else (net.boundary,)
+    odd = not (net.z.any() or net.bends or net.output == "sign" or {*edges} - {0.0, *WITHOUT_EDGE})
+    for sign in (1.0, -1.0) if odd else (1.0,):
+
+        def alike(moved: Callable[[Any], Any], sign: float = sign) -> bool:
+            same = all(np.array_equal(moved(one), sign * one) for one in maps)
+            return same and all(np.array_equal(moved(one), one) for one in held)
+
+        for mirror in MIRRORS[: 6 if rows == cols else 3]:
+            if all(np.array_equal(mirror(one), one) for one in kernels) and alike(mirror):
+                yield mirror, sign
+        for by in np.ndindex(rows, cols) if {*edges} == {"periodic"} else ():
+
+            def shifted(maps: Any, by: tuple[int, ...] = by) -> Any:
+                return np.roll(maps, by, (-2, -1))
+
+            if any(by) and alike(shifted):
+                yield shifted, sign
+    uniform = all((one == one[..., :1, :1]).all() for one in (*maps, *held))
     if uniform and not any(isinstance(edge, float) for edge in edges):
-        yield lambda maps: np.broadcast_to(maps[..., :1, :1], maps.shape)
+        yield lambda maps: np.broadcast_to(maps[..., :1, :1], maps.shape), 1.0
 
 
-def _alike(net: Network) -> Any:
+WITHOUT_EDGE = ("zero-flux", "periodic")
+
+
+def _alike(net: Network) -> tuple[Any, Any]:
     """Return for each cell the first one that always has the same state, by symmetry.
 
+    Then the sign that it has there: −1 for the opposite state, and 0 where both always are 0.
     Roundings of any solver may tell such cells apart, and then grow.
     """
     cells = np.arange(net.x[0, 0].size).reshape(net.x.shape[2:])
-    found = cells
-    kept = list(symmetries(net))
-    while True:
-        before = found
-        for moved in kept:
-            other = moved(cells).ravel()  # the cell that comes to each place
-            first = np.minimum(found, found.ravel()[other].reshape(cells.shape))
-            np.minimum.at(first.reshape(-1), other, found.ravel())
-            found = first
-        if np.array_equal(found, before):
-            return found.ravel()
+    moves = [(moved(cells).ravel().tolist(), sign) for moved, sign in symmetries(net)]
+    near: list[list[tuple[int, float]]] = [[] for _ in range(cells.size)]
+    for others, sign in moves:
+        for at, other in enumerate(others):
+            near[at].append((other, sign))
+            near[other].append((at, sign))
+    first, signs = np.full(cells.size, -1), np.ones(cells.size)
+    for cell in range(cells.size):
+        waiting = [cell] if first[cell] < 0 else []
+        none = False
+        for at in waiting:  # which grows
+            first[at] = cell
+            for other, sign in near[at]:
+                if other not in waiting:
+                    waiting.append(other)
+                    signs[other] = sign * signs[at]
+                none = none or signs[other] != sign * signs[at]
+        signs[waiting] *= not none
+    return first, signs
 
 
-def symmetric(net: Network, rng: np.random.Generator) -> Network:
-    """Return a network with a symmetry, half of whose starts decay while others would grow far."""
+def symmetric(net: Network, rng: np.random.Generator, *, opposite: bool = False) -> Network:
+    """Return a network with a symmetry, half of whose starts decay while others would grow far.
+
+    Mirrored cells may have opposite states.
+    """
     square = net.x.shape[2] == net.x.shape[3] and rng.random() < 0.5
     kinds = [[0], [1], [2], [0, 1]] + ([[3], [4], [2, 5], [0, 1, 3]] if square else [])
-    taken = [MIRRORS[at] for at in kinds[int(rng.integers(len(kinds)))]]
+    kind = kinds[int(rng.integers(len(kinds)))]
+    taken = [MIRRORS[at] for at in kind]
+    signs = [1.0 if not opposite or (at, kind) == (2, [2, 5]) else -1.0 for at in kind]
 
     def even(maps: Any) -> Any:
         for mirror in taken:
             maps = 0.5 * (maps + mirror(maps))
         return maps
 
+    def signed(maps: Any) -> Any:
+        for mirror, sign in zip(taken, signs, strict=True):
+            maps = 0.5 * (maps + sign * mirror(maps))
+        return maps
+
+    if opposite:
+        edges = {name: 0.0 for name in ("boundary", "rim") if isinstance(getattr(net, name), float)}
+        net = replace(net, z=0.0 * net.z, bends=(), **edges)
     late = net.late and Late(net.late.delay, even(net.late.A), even(net.late.B))
     bends = tuple(replace(bend, weights=even(bend.weights)) for bend in net.bends)
     held = net.held
     for mirror in taken if held is not None else []:
         held = held & mirror(held)
-    bias = None if net.bias is None else even(net.bias)
+    bias = None if net.bias is None else signed(net.bias)
     A = even(net.A)
-    net = replace(net, A=A, B=even(net.B), late=late, bends=bends, u=even(net.u), x=even(net.x),
+    net = replace(net, A=A, B=even(net.B), late=late, bends=bends, u=signed(net.u), x=signed(net.x),
                   bias=bias, held=held)  # fmt: skip
     if net.output == "sign" or rng.random() < 0.5:
         return net
@@ -561,15 +599,15 @@ def truth_of(net: Network, tolerance: float = FINE) -> tuple[Any, Any]:
     return fine, unknown
 
 
-SYMMETRIC = 500_000_000
-"""Seeds from here on give networks with a symmetry."""
+SYMMETRIC, OPPOSITE = 500_000_000, 700_000_000
+"""Seeds from here on give networks with a symmetry; those of the second, with opposite states."""
 
 
 def network_of(seed: int, number: int) -> Network:
     """Return one of the networks of a seed."""
     rng = np.random.default_rng([seed, number])
     net = draw(rng)
-    return net if seed < SYMMETRIC else symmetric(net, rng)
+    return net if seed < SYMMETRIC else symmetric(net, rng, opposite=seed >= OPPOSITE)
 
 
 def judged(engine: cnnum.Engine, net: Network, number: int, known: Any = None) -> Iterator[Verdict]:
