@@ -7,6 +7,9 @@ show that the files name what is there, and that it compiles, and no more.
 import json
 import shutil
 import subprocess
+import sys
+from base64 import b64encode
+from importlib.util import find_spec
 
 import numpy as np
 import pytest
@@ -15,6 +18,8 @@ from click.testing import CliRunner
 import cnnum
 from cnnum.cli import main
 from cnnum.embedded.c.packages import PACKAGES
+from cnnum.embedded.c.program import packed
+from cnnum.embedded.emulator import Emulator, cleared
 from cnnum.errors import UnknownNameError
 
 needs_cc = pytest.mark.skipif(
@@ -135,6 +140,78 @@ def test_the_sketch_replays_the_vector(exported, tmp_path):
     assert "includes=test.h\n" in (tmp_path / "library.properties").read_text()
     loaded = cnnum.load_export(tmp_path)
     assert loaded.run(np.ones((2, 2, 3)))["most"].tolist() == [0.0, 1.0]
+
+
+PAGE = """<body></body><script>
+const code = Uint8Array.from(atob("@code"), c => c.charCodeAt(0));
+const frames = Uint8Array.from(atob("@frames"), c => c.charCodeAt(0));
+const module = new WebAssembly.Instance(new WebAssembly.Module(code)).exports;
+const bytes = () => new Uint8Array(module.memory.buffer);
+let said = "vector " + module.vector();
+module.reset();
+for (let at = 0; at < frames.length; at += @in) {
+    bytes().set(frames.subarray(at, at + @in), module.input());
+    module.step();
+    said += " " + bytes().slice(module.output(), module.output() + @out).join();
+}
+if (typeof document === "undefined") console.log(said); else document.body.textContent = said;
+</script>"""
+
+
+@pytest.mark.skipif(find_spec("ziglang") is None, reason="needs the extra 'embedded'")
+@pytest.mark.parametrize("runner", ["node", "chromium", "wasmtime"])
+def test_webassembly_has_the_same_bits(exported, runner, tmp_path):
+    """Where an engine for it is installed; the frames reach both ends of every range."""
+    one = exported["q15"].packaged("wasm")
+    tool = shutil.which(runner)
+    if (find_spec("wasmtime") if runner == "wasmtime" else tool) is None:
+        pytest.skip(f"{runner} is not installed")
+    one.write(tmp_path)
+    zig = [sys.executable, "-P", "-m", "ziglang", "cc", "-target", "wasm32-freestanding"]
+    options = ["-nostdlib", "-O2", "-Wl,--no-entry", "-o", "test.wasm", "wasm.c", "test.c"]
+    run(*zig, *options, cwd=tmp_path)
+    rng, program = np.random.default_rng(1), one.program
+    inputs, outputs = program.of_kind("input"), program.of_kind("output")
+    state, given, wanted = cleared(program, 1), [], []
+    for number in range(12):
+        numbers = {a.name: rng.integers(-(2**15), 2**15, (1, a.length)) for a in inputs}
+        answers = Emulator(program).run(numbers, state, first=number == 0)
+        given.append(packed(inputs, numbers, 1).tobytes())
+        wanted.append(packed(outputs, answers, 1).tobytes())
+    said = ["vector 0", *(",".join(map(str, answer)) for answer in wanted)]
+    code = (tmp_path / "test.wasm").read_bytes()
+    if runner == "wasmtime":
+        assert by_wasmtime(code, given, len(wanted[0])) == [0, *wanted]
+        return
+    page = PAGE.replace("@code", b64encode(code).decode()).replace("@in", str(len(given[0])))
+    page = page.replace("@frames", b64encode(b"".join(given)).decode())
+    page = page.replace("@out", str(len(wanted[0])))
+    if runner == "node":
+        script = page.split("<script>")[1].split("</script>")[0]
+        (tmp_path / "run.js").write_text(
+            script.replace("const module", "const made").replace("module.", "made.")
+        )
+        assert run(tool, "run.js", cwd=tmp_path).strip() == " ".join(said)
+        return
+    (tmp_path / "run.html").write_text(page)
+    flags = ["--headless", "--no-sandbox", "--disable-gpu", f"--user-data-dir={tmp_path}/user"]
+    shown = run(tool, *flags, "--dump-dom", f"file://{tmp_path}/run.html", cwd=tmp_path)
+    assert f"<body>{' '.join(said)}</body>" in shown
+
+
+def by_wasmtime(code, given, size):
+    import wasmtime
+
+    store = wasmtime.Store()
+    module = wasmtime.Instance(store, wasmtime.Module(store.engine, code), []).exports(store)
+    memory, result = module["memory"], [module["vector"](store)]
+    module["reset"](store)
+    for frame in given:
+        memory.write(store, frame, module["input"](store))
+        module["step"](store)
+        at = module["output"](store)
+        result.append(bytes(memory.read(store, at, at + size)))
+    return result
 
 
 def test_platformio_compiles_the_program_alone(exported):

@@ -170,12 +170,71 @@ dependencies:
     }
 
 
+def _wasm(source: Source) -> dict[str, str]:
+    name = source.name
+    # the mathematics library comes with WASI; whole numbers need none
+    target = "wasm32-wasi -mexec-model=reactor" if source.math else "wasm32-freestanding -nostdlib"
+    return {
+        "wasm.c": f"""/* Written by {MARK}: the program as a module of WebAssembly.
+
+   python -m ziglang cc -target {target} -O2
+       -ffp-contract=off -Wl,--no-entry -o {name}.wasm wasm.c {name}.c
+
+   The frame is written to the module's memory at input(), and the answers are read at output(),
+   as export.json lays them out, little-endian. vector() replays the test vector: 0 if it passes. */
+#include "{name}.h"
+
+#define EXPORTED(name) __attribute__((export_name(#name)))
+#define main vector_of_program
+int vector_of_program(void);
+#include "vector.c"
+#undef main
+
+static {name}_memory kept;
+static {name}_input frame;
+static {name}_output answers;
+
+EXPORTED(reset) void wasm_reset(void);
+EXPORTED(input) {name}_input *wasm_input(void);
+EXPORTED(output) {name}_output *wasm_output(void);
+EXPORTED(step) void wasm_step(void);
+EXPORTED(vector) int wasm_vector(void);
+
+void wasm_reset(void)
+{{
+    {name}_reset(&kept);
+}}
+
+{name}_input *wasm_input(void)
+{{
+    return &frame;
+}}
+
+{name}_output *wasm_output(void)
+{{
+    return &answers;
+}}
+
+void wasm_step(void)
+{{
+    {name}_step(&kept, &frame, &answers);
+}}
+
+int wasm_vector(void)
+{{
+    return vector_of_program();
+}}
+"""
+    }
+
+
 _KINDS = {
     "cmake": _cmake,
     "arduino": _arduino,
     "platformio": _platformio,
     "zephyr": _zephyr,
     "esp-idf": _esp_idf,
+    "wasm": _wasm,
 }
 
 PACKAGES = tuple(_KINDS)
