@@ -4,7 +4,8 @@ A library ends its process on some damaged files, takes memory by what a file sa
 other files that it names. So this script runs alone: it has limits, and may open no file but the
 one that comes as its standard input. It imports nothing of cnnum. Its request is JSON, the first
 argument: ``kind``, ``names`` of the arrays, ``most`` bytes that all of them together may have,
-``memory`` bytes beyond its own, and ``seconds``. It answers with a line of JSON, then the arrays'
+``memory`` bytes beyond its own, ``seconds``, and of Parquet's ``rows`` a column and the number that
+it must have. It answers with a line of JSON, then the arrays'
 bytes. Where no names are wanted, the line has shapes and types of all arrays, and the attributes.
 """
 
@@ -26,16 +27,21 @@ MOST_LISTED, LONGEST_TEXT = 1024, 1 << 16
 """Arrays and letters of an attribute, where all are asked for."""
 
 
-def of_parquet(file: Any, wanted: list[str], most: int) -> tuple[dict[str, Any], list[Any]]:
-    """Return the head and the columns of a Parquet file, lists in them as further axes."""
+def of_parquet(
+    file: Any, wanted: list[str], most: int, rows: tuple[str, int] | None = None
+) -> tuple[dict[str, Any], list[Any]]:
+    """Return the head and the columns of a Parquet file, lists in them as further axes.
+
+    With `rows`, the groups in which no row has that number are not read.
+    """
     import numpy as np
 
     parquet: Any = import_module("pyarrow.parquet")
     opened: Any = parquet.ParquetFile(file, thrift_string_size_limit=1 << 24)
     names: list[str] = [str(name) for name in opened.schema_arrow.names]
-    rows = int(opened.metadata.num_rows)
+    count = int(opened.metadata.num_rows)
     if not wanted:
-        some: Any = next(opened.iter_batches(batch_size=1), None) if rows else None
+        some: Any = next(opened.iter_batches(batch_size=1), None) if count else None
         shapes: dict[str, Any] = {}
         for name in names[:MOST_LISTED]:
             kind = str(opened.schema_arrow.field(name).type)
@@ -43,14 +49,15 @@ def of_parquet(file: Any, wanted: list[str], most: int) -> tuple[dict[str, Any],
             whole = some is None or kind.startswith(STAMPED)
             first: Any = None if whole or some is None else some.column(name)[0].as_py()
             shape = list(np.shape(first)) if first is not None else []
-            shapes[name] = [[rows, *shape], kind]
+            shapes[name] = [[count, *shape], kind]
         return {"names": names, "shapes": shapes, "attributes": {}}, []
     if any(name not in names for name in wanted):
         return {"names": names[:LISTED]}, []
-    groups = [opened.metadata.row_group(n) for n in range(opened.metadata.num_row_groups)]
-    if sum(int(group.total_byte_size) for group in groups) > most:
+    numbers = range(opened.metadata.num_row_groups)
+    groups = [n for n in numbers if _may_hold(opened.metadata.row_group(n), rows)]
+    if sum(int(opened.metadata.row_group(n).total_byte_size) for n in groups) > most:
         raise ValueError("it claims to unpack to more bytes than the file can contain")
-    table: Any = opened.read(columns=wanted, use_threads=False)
+    table: Any = opened.read_row_groups(groups, columns=wanted, use_threads=False)
     held: list[Any] = []
     for name in wanted:
         column: Any = table.column(name).combine_chunks()
@@ -58,7 +65,7 @@ def of_parquet(file: Any, wanted: list[str], most: int) -> tuple[dict[str, Any],
         if str(column.type).startswith(STAMPED):
             scale = NANOSECONDS[column.type.unit]
             column = column.cast("int64")
-        shape = [rows]
+        shape = [len(table)]
         while hasattr(column, "flatten") and hasattr(column, "values"):
             inner: Any = column.flatten()
             width, rest = divmod(len(inner), max(1, len(column)))
@@ -74,7 +81,20 @@ def of_parquet(file: Any, wanted: list[str], most: int) -> tuple[dict[str, Any],
     return {"names": names[:LISTED] + wanted, "arrays": head}, held
 
 
-def answer(file: Any, wanted: list[str], most: int) -> tuple[dict[str, Any], list[Any]]:
+def _may_hold(group: Any, rows: tuple[str, int] | None) -> bool:
+    """Return whether a group may have such rows, by the least and the largest number in it."""
+    if rows is None:
+        return True
+    columns = (group.column(place) for place in range(int(group.num_columns)))
+    own: Any = next((column for column in columns if column.path_in_schema == rows[0]), None)
+    if own is None or own.statistics is None or not own.statistics.has_min_max:
+        return True
+    return bool(own.statistics.min <= rows[1] <= own.statistics.max)
+
+
+def answer(
+    file: Any, wanted: list[str], most: int, rows: None = None
+) -> tuple[dict[str, Any], list[Any]]:
     """Return the head of the answer, and the arrays."""
     h5py: Any = import_module("h5py")
     result: list[str] = []
@@ -170,8 +190,9 @@ def run(request: dict[str, Any], source: Any, target: Any) -> None:
     codecs.lookup("ascii")
     limit(int(request["memory"]), int(request["seconds"]))
     try:
-        way = of_parquet if parquet else answer
-        head, held = way(source, list(request["names"]), int(request["most"]))
+        way: Any = of_parquet if parquet else answer
+        rows = request.get("rows")
+        head, held = way(source, list(request["names"]), int(request["most"]), rows)
     except Exception as error:  # whatever a library finds in a damaged file
         head, held = {"error": f"{error}" or type(error).__name__}, []
     target.write(json.dumps(head, default=str).encode() + b"\n")

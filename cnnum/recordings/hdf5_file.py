@@ -36,7 +36,9 @@ LARGEST_HEAD = MEGABYTE
 Answer = tuple[dict[str, Any], list[NDArray[Any]]]
 
 
-def read_hdf5(path: Path, names: Sequence[str]) -> tuple[list[str], Mapping[str, NDArray[Any]]]:
+def read_hdf5(
+    path: Path, names: Sequence[str], rows: tuple[str, int] | None = None
+) -> tuple[list[str], Mapping[str, NDArray[Any]]]:
     """Return names of arrays in an HDF5 file, and the arrays of the wanted names.
 
     Parameters
@@ -44,6 +46,8 @@ def read_hdf5(path: Path, names: Sequence[str]) -> tuple[list[str], Mapping[str,
     path : Path
     names : sequence of str
         Wanted ones; a name may have folders, as in "trial1/taxels".
+    rows : (column, number), optional
+        Of a Parquet file: groups in which no row has that number are not read.
 
     Returns
     -------
@@ -59,7 +63,7 @@ def read_hdf5(path: Path, names: Sequence[str]) -> tuple[list[str], Mapping[str,
         If the file cannot be read: it is damaged, its numbers lie in other files, or it says to
         hold far more than it is large.
     """
-    head, arrays = _asked(path, names)
+    head, arrays = _asked(path, names, rows)
     result = [str(name) for name in head.get("names", ())]
     return result, dict(zip(names, arrays, strict=False))
 
@@ -74,7 +78,7 @@ def list_hdf5(path: Path) -> tuple[dict[str, tuple[tuple[int, ...], str]], dict[
     return shapes, dict(head.get("attributes", {}))
 
 
-def _asked(path: Path, names: Sequence[str]) -> Answer:
+def _asked(path: Path, names: Sequence[str], rows: tuple[str, int] | None = None) -> Answer:
     parquet = path.suffix.lower() == PARQUET
     library, extra = ("pyarrow", "lerobot") if parquet else ("h5py", "hdf5")
     if find_spec(library) is None:
@@ -87,7 +91,7 @@ def _asked(path: Path, names: Sequence[str]) -> Answer:
             most = min(max(SMALLEST, DENSEST * size), room)
             seconds = SECONDS + size / BYTES_A_SECOND
             request: dict[str, Any] = {"names": list(names), "most": most, "seconds": int(seconds)}
-            request["kind"] = "parquet" if parquet else "hdf5"
+            request |= {"kind": "parquet" if parquet else "hdf5", "rows": rows}
             # a chunk is held twice while it is unpacked
             request |= {"memory": 2 * most + 256 * MEGABYTE}
             head, arrays = child_answer(file, request, seconds)

@@ -276,22 +276,23 @@ def write_lerobot(
     window = None if old is None else _held(folder, old)
     if window is None:
         window = max(packed(episode.recording, fps).frames.shape[1] for episode in episodes)
-    tables = [_columns(episode, fps, window) for episode in episodes]
-    features = {name: column.description() for name, column in tables[0].items()}
-    for table in tables[1:]:
-        _refuse_other(features, {name: column.description() for name, column in table.items()})
-    if old is not None:
-        _refuse_other(features_of(folder, old), features)
+    features = dict[str, Any]() if old is None else dict(features_of(folder, old))
+    rows = 0
     with sentences(folder, RecordingError):
         make_folder(folder.parent)
     with written_folder(folder, error=RecordingError, force=append, owns=_is_own) as draft:
         writer = _Set(draft, arrow, parquet)
         if old is not None:
             writer.take_over(folder, old)
-        for episode, table in zip(episodes, tables, strict=True):
+        for episode in episodes:  # one at a time: all windows may be larger than the memory
+            table = _columns(episode, fps, window)
+            own = {name: column.description() for name, column in table.items()}
+            features = features or own
+            _refuse_other(features, own)
             writer.add(table, episode.task)
+            rows += len(table[TACTILE].values)
         writer.finish(features, fps, robot if old is None else str(old.get("robot_type")))
-    return sum(len(table[TACTILE].values) for table in tables)
+    return rows
 
 
 def _numbers(name: str, values: ArrayLike) -> Floats:
@@ -741,7 +742,7 @@ def _rows(folder: Path, number: int, wanted: list[str]) -> dict[str, NDArray[Any
             *(held[name][held["episode_index"] == number] for name in places[1:]), strict=True
         ):
             path = folder / f"data/chunk-{int(chunk):03d}/file-{int(file):03d}.parquet"
-            names, columns = read_hdf5(path, wanted)
+            names, columns = read_hdf5(path, wanted, ("episode_index", number))
             if not columns:
                 raise RecordingError(
                     f"'{path}' lacks features that the set describes: it has {names}."

@@ -106,6 +106,23 @@ def test_episodes_are_read_again_as_they_were(episodes: list[Episode], tmp_path:
     assert len(list(tmp_path.iterdir())) == 1
 
 
+def test_an_episode_is_read_without_the_others(tmp_path: Path) -> None:
+    """The rows of another one, in the same file, may even be damaged."""
+    parquet = pytest.importorskip("pyarrow.parquet")
+    touches = [jittered(60, number) for number in range(3)]
+    write_lerobot([Episode(touch) for touch in touches], tmp_path / "set", 30.0)
+    (file,) = (tmp_path / "set/data").rglob("*.parquet")
+    column = parquet.ParquetFile(file).metadata.row_group(1).column(0)
+    begin = column.dictionary_page_offset or column.data_page_offset
+    held = file.read_bytes()
+    file.write_bytes(held[:4] + bytes(begin - 4) + held[begin:])
+    for number in (1, 2):
+        own = Recording.from_lerobot(tmp_path / "set", number)
+        np.testing.assert_array_equal(own.values, touches[number].values.astype(np.float32))
+    with pytest.raises(RecordingError, match="cannot be read"):
+        Recording.from_lerobot(tmp_path / "set", 0)
+
+
 def test_the_tables_are_lerobots(episodes: list[Episode], tmp_path: Path) -> None:
     """Layout 3.0: `make lerobot` lets the library itself read such a set."""
     parquet = pytest.importorskip("pyarrow.parquet")
