@@ -2,7 +2,7 @@
 
 import sys
 from collections.abc import Callable, Generator, Mapping, Sequence
-from contextlib import closing, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from math import degrees
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
@@ -38,6 +38,12 @@ rerun_option = click.option(
     "--rerun",
     metavar="FILE.rrd|ADDRESS",
     help="Send pictures and events to Rerun: to a file or a running viewer.",
+)
+
+foxglove_option = click.option(
+    "--foxglove",
+    metavar="FILE.mcap|ADDRESS",
+    help="Send pictures and events to Foxglove: to a file, or served at ws://127.0.0.1:8765.",
 )
 
 
@@ -130,15 +136,20 @@ def kept(*writers: Callable[[], Mapping[str, str]]) -> Callable[[], Mapping[str,
 
 
 @contextmanager
-def to_rerun(scene: "Scene", target: str | None, *, force: bool) -> Generator[Watch]:
-    """Yield the function that sends a moment to Rerun; one that does nothing without a target."""
-    if target is None:
-        yield lambda _: None
-        return
-    from cnnum.live.rerun_sink import RerunSink
+def to_viewers(
+    scene: "Scene", *, rerun: str | None, foxglove: str | None, force: bool
+) -> Generator[Watch]:
+    """Yield the function that sends a moment to the viewers that have a target."""
+    with ExitStack() as sinks:
+        watches = list[Watch]()
+        if rerun is not None or foxglove is not None:
+            from cnnum.live.foxglove_sink import FoxgloveSink
+            from cnnum.live.rerun_sink import RerunSink
 
-    with RerunSink(scene, target, force=force) as sink:
-        yield sink.add
+            for kind, target in ((RerunSink, rerun), (FoxgloveSink, foxglove)):
+                if target is not None:
+                    watches.append(sinks.enter_context(kind(scene, target, force=force)).add)
+        yield watching(*watches)
 
 
 def refuse_unknown(save: Path | None) -> None:

@@ -55,6 +55,7 @@ _SERVING: Mapping[str, tuple[str, str]] = {
     "check": (f"{ARRAYS}.check", "Check order, signs, rate, rest and taxels of a recording."),
     "layout": (f"{ARRAYS}.layout", "Propose the layout of a data file, and draw a frame."),
     "lerobot": (f"{ARRAYS}.lerobot", "Write a recording as a data set of LeRobot."),
+    "ros": (f"{ARRAYS}.ros", "Publish the frames and events of a scene in ROS 2."),
     "view": (f"{ARRAYS}.view", "Show an array or a recording in a browser."),
     "replay": (f"{ROOM}.replay", "Run the program of a scene over a recording."),
     "tune": (f"{ROOM}.tune", "Tune the level of an event to your own recordings."),

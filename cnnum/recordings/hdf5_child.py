@@ -92,9 +92,7 @@ def _may_hold(group: Any, rows: tuple[str, int] | None) -> bool:
     return bool(own.statistics.min <= rows[1] <= own.statistics.max)
 
 
-def answer(
-    file: Any, wanted: list[str], most: int, rows: None = None
-) -> tuple[dict[str, Any], list[Any]]:
+def answer(file: Any, wanted: list[str], most: int) -> tuple[dict[str, Any], list[Any]]:
     """Return the head of the answer, and the arrays."""
     h5py: Any = import_module("h5py")
     result: list[str] = []
@@ -190,9 +188,11 @@ def run(request: dict[str, Any], source: Any, target: Any) -> None:
     codecs.lookup("ascii")
     limit(int(request["memory"]), int(request["seconds"]))
     try:
-        way: Any = of_parquet if parquet else answer
-        rows = request.get("rows")
-        head, held = way(source, list(request["names"]), int(request["most"]), rows)
+        names, most = list[str](request["names"]), int(request["most"])
+        if parquet:
+            head, held = of_parquet(source, names, most, request.get("rows"))
+        else:
+            head, held = answer(source, names, most)
     except Exception as error:  # whatever a library finds in a damaged file
         head, held = {"error": f"{error}" or type(error).__name__}, []
     target.write(json.dumps(head, default=str).encode() + b"\n")

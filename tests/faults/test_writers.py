@@ -694,7 +694,15 @@ OUTPUTS = {
 """Options that name a file to write, and a command that takes them."""
 
 OTHERS = {
-    *("run --rerun", "replay --rerun", "export --out", "sweep --output", "templates import --to"),
+    *(
+        "run --rerun",
+        "replay --rerun",
+        "run --foxglove",
+        "replay --foxglove",
+        "export --out",
+        "sweep --output",
+        "templates import --to",
+    ),
     *("templates design --output", "record FILE", "recover OUT", "lerobot FOLDER"),
     *("templates export FILE", "process --out", "process --fields", "view --record"),
     *(f"bench {name} --out" for name in main.get_command(None, "bench").commands),
@@ -718,7 +726,7 @@ def path_options(command, words=()):
         return
     for one in command.params:
         name = one.opts[0] if isinstance(one, click.Option) else one.name.upper()
-        named = name in ("--rerun", "FILE") or (name == "--to" and "import" in words)
+        named = name in ("--rerun", "--foxglove", "FILE") or (name == "--to" and "import" in words)
         if isinstance(one.type, click.Path) or named:
             yield f"{' '.join(words)} {name}"
 

@@ -19,8 +19,8 @@ OLDEST = "3.11.5"
 
 RUN, DEV, OTHERS = "# to run:", "# to develop and test:", "# of other extras:"
 OTHER_EXTRAS = (
-    *("attrs", "cax", "flax", "imageio", "intel-cmplr-lib-rt", "intel-opencl-rt", "networkx"),
-    *("optax", "rerun-sdk", "scikit-image", "taichi"),
+    *("attrs", "cax", "flax", "foxglove-sdk", "imageio", "intel-cmplr-lib-rt", "intel-opencl-rt"),
+    *("networkx", "optax", "rerun-sdk", "scikit-image", "taichi"),
 )
 """Packages that tests use where they are installed, and no target of make installs."""
 

@@ -25,6 +25,8 @@ HEAVY = {
     "lz4": {"cnnum/recordings"},
     "websockets": {"drivers/serial_port.py", "cnnum/live"},
     "rerun": {"cnnum/live/rerun_sink.py"},
+    "foxglove": {"cnnum/live/foxglove_sink.py"},
+    "rclpy": {"cnnum/live/ros_sink.py"},
     "matplotlib": {"cnnum/report", "cnnum/lab"},
     "PIL": {"cnnum/pictures.py", "cnnum/report"},
     "numba": {"cnnum/design", "cnnum/engines/numba", "cnnum/lab/bench/peers"},

@@ -45,7 +45,7 @@ COUNTED = {
     "cnnum/scenes/exporting.py:LONG": "the length of a test vector",
     "cnnum/scenes/tuning.py:LEAST": "s, next to it",
     "cnnum/scenes/tuning.py:ENOUGH": "frames of two steps",
-    "cnnum/live/rerun_sink.py:PICTURES": "a second",
+    "cnnum/live/sink.py:PICTURES": "a second",
 }
 """What is counted is no time."""
 

@@ -32,6 +32,7 @@ from cnnum.cli.output import COMPILING, Output, busy
 @following.save_option
 @following.film_option
 @following.rerun_option
+@following.foxglove_option
 @frames_option
 @click.option(
     "--speed",
@@ -56,6 +57,7 @@ def command(
     save: Path | None,
     film: Path | None,
     rerun: str | None,
+    foxglove: str | None,
     frames: int | None,
     speed: float,
     begin: float | None,
@@ -89,7 +91,7 @@ def command(
             loaded.driver = Paced(loaded.driver, speed, begin, end, keeps_before=True)
     saver = following.saved(save, loaded, force=force)
     filmed = following.filmed(film, loaded, force=force)
-    with following.to_rerun(loaded, rerun, force=force) as send:
+    with following.to_viewers(loaded, rerun=rerun, foxglove=foxglove, force=force) as send:
         watch = following.watching(saver.add, filmed.add, send)
         return follow(
             loaded,

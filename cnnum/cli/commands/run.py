@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 @following.save_option
 @following.film_option
 @following.rerun_option
+@following.foxglove_option
 @frames_option
 @target_option(
     "--trace",
@@ -53,6 +54,7 @@ def command(
     save: Path | None,
     film: Path | None,
     rerun: str | None,
+    foxglove: str | None,
     frames: int | None,
     trace: Path | None,
     trace_frame: int | None,
@@ -74,7 +76,13 @@ def command(
         from cnnum.scenes.scene_file import is_hand
 
         if is_hand(scene):
-            asked = {"--save": save, "--rerun": rerun, "--trace": trace, "--film": film}
+            asked = {
+                "--save": save,
+                "--rerun": rerun,
+                "--foxglove": foxglove,
+                "--trace": trace,
+                "--film": film,
+            }
             hand = _hand(scene, changes, trust, asked)
             return following.follow_hand(hand, output, name=scene, frames=frames)
         loaded = load_scene(scene, changes=changes, trust=trust)
@@ -86,7 +94,7 @@ def command(
         if moment.events and not eventful:
             eventful.append(moment.number)
 
-    with following.to_rerun(loaded, rerun, force=force) as send:
+    with following.to_viewers(loaded, rerun=rerun, foxglove=foxglove, force=force) as send:
         watches = following.watching(watch, saver.add, filmed.add, send)
         code = follow(
             loaded,
