@@ -77,7 +77,7 @@ class Phase:
         require(
             "duration",
             lasts,
-            f"seconds above 0, from {LEAST:g} up and below {MOST:g}",
+            f"seconds, at least {LEAST:g} and below {MOST:g}",
             self.duration,
         )
         for name in ("load", "speed", "frequency", "amplitude"):
@@ -341,11 +341,11 @@ class Settings:
 
     def __post_init__(self) -> None:
         require("seed", self.seed >= 0, "0 or more", self.seed)
-        require("shape", all(1 <= n <= 64 for n in self.shape), "1 to 64 a side", self.shape)
+        require("shape", all(1 <= n <= 64 for n in self.shape), "1 to 64 on each side", self.shape)
         for name, (least, most) in RANGES.items():
             value: float = getattr(self, name)
             fits = least <= value < most
-            require(name, fits, f"above 0, from {least:g} up and below {most:g}", value)
+            require(name, fits, f"at least {least:g} and below {most:g}", value)
         self._require_layer()
         require("creep", 0 <= self.creep < 1, "a share, 0 or more and below 1", self.creep)
         lasts = 0 < self.creep_time < 1e6

@@ -255,8 +255,8 @@ def test_the_simulation_goes_over_a_real_terminal(device: Any, link: Path) -> No
     ("options", "sentence"),
     [
         ({"shape": [0, 8]}, "'shape' must be"),
-        ({"rate": 0}, "'rate' must be above 0"),
-        ({"friction": -1.0}, "'friction' must be above 0"),
+        ({"rate": 0}, "'rate' must be at least 0.001"),
+        ({"friction": -1.0}, r"'friction' must be at least 1e-06 and below 1e\+06"),
         ({"bump_radius": 1e-3}, "'bump_radius' must be"),
         ({"bits": 40}, "'bits' must be"),
         ({"cover": "hilly"}, "'cover' must be one of 'flat', 'bumpy'"),
