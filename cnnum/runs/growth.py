@@ -83,6 +83,9 @@ LONGEST = 2.0
 """Part of the time of a growth by e beyond which a step jumps over what a limited state does at its
 limit: any number of such steps may end there, and agree."""
 
+LATELY = 0.75
+"""Part of a run after which a limited cell that comes to its limit has come there lately."""
+
 MOST_KEPT = 2**26
 """Numbers of a frame that the steps of a delay keep, half a gigabyte in double precision."""
 
@@ -133,7 +136,15 @@ def in_halves(request: Request, down: Callable[[Request], Result]) -> Result:
         growth=delayed_growth(template),
         turns=bool(turning_points(template, solver.duration)),
     )
-    return jumped(result, template, solver.duration)
+    result = jumped(result, template, solver.duration)
+    if not (template.output.limited and np.isfinite(result.error).any()):
+        return result
+    if not _near_limits(result).any():
+        return result
+    delay = delay_of(template)
+    step = delay / max(1, round(delay * int(result.steps.max()) / solver.duration))
+    earlier = replace(spec, dt=step, duration=LATELY * solver.duration)
+    return arrived(result, down(request.by(earlier)).state)
 
 
 def jumped(result: Result, template: Template, duration: float) -> Result:
@@ -145,6 +156,30 @@ def jumped(result: Result, template: Template, duration: float) -> Result:
     step = np.asarray(result.time) / np.maximum(result.steps, 1)
     long = step * delayed_growth(template) > LONGEST
     return replace(result, error=np.where(long, np.inf, result.error))
+
+
+def arrived(result: Result, earlier: Floats) -> Result:
+    """Return a run with a delay without its error where a limited cell has come to its limit.
+
+    Runs that come there too early agree: how long before the state itself, no difference shows. And
+    if the coarser one is there, and the other is not yet, they differ by too little.
+
+    Parameters
+    ----------
+    result : Result
+    earlier : (..., rows, cols) float
+        The states since which no cell may have come to its limit.
+    """
+    came = _near_limits(result) & (result.state != earlier)
+    inner = tuple(range(np.ndim(result.time), result.state.ndim))
+    return replace(result, error=np.where(came.any(axis=inner), np.inf, result.error))
+
+
+def _near_limits(result: Result) -> NDArray[np.bool_]:
+    """Return the cells that are no further from a limit than the error."""
+    inner = tuple(range(np.ndim(result.time), result.state.ndim))
+    near: NDArray[np.bool_] = np.abs(result.state) + np.expand_dims(result.error, inner) >= 1.0
+    return near
 
 
 def lets_go(template: Template, duration: float) -> bool:

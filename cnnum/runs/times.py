@@ -20,6 +20,8 @@ from cnnum.integrators.series import Stretch, in_stretches
 from cnnum.integrators.solver import Exact, Solver, Stepping
 from cnnum.plan import Plan
 from cnnum.runs.growth import (
+    LATELY,
+    arrived,
     by_differences,
     by_halving,
     compared,
@@ -39,6 +41,9 @@ MOST = 10_000
 
 ALMOST = 1e-9
 """Share of a step by which a time may exceed a whole number of steps and still count as it."""
+
+OF_TIMES = ("output", "state", "time", "steps", "settled", "error")
+"""Attributes of a result with an axis of times."""
 
 Maps = Mapping[str, NDArray[np.floating]]
 
@@ -117,32 +122,21 @@ def _halved_looks(request: Request, times: tuple[float, ...], end: Result) -> Re
     step = float(np.max(end.time)) / max(int(np.max(end.steps)), 1)
     delay = delay_of(template)
     parts = 4 * max(1, math.ceil(delay / step / 4.0 - 1e-9)) if step else 4
-    results: list[Result] = []
+    limited, results = template.output.limited, list[Result]()
+    lately = [LATELY * time for time in times] if limited else []
+    every = sorted({*times, *lately})
     for coarser in (4, 2, 1):
-        own = request.by(replace(spec, dt=coarser * delay / parts, method=end.method))
+        run = request.by(replace(spec, dt=coarser * delay / parts, method=end.method))
         # before the first step ends, runs would be the same one but for these
-        results.append(looked_at(own.plan, own.given, own.lead, times, cuts=4 // coarser))
+        results.append(looked_at(run.plan, run.given, run.lead, every, cuts=4 // coarser))
     turns = bool(turning_points(template, times[-1]))
     looks = by_differences(results, (spec.rtol, spec.atol), precision, turns=turns)
     looks = jumped(looks, template, times[-1])
-    return _come_to_limits(looks, request) if template.output.limited else looks
-
-
-def _come_to_limits(looks: Result, request: Request) -> Result:
-    """Return looks without their errors where a limited cell has come to its limit since the last.
-
-    Runs that come there too early agree: how long before the state itself, no difference shows.
-    """
-    count = len(looks.times or ())
-    states = np.asarray(looks.state, dtype=np.float64).reshape(count, -1)
-    start = np.asarray(request.given.get("state", np.nan), dtype=np.float64)
-    if start.size > 1:
-        start = np.broadcast_to(start, (*request.lead, *start.shape[-3:])).reshape(-1)
-    before = np.concatenate([np.broadcast_to(start, (1, states.shape[1])), states[:-1]])
-    came = (np.abs(states) >= 1.0) & (states != before)
-    error = np.asarray(looks.error, dtype=np.float64)
-    some = came.reshape(*error.shape, -1).any(axis=-1)
-    return replace(looks, error=np.where(some, np.inf, error))
+    if not limited:
+        return looks
+    earlier, places = looks.state[np.searchsorted(every, lately)], np.searchsorted(every, times)
+    own: dict[str, Any] = {name: getattr(looks, name)[places] for name in OF_TIMES}
+    return arrived(replace(looks, **own, times=times), earlier)
 
 
 def _finely(plan: Plan) -> bool:
