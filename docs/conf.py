@@ -17,6 +17,7 @@ extensions = [
 ]
 html_theme = "furo"
 html_title = "cnnum"
+html_extra_path = ["skin.html"]
 exclude_patterns = ["_build"]
 source_suffix = {".md": "markdown"}
 myst_enable_extensions = ["colon_fence"]
