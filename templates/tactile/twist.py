@@ -12,7 +12,6 @@ is there, as after a reading that jumped. If it lasts, the rest must be learned 
 """
 
 from collections.abc import Mapping
-from math import inf
 
 from cnnum.programs import program
 from cnnum.programs.fields import Field, maximum, minimum, most, where
@@ -101,7 +100,10 @@ def read_outs(frame: FrameFields, *, recent: RecentLoads, still: float) -> dict[
     )
     changes = recent.load_rate > still
     if recent.pressed:
-        curls = [_since(recent, "curl", curl, changes, PRESSED) for curl in curls]
+        curls = [
+            _since(recent, "curl", curl, changes, maximum(PRESSED, PULLED * pad.ratio))
+            for curl, pad in zip(curls, recent.pads, strict=True)
+        ]
     parts = [abs(_since(recent, "divergence", part, changes)) for part in parts]
     rows = [
         (abs(turn), turn, part, pad.ratio, *recent.centre(pad))
@@ -145,9 +147,9 @@ def _over_load(recent: RecentLoads, pad: Pad, slope: Field) -> Field:
 
 
 def _since(
-    recent: RecentLoads, name: str, value: Field, changes: Field, limit: float = inf
+    recent: RecentLoads, name: str, value: Field, changes: Field, limit: Field | None = None
 ) -> Field:
     """Return a number less its value at the load's last change, or less a limit of that."""
     memory = recent.frame.memory(f"{name} at last change", scalar=True)
     held = memory.hold(value, recent.resting | changes)
-    return value - (held if limit == inf else maximum(minimum(held, limit), -limit))
+    return value - (held if limit is None else maximum(minimum(held, limit), -limit))

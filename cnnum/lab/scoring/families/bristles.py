@@ -327,12 +327,15 @@ def _read(brush: Brush, pressed: Floats, bends: Floats) -> Floats:
 
 
 def scene(
-    moves: Moves, *, pads: int = 1, slips: bool = True
+    moves: Moves, *, pads: int = 1, other: Callable[[Brush], Brush] = lambda brush: brush
 ) -> Callable[[Arrays, str, int], Trial]:
-    """Return scenes of a motion; with two pads the second one holds still under its pull."""
+    """Return scenes of a motion; with two pads the second one holds still under its pull.
+
+    `other` makes another body of the one that is drawn.
+    """
 
     def make(_: Arrays, family: str, seed: int) -> Trial:
-        brush = Brush.drawn(family, seed)
+        brush = other(Brush.drawn(family, seed))
         way = moves(brush).until(brush.scans(SECONDS - SETTLED))
         fine = ((np.arange(TAXELS * FINE) + 0.5) / FINE - TAXELS / 2) * PITCH
         x, y = np.meshgrid(fine, fine)

@@ -262,7 +262,8 @@ class MovingContact:
         curls, parts = (np.array([pad[n] for pad in pads]) for n in ("curl", "divergence"))
         if load_rate > c.most_load_rate:
             self.offsets, self.opened = curls, parts
-        turns = curls - np.clip(self.offsets, -PRESSED, PRESSED)
+        limits = np.maximum(PRESSED, [PULLED * pad["ratio"] for pad in pads])
+        turns = curls - np.clip(self.offsets, -limits, limits)
         where = int(np.argmax(np.abs(turns)))
         turned, apart = float(turns[where]), float((parts - self.opened)[where])
         slips = self.slips.step(strength)
