@@ -263,9 +263,9 @@ class MovingContact:
         if load_rate > c.most_load_rate:
             self.offsets, self.opened = curls, parts
         limits = np.maximum(PRESSED, [PULLED * pad["ratio"] for pad in pads])
-        turns = curls - np.clip(self.offsets, -limits, limits)
-        where = int(np.argmax(np.abs(turns)))
-        turned, apart = float(turns[where]), float((parts - self.opened)[where])
+        changed = curls - np.clip(self.offsets, -limits, limits)
+        where = int(np.argmax(np.abs(changed)))
+        turned, apart = float(changed[where]), float((parts - self.opened)[where])
         slips = self.slips.step(strength)
         above = {name: max(pad[name] for pad in pads) for name in ("beyond", "counts", "read")}
         sound = above["beyond"] <= 0.0 and (above["counts"] > 0.0 or above["read"] < 0.0)
