@@ -208,7 +208,7 @@ def strokes_of(trial: Trial) -> list[tuple[int, int]]:
 
 def main() -> None:
     """Print a row a kind of scene."""
-    argparse.ArgumentParser(description=__doc__.partition("\n")[0]).parse_args()
+    argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0]).parse_args()
     engine, arrays = Engine(), Arrays()
     drawn = {
         row: [make(arrays, name, seed) for name, made in group.items() for seed, make in made]
