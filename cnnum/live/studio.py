@@ -2,8 +2,8 @@
 
 A question is a JSON object with `do`, the number `id` and a template as the page holds it. The
 answer to "run" is a head of JSON, its length before it as u32, and the states of its `times` (2 are
-the start and the end) as little-endian float32; every other answer is JSON. A page has one question
-of a kind on its way.
+the start and the one numbered `moment`) as little-endian float32; every other answer is JSON. A
+page has one question of a kind on its way.
 """
 
 import asyncio
@@ -207,20 +207,22 @@ def runnable(given: Mapping[str, Any]) -> Template:
 
 
 def film(
-    engine: Engine, template: Template, picture: Floats, count: int = TIMES
+    engine: Engine, template: Template, picture: Floats, moment: int | None = None
 ) -> tuple[dict[str, Any], Floats]:
-    """Return the head of a film, and its states (times, rows, cols) at a count of times.
+    """Return the head of a film, and its states (times, rows, cols), at one moment or at all.
 
     Its steps are fixed, so that a film comes at once. The end is judged by `facts`.
     """
     end, steps = steps_of(template)
-    times = np.linspace(0.0, end, count)
+    times = np.linspace(0.0, end, TIMES)
+    if moment is not None:
+        times = times[[0, moment]]
     maps = maps_of(template, picture)
     run = engine.run(template, **maps, at=times[1:], method="rk4", dt=end / steps)
     start = picture if not template.inputs or template.initial == "input" else template.initial
     first = np.broadcast_to(np.asarray(start, np.float64), picture.shape)
     states = np.concatenate([first[np.newaxis], run.state])
-    return {"times": times.tolist(), "step": end / steps}, states
+    return {"times": times.tolist(), "end": end, "step": end / steps}, states
 
 
 def alone(template: Template) -> bool:
@@ -381,10 +383,10 @@ class Studio(Door):
 
     def _run(self, asked: Mapping[str, Any]) -> bytes:
         template, picture = runnable(asked["template"]), picture_of(asked)
-        count = int(asked.get("times") or TIMES)
-        if not 2 <= count <= TIMES:
-            raise TemplateError(f"A film has 2 to {TIMES} times, got {count}.")
-        head, states = film(self._engine, template, picture, count)
+        moment = int(asked["moment"]) if "moment" in asked else None
+        if moment is not None and not 1 <= moment < TIMES:
+            raise TemplateError(f"A film has the moments 1 to {TIMES - 1}, got {moment}.")
+        head, states = film(self._engine, template, picture, moment)
         shape = {"rows": picture.shape[0], "cols": picture.shape[1]}
         text = json.dumps(head | shape).encode()
         return LENGTH.pack(len(text)) + text + states.astype("<f4").tobytes()

@@ -112,9 +112,13 @@ def test_a_film_is_the_solution_of_the_equation(studio: Studio, name: str) -> No
                     atol=1e-8, max_step=0.05)  # fmt: skip
     np.testing.assert_allclose(states.reshape(len(states), 64), way.y.T, atol=0.1)
     assert states.std() > 0.5
-    # while a slider moves, the end is asked for alone
-    _, ends = answer(studio, "run", template=page_of(template), times=2, **drawn(picture))
-    np.testing.assert_allclose(ends, states[[0, -1]], atol=1e-4)
+    # while a slider moves, the time that is shown is asked for alone
+    for moment in (1, 7, 32):
+        asked = {"template": page_of(template), "moment": moment, **drawn(picture)}
+        short, two = answer(studio, "run", **asked)
+        assert (short["times"], short["end"]) == ([0.0, head["times"][moment]], head["times"][-1])
+        np.testing.assert_allclose(two, states[[0, moment]], atol=1e-4)
+    assert "moments 1 to 32" in answer(studio, "run", **asked | {"moment": 33})["error"]
 
 
 def test_a_film_of_64_by_64_cells_takes_less_than_50_ms(studio: Studio) -> None:

@@ -49,20 +49,23 @@ const drawn = () => ({
 });
 
 let later = 0;
-const atEnd = () => !view.film || view.moment === view.film.times.length - 1;
+const LAST = 32; // number of the last time of a film
+// the place in a film of the time that is shown: a short one holds the start and that time alone
+const frame = (film) => (film.times.length === 2 ? Math.min(1, view.moment) : view.moment);
 
-function askFilms(times) {
-  ask("run", () => ({ ...drawn(), times }));
-  if (view.other) ask("other", () => ({ ...drawn(), times, template: view.other, do: "run" }));
+function askFilms(alone) {
+  const which = () => (alone ? { moment: view.moment || LAST } : {});
+  ask("run", () => ({ ...drawn(), ...which() }));
+  if (view.other) ask("other", () => ({ ...drawn(), ...which(), template: view.other, do: "run" }));
 }
 
 function changed() {
-  askFilms(atEnd() ? 2 : 33); // the times between come once nothing changes
+  askFilms(true); // the other times come once nothing changes
   clearTimeout(later);
   view.due = true;
   later = setTimeout(() => {
     view.due = false;
-    askFilms(33);
+    askFilms(false);
     ask("facts", drawn);
     countFlips();
     if (view.other) ask("compare", () => ({ template: view.template, other: view.other }));
@@ -106,7 +109,6 @@ function filmed(buffer) {
   if (kind === "other") view.otherFilm = film;
   else {
     say("");
-    view.moment = atEnd() ? film.times.length - 1 : Math.min(view.moment, film.times.length - 1);
     view.film = film;
     if (view.facts && film.times.length > 2) showFacts(view.facts);
     view.cell = [Math.min(view.cell[0], film.rows - 1), Math.min(view.cell[1], film.cols - 1)];
@@ -343,8 +345,8 @@ function paint(canvas, values, rows, cols) {
   canvas.getContext("2d").putImageData(image, 0, 0);
 }
 
-function outputs(film, moment) {
-  const first = Math.min(moment, film.times.length - 1) * film.rows * film.cols;
+function outputs(film) { // at the time that is shown
+  const first = frame(film) * film.rows * film.cols;
   return (n) => film.states[first + n];
 }
 
@@ -352,17 +354,16 @@ function draw() {
   paint(at("picture"), (n) => view.picture[n] / 100, view.rows, view.cols);
   const film = view.film;
   if (!film) return;
-  paint(at("film"), outputs(film, view.moment), film.rows, film.cols);
+  paint(at("film"), outputs(film), film.rows, film.cols);
   if (view.other && view.otherFilm) {
-    paint(at("film1"), outputs(film, view.moment), film.rows, film.cols);
-    paint(at("film2"), outputs(view.otherFilm, view.moment), view.otherFilm.rows, view.otherFilm.cols);
+    paint(at("film1"), outputs(film), film.rows, film.cols);
+    paint(at("film2"), outputs(view.otherFilm), view.otherFilm.rows, view.otherFilm.cols);
   }
   at("one").textContent = view.other ? view.template.name : "";
   at("two").textContent = view.other ? view.other.name : "";
   document.querySelector("#compare .pair").hidden = !view.other;
-  at("scrub").max = film.times.length - 1;
   at("scrub").value = view.moment;
-  at("when").textContent = `t = ${film.times[view.moment].toFixed(2)}${view.template.tau === 1 ? " τ" : ""}`;
+  at("when").textContent = `t = ${film.times[frame(film)].toFixed(2)}${view.template.tau === 1 ? " τ" : ""}`;
   at("place").textContent = `row ${view.cell[0]}, column ${view.cell[1]}`;
   drawCourse();
   drawPhase();
@@ -372,7 +373,7 @@ function draw() {
 function mark() { // the chosen cell, in its own colour
   const canvas = at("film"), pen = canvas.getContext("2d");
   pen.fillStyle = getComputedStyle(document.documentElement).getPropertyValue("--now").trim();
-  const [row, col] = view.cell, dark = view.film.states[(view.moment * view.film.rows + row) * view.film.cols + col] > 0;
+  const [row, col] = view.cell, dark = outputs(view.film)(row * view.film.cols + col) > 0;
   pen.globalAlpha = dark ? 0.75 : 0.55;
   pen.fillRect(col, row, 1, 1);
   pen.globalAlpha = 1;
@@ -460,14 +461,14 @@ function drawCourse() {
   const film = view.film, [row, col] = view.cell;
   const course = film.times.map((t, k) => state(film, k, row, col)), reach = Math.max(1.2, ...course.map(Math.abs));
   view.course = course;
-  const unit = view.template.tau === 1 ? "time, τ" : "time", { pen, x, y, colour } = sheet(at("course"), [0, film.times[film.times.length - 1]], [-reach, reach], unit, "state x");
+  const unit = view.template.tau === 1 ? "time, τ" : "time", { pen, x, y, colour } = sheet(at("course"), [0, film.end], [-reach, reach], unit, "state x");
   pen.setLineDash([4, 4]);
   pen.strokeStyle = colour("soft");
-  for (const v of [-1, 1]) line(pen, [[x(0), y(v)], [x(film.times[film.times.length - 1]), y(v)]]);
+  for (const v of [-1, 1]) line(pen, [[x(0), y(v)], [x(film.end), y(v)]]);
   pen.setLineDash([]);
   pen.strokeStyle = colour("curve"); pen.lineWidth = 2;
   line(pen, course.map((v, k) => [x(film.times[k]), y(v)]));
-  dot(pen, x(film.times[view.moment]), y(course[view.moment]), colour("now"), colour("now"), 3.5);
+  dot(pen, x(film.times[frame(film)]), y(course[frame(film)]), colour("now"), colour("now"), 3.5);
 }
 
 // what a cell sees beyond the rim, and within it
@@ -481,7 +482,7 @@ function seen(values, row, col, rim) {
 
 // a cell τ dx/dt = −x + a f(x) + w, with its neighbours as they are at this time
 function cellNow() {
-  const t = view.template, [row, col] = view.cell, now = outputs(view.film, view.moment);
+  const t = view.template, [row, col] = view.cell, now = outputs(view.film);
   let w = t.z;
   for (let n = 0; n < 9; n += 1) {
     const i = Math.floor(n / 3), j = n % 3, r = row + i - 1, c = col + j - 1;
@@ -496,7 +497,7 @@ function cellNow() {
 }
 
 function drawPhase() {
-  const { rate, rests } = cellNow(), now = view.course[view.moment];
+  const { rate, rests } = cellNow(), now = view.course[frame(view.film)];
   view.rests = rests;
   const reach = 1.15 * Math.max(1.5, Math.abs(now), ...rests.map((r) => Math.abs(r.x)));
   const bends = [-reach, -1, 1, reach], high = 1.1 * Math.max(0.5, ...bends.map((v) => Math.abs(rate(v))));
@@ -520,7 +521,7 @@ function save(toml) {
 }
 
 function moveTo(moment) {
-  view.moment = Math.min(view.film.times.length - 1, Math.max(0, moment));
+  view.moment = Math.min(LAST, Math.max(0, moment));
   draw();
 }
 
@@ -528,10 +529,10 @@ function play() {
   clearInterval(view.playing);
   if (at("play").textContent === "Stop") { at("play").textContent = "Play"; return; }
   at("play").textContent = "Stop";
-  if (view.moment === view.film.times.length - 1) moveTo(0);
+  if (view.moment === LAST) moveTo(0);
   view.playing = setInterval(() => {
     moveTo(view.moment + 1);
-    if (view.moment === view.film.times.length - 1) { clearInterval(view.playing); at("play").textContent = "Play"; }
+    if (view.moment === LAST) { clearInterval(view.playing); at("play").textContent = "Play"; }
   }, 90);
 }
 
