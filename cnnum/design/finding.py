@@ -3,9 +3,9 @@
 import math
 import re
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, partial
 from typing import Any, cast
 
 import numpy as np
@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from cnnum.arrays import Floats
 from cnnum.engine import Engine
 from cnnum.errors import ArrayError, CnnumError, name_error
+from cnnum.integrators.stability import stability_bound
 from cnnum.templating.library import get_entry, template_names
 from cnnum.templating.stability_class import stability_class
 from cnnum.templating.template import Template
@@ -53,6 +54,16 @@ LEFT_OUT = frozenset(
 
 PICTURES, SIDE = 8, 24
 """Random pictures on which coupled templates are compared, and their side in cells."""
+
+FIRST_LOOK, LAST_LOOK = 32.0, 1024.0
+"""Time constants after which the signs of a run without a duration are looked at, and after which
+it counts as at rest whatever they do."""
+
+STEP = 0.1
+"""Longest fixed step of a search, in time constants."""
+
+SURE = 10
+"""Results at the head of a ranking whose templates run as `Engine.run` has them."""
 
 MOST_CELLS = 1 << 20
 """Cells of all pictures between two templates that are looked at in one search."""
@@ -176,9 +187,14 @@ def find_by_example(
     state: ArrayLike | None = None,
     engine: Engine | None = None,
     names: Iterable[str] | None = None,
-    say: Callable[[str], object] = str,
+    most: int = SURE,
+    watch: Callable[[str], bool] = bool,
+    outputs: dict[str, Floats] | None = None,
 ) -> list[Match]:
     """Return the results of all templates on an example, in order of wrong cells.
+
+    All of them run in fixed steps, as long as signs change. The best ones then run once more as
+    `Engine.run` has it, which for many takes a hundred times as long.
 
     Parameters
     ----------
@@ -192,8 +208,13 @@ def find_by_example(
         The default is "numba", which compiles nothing for a template.
     names : iterable of str, optional
         Templates to try. The default is the whole library.
-    say : callable
-        Called with the name of each template before it runs.
+    most : int
+        Number of results that are wanted, whose templates run once more.
+    watch : callable
+        Called with the name of each template before it runs; if it returns False, the search ends
+        with what it has.
+    outputs : dict, optional
+        Filled with the output of each template, for `find_programs`.
 
     Returns
     -------
@@ -208,16 +229,48 @@ def find_by_example(
     """
     inputs, signs, matter = _example(given, wanted)
     used, result = engine or Engine("numba"), list[Match]()
+    start = None if state is None else np.asarray(state)
+
+    def match(name: str, output: Floats | None) -> Match | None:
+        if output is None:
+            return None
+        wrong = int(((output > 0.0) != (signs > 0.0))[matter].sum())
+        return Match(name, wrong, int(matter.sum()), _margin(name), (name,))
+
     for name in names if names is not None else template_names():
         template = get_entry(name).template
         if not _takes_one_picture(template) or (template.needs_state and state is None):
             continue
-        say(name)
-        output = _output(used, template, inputs, None if state is None else np.asarray(state))
-        if output is not None:
-            wrong = int(((output > 0.0) != (signs > 0.0))[matter].sum())
-            result.append(Match(name, wrong, int(matter.sum()), _margin(name), (name,)))
-    return sorted(result, key=_rank)
+        if not watch(name):
+            return sorted(result, key=_rank)
+        output = _quickly(used, template, inputs, start)
+        found = match(name, output)
+        result += [] if found is None else [found]
+        if outputs is not None and output is not None:
+            outputs[template.name] = output
+
+    def again(found: Match) -> Match | None:
+        (name,) = found.templates
+        return match(name, _output(used, get_entry(name).template, inputs, start))
+
+    return _made_sure(result, most, again, watch)
+
+
+def _made_sure(
+    matches: Iterable[Match],
+    most: int,
+    again: Callable[[Match], Match | None],
+    watch: Callable[[str], bool],
+) -> list[Match]:
+    """Return matches in their order, where the best ones have been looked at once more."""
+    waiting, sure = sorted(matches, key=_rank), list[Match]()
+    while waiting and (len(sure) < most or _rank(waiting[0]) < _rank(sure[most - 1])):
+        if not watch(waiting[0].name):
+            break
+        found = again(waiting.pop(0))
+        if found is not None:
+            sure = sorted([*sure, found], key=_rank)
+    return sorted([*sure, *waiting], key=_rank)
 
 
 def find_programs(
@@ -226,8 +279,9 @@ def find_programs(
     *,
     engine: Engine | None = None,
     names: Iterable[str] | None = None,
-    most: int = 10,
-    say: Callable[[str], object] = str,
+    most: int = SURE,
+    watch: Callable[[str], bool] = bool,
+    outputs: dict[str, Floats] | None = None,
 ) -> list[Match]:
     """Return the programs of two templates with the fewest wrong cells on an example.
 
@@ -236,8 +290,10 @@ def find_programs(
 
     Parameters
     ----------
-    given, wanted, engine, names, say
-        As in `find_by_example`; `say` is called for each template in both positions.
+    given, wanted, engine, names, watch
+        As in `find_by_example`; `watch` is called for each template in both positions.
+    outputs : dict, optional
+        Outputs of templates on the example, which `find_by_example` knows.
     most : int
         Largest number of programs to return.
 
@@ -257,29 +313,60 @@ def find_programs(
     used = engine or Engine("numba")
     taken = template_names() if names is None else names
     taken = [name for name in taken if _takes_one_picture(get_entry(name).template)]
-    firsts, between = _between(used, taken, inputs, signs, matter, say)
-    result, cells = list[Match](), int(matter.sum())
+    first_run = partial(_known, outputs or {}, used)
+    firsts, between = _between(first_run, taken, inputs, signs, matter, watch)
+    result = list[Match]()
+
+    def matches(run: _Run, name: str, before: Sequence[str], pictures: Floats) -> list[Match]:
+        return [
+            Match(f"{first} → {name}{said}", int(count), int(matter.sum()),
+                  min(_margin(first), _margin(name)), (first, name))
+            for said, output in _seconds(run, name, pictures, inputs)
+            for first, count in zip(
+                before, ((output > 0.0) != (signs > 0.0))[:, matter].sum(axis=1), strict=True
+            )
+        ]  # fmt: skip
+
     for name in taken if firsts else ():
-        say(name)
+        if not watch(name):
+            return result[:most]
         few = len(firsts) if _alone(get_entry(name).template) else NEAREST
-        for said, output in _seconds(used, name, between[:few], inputs):
-            wrong = ((output > 0.0) != (signs > 0.0))[:, matter].sum(axis=1)
-            margins = [min(_margin(first), _margin(name)) for first in firsts[:few]]
-            result += [
-                Match(f"{first} → {name}{said}", int(count), cells, margin, (first, name))
-                for first, count, margin in zip(firsts[:few], wrong, margins, strict=True)
-            ]
-            result = sorted(result, key=_rank)[:most]
-    return result
+        run = partial(_quickly, used)
+        result = sorted([*result, *matches(run, name, firsts[:few], between[:few])], key=_rank)
+        del result[4 * most :]  # more than are wanted, as some may fall behind in the next runs
+
+    def again(found: Match) -> Match | None:
+        first, name = found.templates
+        output = _output(used, get_entry(first).template, inputs, None)
+        if output is None:
+            return None
+        pictures = np.clip(output, -1.0, 1.0)[np.newaxis]
+        sure = matches(partial(_output, used), name, [first], pictures)
+        return next((match for match in sure if match.name == found.name), None)
+
+    return _made_sure(result, most, again, watch)[:most]
+
+
+_Run = Callable[[Template, Floats, Floats | None], Floats | None]
+"""Runs a template on inputs from a state, or from its own; None where it cannot run on them."""
+
+
+def _known(
+    outputs: Mapping[str, Floats], engine: Engine, template: Template, inputs: Floats
+) -> Floats | None:
+    """Return a template's output on the example, which may be known."""
+    if template.name in outputs:
+        return outputs[template.name]
+    return _quickly(engine, template, inputs, None)
 
 
 def _between(
-    engine: Engine,
+    run: Callable[[Template, Floats], Floats | None],
     names: Sequence[str],
     inputs: Floats,
     signs: Floats,
     matter: NDArray[np.bool_],
-    say: Callable[[str], object],
+    watch: Callable[[str], bool],
 ) -> tuple[list[str], Floats]:
     """Return first templates whose outputs differ, and these outputs, the nearest ones first."""
     known = {np.round(inputs, 3).tobytes()}
@@ -288,8 +375,9 @@ def _between(
         template = get_entry(name).template
         if template.needs_state:
             continue
-        say(name)
-        output = _output(engine, template, inputs, None)
+        if not watch(name):
+            break
+        output = run(template, inputs)
         if output is None or np.ptp(output) < HALF:
             continue
         output = np.clip(output, -1.0, 1.0)
@@ -307,13 +395,11 @@ HALF = 0.5
 """Range of an output below which it counts as having one colour."""
 
 
-def _seconds(
-    engine: Engine, name: str, between: Floats, inputs: Floats
-) -> Iterator[tuple[str, Floats]]:
+def _seconds(run: _Run, name: str, between: Floats, inputs: Floats) -> Iterator[tuple[str, Floats]]:
     """Yield how a second template gets its pictures, and its outputs."""
     template = get_entry(name).template
     if not template.needs_state:
-        output = _output(engine, template, between, None)
+        output = run(template, between, None)
         if output is not None:
             yield "", output
         return
@@ -322,7 +408,7 @@ def _seconds(
         (" (state: the given picture)", (between, whole)),
         (" (input: the given picture)", (whole, between)),
     ):
-        output = _output(engine, template, *pair)
+        output = run(template, *pair)
         if output is not None:
             yield said, output
 
@@ -342,6 +428,46 @@ def _output(
     except CnnumError:
         return None
     return np.asarray(result.output, np.float64)
+
+
+def _quickly(
+    engine: Engine, template: Template, inputs: Floats, state: Floats | None
+) -> Floats | None:
+    """Return what `_output` does as fixed steps have it, without the proofs of a rest."""
+    if state is None and template.initial == "input":
+        state = inputs
+    given: dict[str, Any] = {"input": inputs if template.inputs else None, "state": state}
+    slowest, quickest = float(template.tau.max()), float(template.tau.min())
+    timed = None if template.duration == "settle" else float(template.duration)
+    end = FIRST_LOOK * slowest if timed is None else timed
+    try:
+        if _alone(template):
+            return np.asarray(engine.run(template, **given, method="decision").output, np.float64)
+    except CnnumError:
+        pass  # some cells are too close to call
+    try:
+        step = min(0.5 * stability_bound(template, inputs.shape[-2:], "rk4").step, STEP * quickest)
+        steps: dict[str, Any] = {"method": "rk4", "dt": end / math.ceil(end / step)}
+        run = engine.run(template, **given, duration=end, **steps)
+    except (CnnumError, ArithmeticError):  # there are delays, or the duration is 0
+        try:
+            run = engine.run(template, **given, duration=end)
+        except CnnumError:
+            return None
+        return np.asarray(run.output, np.float64)
+    result, x, passed = np.array(run.output, np.float64), np.array(run.state), end
+    moving = np.ones(result.shape[:-2], bool)
+    while timed is None and moving.any() and passed < LAST_LOOK * slowest:
+        some: dict[str, Any] = {
+            role: maps if maps is None else np.broadcast_to(maps, x.shape)[moving]
+            for role, maps in given.items()
+        }
+        some["state"] = x[moving]
+        run = engine.run(template, **some, duration=passed, **steps)
+        still = ((run.output > 0.0) == (result[moving] > 0.0)).all(axis=(-2, -1))
+        x[moving], result[moving] = run.state, run.output
+        moving[moving], passed = ~still, 2.0 * passed
+    return result
 
 
 def _margin(name: str) -> float:

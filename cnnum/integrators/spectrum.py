@@ -12,6 +12,7 @@ J = S(A D − 1) with D = diag f'(x), 0 ≤ f' ≤ 1, whatever cells saturate.
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -168,6 +169,9 @@ def torus_coupling(template: Template, shape: tuple[int, int]) -> Complexes:
     return np.asarray(result, dtype=np.complex128)
 
 
+KEPT = 512
+"""Matrices whose eigenvalues are kept: a search runs every template of the library many times."""
+
 EIGENVALUE_LIMIT = 256
 """States up to which the eigenvalues of an array without known modes are computed: a tenth of a
 second."""
@@ -267,12 +271,14 @@ def _linear(network: Network) -> Spectrum | None:
     if template.boundary.pad_mode == "wrap":
         return _exact(_torus(template, shape), "the Fourier modes of a torus")
     if network.states <= EIGENVALUE_LIMIT:
-        return _of_matrix(network)
+        return _of_matrix(template, shape)
     return None
 
 
-def _of_matrix(network: Network) -> Spectrum:
+@lru_cache(maxsize=KEPT)
+def _of_matrix(template: Template, shape: Shape) -> Spectrum:
     """Return the eigenvalues of the matrix, with discs where they miss a part of its growth."""
+    network = Network(template, shape)
     matrix = network.linear_system().matrix
     result = _exact(np.asarray(np.linalg.eigvals(matrix), dtype=np.complex128), "its matrix")
     if np.allclose(matrix @ matrix.T, matrix.T @ matrix, atol=1e-12):

@@ -1,6 +1,7 @@
 """Templates are found by words and by an example, and two are compared."""
 
 import json
+import signal
 from dataclasses import replace
 
 import numpy as np
@@ -10,6 +11,7 @@ from scipy import ndimage
 
 import cnnum
 from cnnum.cli import main
+from cnnum.design import finding
 from cnnum.design.finding import compare, find_by_example, find_by_words, find_programs
 from cnnum.errors import ArrayError, UnknownNameError
 from cnnum.templating.library import get_entry
@@ -64,10 +66,10 @@ def test_an_example_finds_what_makes_it():
     edges = np.where((given > 0) & ~inner, 1.0, -1.0)
     rim = np.zeros_like(edges, bool)
     rim[:, 1:-1, 1:-1] = True
-    found = find_by_example(given, np.where(rim, edges, np.nan), names=names)
+    found = find_by_example(given, np.where(rim, edges, np.nan), names=names, most=2)
     assert found[0].wrong < found[1].wrong
     assert found[0].cells == rim.sum()
-    inverted = find_by_example(given, -given, names=names)
+    inverted = find_by_example(given, -given, names=names, most=1)
     assert (inverted[0].name, inverted[0].wrong) == ("LOGNOT", 0)
 
 
@@ -101,6 +103,77 @@ def test_the_second_of_a_program_may_read_the_given_picture_too():
     assert (best.templates, best.wrong) == (("CHUA_EROSION", "LOGDIF"), 0)
     # the input of LOGDIF is taken from its state, as the library says
     assert best.name == "CHUA_EROSION → LOGDIF (state: the given picture)"
+
+
+def spiral(side=16):
+    """A black wall one cell wide, round a white way into the middle and open at its end."""
+    cells, row, col = -np.ones((side, side)), 1, 1
+    cells[row, col] = 1.0
+    lengths = [side - 3, side - 3, side - 3, *(n for k in range(side - 5, 0, -2) for n in (k, k))]
+    for way, length in enumerate(lengths):
+        down, right = ((0, 1), (1, 0), (0, -1), (-1, 0))[way % 4]
+        for _ in range(length):
+            row, col = row + down, col + right
+            cells[row, col] = 1.0
+    return cells
+
+
+@pytest.mark.parametrize("closed", [False, True])
+def test_a_search_waits_for_waves_that_take_their_time(closed):
+    """HOLE's wave goes round for more than 32 time constants, and SciPy says where it ends."""
+    given = spiral()
+    if closed:
+        given[2, 1] = 1.0  # nothing leads out now
+    filled = np.where(ndimage.binary_fill_holes(given > 0), 1.0, -1.0)
+    assert (filled > given).any() is np.bool_(closed)
+    run = cnnum.Engine("numba").run("HOLE", input=given[np.newaxis], duration=32.0)
+    late = ((run.output[0] > 0) != (filled > 0)).any()
+    assert late or closed
+    outputs = {}
+    found = find_by_example(given, filled, names=["HOLE", "EDGE"], outputs=outputs)
+    assert (found[0].name, found[0].wrong) == ("HOLE", 0)
+    np.testing.assert_array_equal(outputs["HOLE"] > 0, filled > 0)
+
+
+def test_the_best_results_are_those_of_a_run(monkeypatch):
+    """Fixed steps that take CORNER for right deceive nobody: it runs once more."""
+    given = random_pictures(7)
+    truth = cnnum.Engine("numba").run("EDGE", input=given).output
+    quick = finding._quickly
+
+    def wrong(engine, template, *maps):
+        return truth if template.name == "CORNER" else quick(engine, template, *maps)
+
+    monkeypatch.setattr(finding, "_quickly", wrong)
+    for most in (1, 2):
+        found = find_by_example(given, truth, names=["CORNER", "EDGE"], most=most)
+        assert [match.name for match in found] == ["EDGE", "CORNER"]
+        corner = cnnum.Engine("numba").run("CORNER", input=given).output
+        assert found[1].wrong == int(((corner > 0) != (truth > 0)).sum()) > 0
+
+
+def test_a_search_ends_early_with_the_best_so_far():
+    given = random_pictures(4)
+    cross = ndimage.generate_binary_structure(2, 1)
+    opened = np.stack([ndimage.binary_opening(p > 0, cross) for p in given])
+    wanted, seen = np.where(opened, 1.0, -1.0), []
+
+    def two(name):
+        seen.append(name)
+        return len(seen) <= 2
+
+    assert {m.name for m in find_by_example(given, wanted, names=FEW, watch=two)} == set(FEW[:2])
+    seen.clear()
+    outputs = {}
+    find_by_example(given, wanted, names=FEW, outputs=outputs)
+
+    def until_dilation(name):
+        seen.append(name)
+        return seen.count("CHUA_DILATION") < 2 or name == "CHUA_DILATION"
+
+    best = find_programs(given, wanted, names=FEW, watch=until_dilation, outputs=outputs)
+    assert best[0].templates == ("CHUA_EROSION", "CHUA_DILATION")
+    assert {match.templates[1] for match in best} <= {"CHUA_EROSION", "CHUA_DILATION"}
 
 
 def test_examples_that_are_none():
@@ -187,6 +260,22 @@ def test_the_command_finds_programs_where_no_template_fits(tmp_path, monkeypatch
         return [json.loads(line)["templates"] for line in said.stdout.splitlines()]
 
     assert found(files[1])[0] == ["CHUA_EROSION", "CHUA_DILATION"]
+    # an interrupt while templates run keeps what there is
+    quick, calls = finding._quickly, []
+
+    def interrupted(*given):
+        calls.append(given)
+        if len(calls) == 3:
+            signal.raise_signal(signal.SIGINT)
+        return quick(*given)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(finding, "_quickly", interrupted)
+        ask = ["templates", "find", "--input", files[0], "--wanted", files[1]]
+        said = CliRunner().invoke(main, ask)
+    assert (said.exit_code, len(calls)) == (130, 3)
+    assert "these are the best so far" in said.stderr
+    assert sum(name in said.stdout for name in FEW) == 3
     assert all(len(names) == 1 for names in found(files[1], "--no-programs"))
     assert found(files[2])[0] == ["LOGNOT"]
 

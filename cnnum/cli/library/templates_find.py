@@ -10,6 +10,7 @@ import numpy as np
 from cnnum.cli.library.templates_convert import is_place
 from cnnum.cli.options import completed, force_option, json_option, picture_option
 from cnnum.cli.output import Output, progress, table
+from cnnum.cli.signals import STOPPED, stop_wanted
 
 if TYPE_CHECKING:
     from cnnum.arrays import Floats
@@ -80,12 +81,13 @@ def find(
     programs: bool | None,
     most: int,
     as_json: bool,
-) -> None:
+) -> int:
     """Find templates by WORDS, such as "fill holes", by tags, or by an example.
 
     An example is an input picture and the desired output picture. Every template with one input and
-    one layer runs on it and, if none gives the desired output, every program of two such templates.
+    one layer runs on it and, if none gives the desired output, programs of two such templates.
     Those with the fewest wrong cells come first, and among these, those with the largest margin.
+    Ctrl-C ends the search with the best so far.
     """
     output = Output(as_json)
     example = given is not None or wanted is not None
@@ -95,12 +97,12 @@ def find(
         if programs is not None or state is not None:
             raise click.UsageError("--programs and --state belong to an example with --input.")
         _by_words(" ".join(words), tags, most, output)
-        return
+        return 0
     if given is None or wanted is None:
         raise click.UsageError("An example needs both --input and --wanted.")
     if programs and state is not None:
         raise click.UsageError("Programs of two templates start from the input: leave out --state.")
-    _by_example(given, wanted, state, programs, most, output)
+    return _by_example(given, wanted, state, programs, most, output)
 
 
 def _by_words(words: str, tags: tuple[str, ...], most: int, output: Output) -> None:
@@ -123,20 +125,32 @@ def _by_example(
     programs: bool | None,
     most: int,
     output: Output,
-) -> None:
+) -> int:
     from cnnum.design.finding import find_by_example, find_programs
     from cnnum.pictures import load_picture
     from cnnum.templating.library import template_names
 
     start = None if state is None else load_picture(state)
     example, names = (load_picture(given), load_picture(wanted)), template_names()
-    with progress("templates", len(names), as_json=output.as_json) as steps:
-        matches = find_by_example(*example, state=start, say=lambda _: steps.advance())
-    right = bool(matches) and matches[0].wrong == 0
-    if programs or (programs is None and state is None and not right):
-        with progress("programs", 2 * len(names), as_json=output.as_json) as steps:
-            pairs = find_programs(*example, most=most, say=lambda _: steps.advance())
-        matches = sorted([*matches, *pairs], key=lambda m: (m.wrong, len(m.templates)))
+    outputs = dict[str, "Floats"]()
+    with stop_wanted() as stopped:
+
+        def watch(_: str) -> bool:
+            steps.advance()
+            return not stopped()
+
+        with progress("templates", len(names) + most, as_json=output.as_json) as steps:
+            matches = find_by_example(
+                *example, state=start, most=most, watch=watch, outputs=outputs
+            )
+        right = bool(matches) and matches[0].wrong == 0
+        wished = programs or (programs is None and state is None and not right)
+        if wished and not stopped():
+            total = 2 * len(names) + most
+            with progress("programs", total, as_json=output.as_json) as steps:
+                pairs = find_programs(*example, most=most, watch=watch, outputs=outputs)
+            matches = sorted([*matches, *pairs], key=lambda m: (m.wrong, len(m.templates)))
+        early = stopped()
     shown = table("Template", ">wrong cells", ">of", ">margin")
     for match in matches[:most]:
         output.record(
@@ -151,6 +165,9 @@ def _by_example(
         margin = "" if np.isnan(match.margin) else f"{match.margin:.3g}"
         shown.add_row(match.name, str(match.wrong), str(match.cells), margin)
     output.show(shown)
+    if early:
+        click.echo("Stopped: these are the best so far.", err=True)
+    return STOPPED if early else 0
 
 
 @click.command("compare")
