@@ -19,11 +19,11 @@ CARRIED = (
     *("name", "aliases", "description", "source", "input", "state", "tags", "experimental"),
     *("published_boundary", "boundary", "input_boundary", "initial", "duration", "tau", "output"),
     "needs_state",
-    "check",
+    *("check", "proof", "measured"),
 )
 """Keys that comments carry; words first, then what changes a run."""
 
-WORDS = frozenset(CARRIED[:9]) | {"check", "needs_state"}
+WORDS = frozenset(CARRIED[:9]) | {"check", "proof", "measured", "needs_state"}
 """Those of them that change no run."""
 
 _LINE = re.compile(r"^[ \t]*%+[ \t]*cnnum:[ \t]*(\w+)[ \t]*=[ \t]*(.+?)[ \t]*$", re.MULTILINE)
@@ -76,7 +76,13 @@ def with_comments(entry: Entry, text: str, file: str) -> Entry:
             ) from None
     written = "".join(f"{key} = {_value(value)}\n" for key, value in table.items())
     guesses = tuple(guess for guess in entry.guesses if guess.key not in said)
-    return replace(TOML.read(written, file), guesses=guesses)
+    result = TOML.read(written, file)
+    # figures and proofs are of the numbers that they were found for
+    own = {
+        key: found if found is not None and found.digest == result.template.digest else None
+        for key, found in (("measured", result.measured), ("proof", result.proof))
+    }
+    return replace(result, guesses=guesses, **own)
 
 
 def _table(entry: Entry) -> dict[str, Any]:
