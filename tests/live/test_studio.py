@@ -472,6 +472,7 @@ def _a_cell_obeys_its_equation(browser: Browser, hand: Hand) -> None:
 
 def _corners_that_point_up(browser: Browser, hand: Hand, tmp_path: Path) -> None:
     shot(browser, tmp_path, "studio-1-begin")
+    assert browser.value("at('hint').checkVisibility()")  # until there is a rule
     browser.value("at('name').value = 'up'; at('name').dispatchEvent(new Event('input'))")
     for n, sign in enumerate(UP.replace("/", "")):
         for _ in range({".": 0, "#": 1, "o": 2}[sign]):
@@ -479,6 +480,7 @@ def _corners_that_point_up(browser: Browser, hand: Hand, tmp_path: Path) -> None
     numbers(browser)
     assert browser.value("at('rule').value") == f'match("{UP}")'
     assert browser.value("view.facts.wrong") > 0.0  # CORNER is not what is wanted
+    assert not browser.value("at('hint').checkVisibility()")
     shot(browser, tmp_path, "studio-2-wanted")
     hand.drag("at('design')", (0.5, 0.5))
     browser.until("view.template.z !== -5 && view.facts && view.facts.wrong === 0 && view.flips")
@@ -504,6 +506,7 @@ def _corners_that_point_up(browser: Browser, hand: Hand, tmp_path: Path) -> None
     shot(browser, tmp_path, "studio-3-found")
     browser.value("at('save').click()")
     toml = browser.until("view.saved")
+    assert "cnnum templates check up.toml" in browser.value("at('said').textContent")
     (tmp_path / "up.toml").write_text(toml, encoding="utf-8")
     words = ["templates", "check", str(tmp_path / "up.toml"), "--engine", "numba", "--json"]
     checked = CliRunner().invoke(main, words)

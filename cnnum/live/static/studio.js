@@ -231,6 +231,7 @@ function filled() {
     if (plain && document.activeElement !== field) field.value = round(value);
   }
   at("rule").value = t.rule || "";
+  at("hint").hidden = Boolean(t.rule);
   at("given").textContent = t.B ? "Input" : "Start";
   showStencil();
   choose(view.chosen);
@@ -517,6 +518,7 @@ function save(toml) {
   const link = Object.assign(document.createElement("a"), { href: URL.createObjectURL(new Blob([toml], { type: "application/toml" })) });
   link.download = `${view.template.name.replace(/[^\w-]+/g, "_") || "template"}.toml`;
   link.click();
+  say(`Saved as ${link.download}, among your downloads. To check it there: cnnum templates check ${link.download}`);
   setTimeout(() => URL.revokeObjectURL(link.href), 1000);
 }
 
