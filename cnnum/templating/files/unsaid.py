@@ -78,11 +78,13 @@ def with_comments(entry: Entry, text: str, file: str) -> Entry:
     guesses = tuple(guess for guess in entry.guesses if guess.key not in said)
     result = TOML.read(written, file)
     # figures and proofs are of the numbers that they were found for
-    own = {
-        key: found if found is not None and found.digest == result.template.digest else None
-        for key, found in (("measured", result.measured), ("proof", result.proof))
-    }
-    return replace(result, guesses=guesses, **own)
+    digest, measured, proof = result.template.digest, result.measured, result.proof
+    return replace(
+        result,
+        guesses=guesses,
+        measured=measured if measured and measured.digest == digest else None,
+        proof=proof if proof and proof.digest == digest else None,
+    )
 
 
 def _table(entry: Entry) -> dict[str, Any]:
