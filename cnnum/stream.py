@@ -232,6 +232,14 @@ class Stream(OfThisProcess):
         self.frames, self._watch, self._before = 0, 0, ()
 
 
+def _all_finite(outputs: Mapping[str, Floats]) -> bool:
+    """Return whether all outputs are finite; False may also be of numbers beside them."""
+    base = next(iter(outputs.values())).base
+    if base is not None and all(numbers.base is base for numbers in outputs.values()):
+        return all_finite(base)
+    return all(all_finite(numbers) for numbers in outputs.values())
+
+
 Answer = dict[str, Floats] | FrameError | MethodError
 """Outputs of a frame, or why it was refused."""
 
@@ -350,7 +358,7 @@ class Abreast:
             self._write(after)
         for lane in running:
             self.streams[lane].frames += 1
-        if not all(all_finite(numbers) for numbers in outputs.values()):
+        if not _all_finite(outputs):
             self._refuse(running, outputs, refused)
         return outputs
 

@@ -131,6 +131,8 @@ class PathsAbreast:
         ArrayError, SceneError, MethodError
             As for a single scene; frames of the others are then lost.
         """
+        if len(self.paths) == 1:
+            return self._by_itself(frames[0])
         started = time.perf_counter()
         passages, numbers = self._passages, self._numbers
         frame_of = dict(zip(lanes, frames, strict=True))
@@ -177,6 +179,15 @@ class PathsAbreast:
             numbers[lane] += 1
         events |= {lane: moment.events for lane, moment in others.items() if moment.events}
         return StepAbreast(events, others, lanes, step, shared, values, outputs, seconds)
+
+    def _by_itself(self, frame: Frame) -> StepAbreast:
+        """Take the next frame of the only skin to its events."""
+        passage = self._passages[0]
+        moment = passage.step(self._numbers[0], frame)
+        passage.count(moment)
+        self._numbers[0] += 1
+        events = {0: moment.events} if moment.events else {}
+        return StepAbreast(events, {0: moment}, [], [], [], np.zeros(0), {})
 
     def _begin(self, lane: int, frame: Frame) -> None:
         """Tare a skin where that is due, and hold the times of its first frames."""
@@ -281,6 +292,7 @@ class Calm:
         self._skins, self._here = tuple(skins), np.zeros(len(skins), dtype=np.bool_)
         self.flags = FlagsAbreast(detectors)
         self._raw: Floats = np.zeros(0)
+        self._limited = True
 
     def look(self, lanes: NDArray[np.intp], values: Floats, times: Floats) -> Mask:
         """Take in the frames in which all goes on, and return which ones these are.
@@ -296,20 +308,25 @@ class Calm:
             self._make(values.shape[1:])
         for lane in lanes[~self._here[lanes]].tolist():
             self._take(lane)
-        steps = values - self._raw[lanes]
+        # a slice is not copied
+        rows = slice(None) if len(lanes) == len(self._here) else lanes
+        steps = values - self._raw[rows]
         flat = steps.reshape(len(lanes), -1, values.shape[3])
         squares = np.einsum("nij,nij->nj", flat, flat)
         changed = (steps != 0.0).any(axis=3)
-        since = np.where(changed, times[:, np.newaxis, np.newaxis], self._since[lanes])
-        cells = values.reshape(len(lanes), -1)
-        low, high = self._low[lanes], self._high[lanes]
-        calm: Mask = self._here[lanes]
-        calm &= (squares <= JUMP**2 * self._power[lanes]).all(axis=1)
-        calm &= ((values >= low) & (values <= high)).all(axis=(1, 2, 3))
-        calm &= (cells != cells[:, :1]).any(axis=1)
-        calm &= times - since.min(axis=(1, 2)) < SILENT
+        calm: Mask = (squares <= JUMP**2 * self._power[rows]).all(axis=1)
+        calm &= self._here[rows]
+        if self._limited:
+            low, high = self._low[rows], self._high[rows]
+            calm &= ((values >= low) & (values <= high)).all(axis=(1, 2, 3))
+        since = np.broadcast_to(times[:, np.newaxis, np.newaxis], changed.shape)
+        if not changed.all():  # a skin all of whose readings change is alive
+            since = np.where(changed, since, self._since[rows])
+            cells = values.reshape(len(lanes), -1)
+            calm &= (cells != cells[:, :1]).any(axis=1)
+            calm &= times - since.min(axis=(1, 2)) < SILENT
         if calm.all():
-            self._go_on(lanes, values, times, squares, changed, since)
+            self._go_on(rows, values, times, squares, changed, since)
         elif calm.any():
             squares, changed, since = squares[calm], changed[calm], since[calm]
             self._go_on(lanes[calm], values[calm], times[calm], squares, changed, since)
@@ -317,7 +334,7 @@ class Calm:
 
     def _go_on(
         self,
-        lanes: NDArray[np.intp],
+        lanes: NDArray[np.intp] | slice,
         values: Floats,
         times: Floats,
         squares: Floats,
@@ -342,7 +359,8 @@ class Calm:
         self._seen[lanes] = np.where(changed, frames, self._seen[lanes])
         due = times - self._span_at[lanes] >= SHOWN
         if due.any():
-            self._take_spans(lanes[due], values[due], times[due])
+            own = np.arange(len(self._here))[lanes]
+            self._take_spans(own[due], values[due], times[due])
 
     def _take_spans(self, lanes: NDArray[np.intp], values: Floats, times: Floats) -> None:
         """Do what `Dropouts._take_span` does."""
@@ -360,7 +378,7 @@ class Calm:
         self._raw, self._earlier, self._rest = (np.zeros((count, *shape)) for _ in range(3))
         self._power, self._span = np.ones((count, channels)), np.zeros((count, 2, channels))
         self._before, self._period, self._span_at = (np.zeros(count) for _ in range(3))
-        self._low, self._high = (np.zeros((count, 1, 1, channels)) for _ in range(2))
+        self._low, self._high = (np.full((count, 1, 1, channels), end) for end in (-np.inf, np.inf))
         self._frames = np.zeros(count, dtype=np.int64)
         self._since: Floats = np.zeros((count, *cells))
         self._changes, self._seen = (np.zeros((count, *cells), np.int64) for _ in range(2))
@@ -380,6 +398,7 @@ class Calm:
         for name, value in (drops | lives).items():
             self._kept[name][lane] = value
         self._here[lane] = True
+        self._limited = bool(np.isfinite(self._low).any() or np.isfinite(self._high).any())
         self.flags.take(lane)
 
     def settle(self, lane: int) -> None:

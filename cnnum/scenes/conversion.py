@@ -220,12 +220,11 @@ class StrainReader:
         if self._weights.ndim != 2:
             return None
         part, weights = self._part, self._weights
-        offsets = [other._offsets for other in others]
+        shape = np.broadcast_shapes((1, 1, weights.shape[0]), *(o._offsets.shape for o in others))
+        offsets = np.stack([np.broadcast_to(other._offsets, shape) for other in others])
 
         def read(lanes: NDArray[np.intp], values: Floats) -> Floats:
-            apart = np.empty(values[..., part].shape)
-            for place, lane in enumerate(lanes.tolist()):
-                apart[place] = offsets[lane]
+            apart = offsets if len(lanes) == len(offsets) else offsets[lanes]
             return np.asarray((values[..., part] - apart) @ weights, dtype=np.float64)
 
         return read

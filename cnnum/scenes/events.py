@@ -605,9 +605,14 @@ class FlagsAbreast:
         outputs : mapping of str to (skins, …) float
         """
         count = len(self._last)
-        flags = [outputs[name].reshape(count, -1).max(axis=1) for name in self._flags]
-        now = np.stack(flags, axis=1)[lanes] > np.where(self._above, self._off, self._on)[lanes]
+        flags = [outputs[name] for name in self._flags]
+        given = [of if of.ndim == 1 else of.reshape(count, -1).max(axis=1) for of in flags]
+        levels = np.where(self._above, self._off, self._on)
+        now = np.greater(np.stack(given, axis=1), levels)[lanes]
         changed = now != self._held[lanes]
+        if self._steady is None and not changed.any():
+            self._above[lanes], self._last[lanes] = now, times
+            return []
         since, begun = self._since[lanes], times[:, np.newaxis]
         if self._steady is not None:
             since = np.where(changed, np.where(np.isnan(since), begun, since), np.nan)
