@@ -139,3 +139,12 @@ def test_its_bound_and_its_refusals():
         REFERENCE.run(plain, **given, dt=0.1)
     with pytest.raises(MethodError, match=r"'rodas3' factorises .* up to 20,000 states"):
         REFERENCE.run(plain, state=np.zeros((200, 200)), method="rodas3")
+
+
+@pytest.mark.filterwarnings("ignore:.*overflow:RuntimeWarning")
+@pytest.mark.filterwarnings("ignore:.*invalid value:RuntimeWarning")
+def test_a_state_beyond_the_range_of_numbers_is_refused():
+    """It is e^{2t}: no step is short enough, and the shortest was a division by zero."""
+    template = Template("grows", [[3.0]], output="linear")
+    with pytest.raises(MethodError, match="did not reach its end"):
+        REFERENCE.run(template, state=[[1.0]], duration=1000.0, method="rodas3")

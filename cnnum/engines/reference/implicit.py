@@ -36,6 +36,9 @@ MOST_LINEAR = 300
 LOOKED_AT = 5000
 """Steps after which a run gives up whose end would take more than `MOST_STEPS` at that pace."""
 
+NO_TIME = 1e-200
+"""Shorter steps are refused: there are no others where a state leaves the range of numbers."""
+
 NEARBY = 1e-6
 """Half the interval of the difference quotient for the slope of an output."""
 
@@ -200,7 +203,7 @@ def _march(
     seen: list[Passed] = []
     while time < end * (1.0 - 1e-12):
         late = taken >= LOOKED_AT and time * MOST_STEPS < end * taken
-        refuse_unfinished(np.array([late or taken == MOST_STEPS]))
+        refuse_unfinished(np.array([late or taken == MOST_STEPS or h < NO_TIME]))
         slopes, rate = array.slopes(x), equation.rate(drive, x, None, time)
         h, taken = min(array.longest(slopes, h, share), end - time), taken + 1
         new, off = _step(array, scheme, drive, x, rate, slopes, h)
