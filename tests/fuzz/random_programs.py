@@ -21,6 +21,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -49,7 +50,7 @@ class Shard:
 
     def __init__(self, *, compiler=None, engines=None) -> None:
         self.compiler = compiler
-        self.engines = engines or ("reference", "opencl", "numba")
+        self.engines = ("reference", "opencl", "numba") if engines is None else engines
         self.tried, self.refused, self.wrong = 0, collections.Counter(), []
         self.compared = self.known = self.exact = 0
         self.pending = []
@@ -161,6 +162,8 @@ class Shard:
         planned = schedule(program.trace(SHAPE, CHANNELS), CHANNELS, None)
         try:
             made = make(name, planned, precision_named(rounding.name), frames)
+            # working arrays of every second program share memory
+            made = replace(made, shares=seed % 2 == 1)
             # all of them would take most of the time
             vector = frames if seed % 7 == 0 else frames[:2, :1]
             files = made.export(vector).files
@@ -168,6 +171,17 @@ class Shard:
             self.refuse(seed, f"C {rounding.name}", error, answers)
             return
         self.pending.append((seed, name, made, files, frames, rounding, answers))
+
+    def on_cores(self, cores):
+        """Run the programs that wait on emulated cores, for the bits of the emulator."""
+        from cnnum.lab.embedded.cortex_m import Board
+
+        for seed, name, made, _, frames, rounding, _ in self.pending:
+            for core in cores if rounding.word else ():
+                counted = Board.built(made, frames[:1, 0], core).run(frames[:, 0])
+                self.compared += len(counted.instructions)
+                if counted.wrong:
+                    self.wrong.append((seed, f"{core} {name}", f"{counted.wrong} numbers"))
 
     def compile(self):
         """Compile the programs that wait, all in one image, and compare what they give."""

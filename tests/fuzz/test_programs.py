@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from cnnum.errors import FrameError, NoOpenCLError
+from cnnum.lab.embedded.cortex_m import missing_tools
 from tests.fuzz.conftest import SECONDS, TESTS
 from tests.fuzz.program_oracle import EXPORTED, FLOAT32, FLOAT64, WHOLE, Oracle, V
 from tests.fuzz.program_writer import Writer
@@ -44,6 +45,16 @@ def test_random_programs_give_what_numpy_gives():
     shard.compile()
     assert not shard.wrong, f"of {shard.tried} programs: {shard.wrong[:5]}"
     assert shard.exact > shard.compared // 2
+
+
+@pytest.mark.skipif(not LONG or bool(missing_tools()), reason="make embedded")
+@pytest.mark.parametrize("seed", range(50_000, 50_012))
+def test_random_programs_have_the_same_bits_on_cores(seed):
+    shard = Shard(compiler="cc", engines=())
+    shard.one(seed)
+    shard.on_cores(("m0", "m4"))
+    assert not shard.wrong
+    assert shard.compared
 
 
 @pytest.mark.parametrize("rounding", [FLOAT64, FLOAT32, *WHOLE], ids=lambda one: one.name)
