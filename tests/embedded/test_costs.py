@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import cnnum
+from cnnum.errors import UnknownNameError
 from cnnum.lab.bench.charts import CHARTS
 from cnnum.lab.bench.records import as_row
 from cnnum.lab.commands.bench import Wanted
@@ -76,6 +77,13 @@ def test_amounts_have_suffixes():
     assert wanted.clock == 48e6
     assert wanted.bounds == Bounds(ram=32768.0, flash=2.0**19, rate=1000.0)
     assert len(wanted.cases) == 8
+
+
+def test_several_programs_are_counted_as_one():
+    (case, *_) = Wanted.of(ASKED | {"programs": ("slip,twist",)}).cases
+    assert case[0] == "slip,twist"
+    with pytest.raises(UnknownNameError, match="'slap'"):
+        Wanted.of(ASKED | {"programs": ("slip,slap",)})
 
 
 def test_a_picture_shows_every_configuration():

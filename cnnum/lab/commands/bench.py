@@ -35,7 +35,8 @@ embedded_options = together(
         "--program",
         "programs",
         **SEVERAL,
-        help="Program, or FILE.py:FUNCTION; may be repeated; slip and twist by default.",
+        help="Program, FILE.py:FUNCTION, or several as one, such as slip,twist; may be repeated; "
+        "slip and twist by default.",
     ),
     click.option("--needs", help="Outputs, such as gross_slip,slip_x; all by default."),
     click.option("--shape", "shapes", **SEVERAL, help="Array and channels; 8x8x3 by default."),
@@ -116,7 +117,8 @@ class Wanted:
         precisions = names("precisions", PRECISIONS[:2] if quick else PRECISIONS)
         methods, cores = names("methods", ("auto",)), names("cores", ("m4",))
         for program in programs:
-            named(program)
+            for part in program.split(","):
+                named(part)
         for precision in precisions:
             precision_named(precision)
         for kind, some, known in (("method", methods, METHODS), ("core", cores, CORES)):
