@@ -395,6 +395,7 @@ def test_a_program_runs_on_what_is_drawn(tmp_path: Path) -> None:
         browser.until(f"{shown}.reduce((a, b) => a + b) === {25 - (1024 - 25)}")
         shot(browser, tmp_path, "studio-drawn")
         browser.size(400, dark=True)
+        browser.until("document.documentElement.dataset.theme === 'dark'")
         assert browser.value("document.documentElement.scrollWidth <= innerWidth")
     finally:
         browser.close()

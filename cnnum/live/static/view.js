@@ -623,7 +623,9 @@ function draw() {
 }
 
 addEventListener("load", () => {
-  theme(matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light");
+  const dark = matchMedia("(prefers-color-scheme: dark)"), follow = () => theme(dark.matches ? "dark" : "light");
+  follow();
+  dark.addEventListener("change", follow);
   connect();
   draw();
 });
