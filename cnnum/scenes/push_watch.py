@@ -216,7 +216,10 @@ class PushWatch:
         if self._rest is None:
             self._learn(values[..., self._channel], time)
         elif not self.said and not self._held and time - self._looked >= EVERY:
-            self.look_at([self], values[np.newaxis], [time])
+            normal = values[..., self._channel]
+            loads = self._push * (normal - self._rest)
+            apart = float(normal.max() - normal.min())
+            self._judge(float(loads.max()), -float(loads.min()), apart, time)
 
     @staticmethod
     def look_at(watches: "Sequence[PushWatch]", values: Floats, times: Sequence[float]) -> None:
@@ -364,7 +367,13 @@ class HeldWatch:
             return False
         if not time - self._looked >= EVERY:
             return False
-        return self.look_at([self], values[np.newaxis], [time])[0]
+        away = self._push * (values - self._rest)
+        # as `look_at`, whose calls for several skins take longer for one; sums are of equal rows
+        x, y, normal = (away[..., place].ravel() for place in self._places)
+        shear, cells = self._gain * float(np.hypot(x.sum(), y.sum())), values[..., self._places[2]]
+        load, push, least = float(normal.sum()), float(normal.max()), float(normal.min())
+        apart = float(cells.max() - cells.min())
+        return self._judge(normal, time, load, push, least, shear, apart)
 
     @staticmethod
     def look_at(
