@@ -312,6 +312,7 @@ def test_from_an_idea_to_a_checked_template_in_the_page(address: str, tmp_path: 
         browser.until("view.film && view.facts && view.flips")
         hand = Hand(browser)
         _a_drag_changes_the_bias(browser, hand)
+        _a_picture_is_loaded(browser, tmp_path)
         _a_stroke_draws(browser, hand)
         _a_cell_obeys_its_equation(browser, hand)
         _corners_that_point_up(browser, hand, tmp_path)
@@ -441,6 +442,28 @@ def _a_drag_changes_the_bias(browser: Browser, hand: Hand) -> None:
     # one step back is the bias of before
     browser.value("at('undo').click()")
     assert numbers(browser)["template"]["z"] == -5.0
+
+
+def _a_picture_is_loaded(browser: Browser, tmp_path: Path) -> None:
+    """A file of as many cells as the page's picture is shown cell by cell, and runs."""
+    image = pytest.importorskip("PIL.Image")
+    rows, cols = browser.value("[view.rows, view.cols]")
+    levels = np.random.default_rng(4).integers(0, 256, (rows, cols)).astype(np.uint8)
+    image.fromarray(levels).save(tmp_path / "own.png")
+    browser.call("DOM.enable")
+    root = browser.call("DOM.getDocument")["root"]["nodeId"]
+    chosen = browser.call("DOM.querySelector", nodeId=root, selector="#file")["nodeId"]
+    first = round(100.0 - 200.0 / 255.0 * float(levels[0, 0]))
+    browser.call("DOM.setFileInputFiles", files=[str(tmp_path / "own.png")], nodeId=chosen)
+    browser.until(f"view.picture[0] === {first} && view.picture.some((v) => Math.abs(v) < 99)")
+    held = numbers(browser)
+    wanted = 1.0 - levels / 127.5  # black is 1
+    picture = np.reshape(held["picture"], levels.shape)
+    np.testing.assert_allclose(picture, wanted, atol=0.0051)  # held in whole hundredths
+    output = cnnum.Engine("reference").run(template_of(held["template"]), input=picture).output
+    np.testing.assert_allclose(np.clip(np.reshape(held["last"], levels.shape), -1, 1), output,
+                               atol=1e-3)  # fmt: skip
+    browser.value("at('undo').click()")
 
 
 def _a_stroke_draws(browser: Browser, hand: Hand) -> None:
