@@ -269,10 +269,13 @@ def test_the_command_finds_programs_where_no_template_fits(tmp_path, monkeypatch
             signal.raise_signal(signal.SIGINT)
         return quick(*given)
 
+    # a shell that starts tests in the background lets them ignore it
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
     with monkeypatch.context() as patch:
         patch.setattr(finding, "_quickly", interrupted)
         ask = ["templates", "find", "--input", files[0], "--wanted", files[1]]
         said = CliRunner().invoke(main, ask)
+    signal.signal(signal.SIGINT, before)
     assert (said.exit_code, len(calls)) == (130, 3)
     assert "these are the best so far" in said.stderr
     assert sum(name in said.stdout for name in FEW) == 3

@@ -334,6 +334,7 @@ class Ended:
             "ended", (8, 8), FORCE_AXES, "N", 100.0, lambda frame: frame.values, Counters,
             why=lambda moment: [{"kind": "slip", "frame": moment.number}],
         )  # fmt: skip
+        self.hubs = (self.hub,)
 
     def start(self) -> None:
         for number in range(3):
