@@ -77,7 +77,7 @@ def test_a_transient_of_too_many_steps_is_refused_in_one_sentence():
         too_long()
 
 
-@pytest.mark.parametrize(("name", "precision"), [("slip", "q15"), ("contact", "float32")])
+@pytest.mark.parametrize(("name", "precision"), [("twist", "q15"), ("contact", "float32")])
 def test_the_test_vector_passes(name, precision, compiler, tmp_path):
     """Without memory from a heap; whole numbers need no library, and no floats, either."""
     found = made(name, precision, method="euler")
