@@ -6,8 +6,8 @@ ask for the engine "opencl" by name are skipped with that reason. The others run
 Cases that each build kernels of their own are thinned by `@pytest.mark.one_in(n)`: `make test` runs
 every n-th of a test's, `make test-full` all. Where parameters are crossed, n and the number of
 values of the inner ones have no common factor: then no value is always left out. Of other tests
-with many cases a short run takes the first and every eighth or twelfth, and of those with few every
-fourth, drawn by their names. The slowest are left to `make test-full` and `make faults`:
+with many cases a short run takes the first and one in sixteen or twenty-four, and of those with few
+one in eight, drawn by their names. The slowest are left to `make test-full` and `make faults`:
 `@pytest.mark.in_full(by)` names the tests that keep a part of their promise in a short run.
 
 Tests of faults on purpose keep an account of trials and losses. `make faults` runs them in full and
@@ -34,7 +34,7 @@ Case = TypeVar("Case")
 FULL = os.environ.get("CNNUM_FAULTS") == "full"
 PRECISIONS = ("float32", "float64")
 SOME, MANY = 6, 24
-"""Cases of a test from which a short run takes a sixth of them, and a tenth."""
+"""Cases of a test from which a short run takes one in sixteen of them, and one in twenty-four."""
 
 # a machine that has more to do is no fault of a test
 settings.register_profile("busy", deadline=None, suppress_health_check=[HealthCheck.too_slow])
@@ -65,7 +65,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         elif mark is not None:
             spared = seen[test] % mark.args[0]
         else:  # drawn by name, so that no value of a crossed parameter is always left out
-            often = 12 if cases[test] >= MANY else 8 if cases[test] >= SOME else 4
+            often = 24 if cases[test] >= MANY else 16 if cases[test] >= SOME else 8
             spared = seen[test] and crc32(item.nodeid.encode()) % often
         (left if spared else kept).append(item)
         seen[test] += 1
