@@ -159,6 +159,7 @@ if (typeof document === "undefined") console.log(said); else document.body.textC
 
 
 @pytest.mark.skipif(find_spec("ziglang") is None, reason="needs the extra 'embedded'")
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("runner", ["node", "chromium", "wasmtime"])
 def test_webassembly_has_the_same_bits(exported, runner, tmp_path):
     """Where an engine for it is installed; the frames reach both ends of every range."""
