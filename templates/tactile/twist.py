@@ -14,7 +14,7 @@ is there, as after a reading that jumped. If it lasts, the rest must be learned 
 from collections.abc import Mapping
 
 from cnnum.programs import program
-from cnnum.programs.fields import Field, maximum, minimum, most, where
+from cnnum.programs.fields import Field, maximum, most, where
 from cnnum.programs.machine import FrameFields
 from cnnum.programs.reports import level_of, report
 from cnnum.programs.transients import apply
@@ -26,7 +26,6 @@ HIDDEN, CLEAR = 3.0, 1 / 12  # shear over the load above rest beyond any frictio
 # that share of the least load: some load is hidden in the rest
 LASTS, AS_AT_REST = 0.2, 1 / 48  # s of that until it is sure; and s after a shorter one in which a
 # load counts, or readings stay below that share of the least one, five times the noise
-PRESSED = 0.05  # curl that a press shows at most; of spheres on layers and bumps, 0.03
 DIVERGING = 0.2  # curl at least, over the divergence, beyond the ratio of shear to normal load
 LEVELS = ((0.3, 0.1), (0.5, 0.03), (0.7, 0.02), (5.0, 0.01))
 SHEAR_LEVELS = ((1.5, 0.03), (6.7, 0.01))
@@ -100,10 +99,7 @@ def read_outs(frame: FrameFields, *, recent: RecentLoads, still: float) -> dict[
     )
     changes = recent.load_rate > still
     if recent.pressed:
-        curls = [
-            _since(recent, "curl", curl, changes, maximum(PRESSED, PULLED * pad.ratio))
-            for curl, pad in zip(curls, recent.pads, strict=True)
-        ]
+        curls = [_since(recent, "curl", curl, changes) for curl in curls]
     parts = [abs(_since(recent, "divergence", part, changes)) for part in parts]
     rows = [
         (abs(turn), turn, part, pad.ratio, *recent.centre(pad))
@@ -146,10 +142,7 @@ def _over_load(recent: RecentLoads, pad: Pad, slope: Field) -> Field:
     return pad.inner(recent.z * slope) / (pad.power + least)
 
 
-def _since(
-    recent: RecentLoads, name: str, value: Field, changes: Field, limit: Field | None = None
-) -> Field:
-    """Return a number less its value at the load's last change, or less a limit of that."""
+def _since(recent: RecentLoads, name: str, value: Field, changes: Field) -> Field:
+    """Return a number less its value at the load's last change."""
     memory = recent.frame.memory(f"{name} at last change", scalar=True)
-    held = memory.hold(value, recent.resting | changes)
-    return value - (held if limit is None else maximum(minimum(held, limit), -limit))
+    return value - memory.hold(value, recent.resting | changes)

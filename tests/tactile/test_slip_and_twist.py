@@ -332,22 +332,3 @@ def test_a_curl_below_the_shear_is_no_twist(fast, run, four):
     got = run(fast, both(**BOUND, turn=1e-4), four)
     assert got["twist_strength"][PULL:, SLIDES].max() > 2e-4
     assert not got["twist"][:, SLIDES].any()
-
-
-def test_a_turn_that_begins_as_the_press_ends_is_found_and_its_unwinding_is_none(
-    numba, monkeypatch
-):
-    """A body that sticks is pressed on bristles for 0.4 s, turned by 0.2 rad, and turned back."""
-    drawn = bristles.Brush.drawn("turned at once", 3)
-    brush = replace(drawn, rate=100.0, flat=True, radius=2.4e-3, friction=5.0)
-    monkeypatch.setattr(bristles.Brush, "drawn", lambda *_: brush)
-    go, begin = np.linspace(0.0, 0.2, 25), 87
-    parts = (np.zeros(begin), go, np.full(20, 0.2), go[::-1], np.zeros(30))
-    depth = np.full(sum(map(len, parts)), brush.depth)
-    depth[:50], depth[50:90] = -1e-6, brush.depth * np.linspace(0.025, 1.0, 40)
-    way = bristles.Way.of(depth, angle=np.concatenate(parts))
-    trial = bristles.scene(lambda _: way)(Arrays(), "turned at once", 3)
-    (got,) = side_by_side(numba, twist, ("twist", "twist_sense"), [trial])
-    assert got["twist"][begin : begin + 45].sum() > 20
-    assert set(got["twist_sense"][: begin + 65]) == {0.0, 1.0}
-    assert not got["twist"][-20:].any()  # the report ends 0.1 s after it fell below half the level

@@ -18,7 +18,7 @@ FAST, SPREAD, HOLD = 0.02, 4.0, 0.5
 """Smoothing, s; diffusion time, cells²; share of a level below which a report ends."""
 
 LOOSE, STIRS, TOUCHED, STICKS, ALIGNED, DIVERGING = 0.25, 0.05, 0.1, 0.5, 0.3, 0.2
-PIVOTS, CENTRED, PULLED, PRESSED, HIDDEN, LASTS = 0.1, 0.5, 2.0, 0.05, 3.0, 0.2
+PIVOTS, CENTRED, PULLED, HIDDEN, LASTS = 0.1, 0.5, 2.0, 3.0, 0.2
 """As in the programs."""
 
 
@@ -262,10 +262,8 @@ class MovingContact:
         curls, parts = (np.array([pad[n] for pad in pads]) for n in ("curl", "divergence"))
         if load_rate > c.most_load_rate:
             self.offsets, self.opened = curls, parts
-        limits = np.maximum(PRESSED, [PULLED * pad["ratio"] for pad in pads])
-        changed = curls - np.clip(self.offsets, -limits, limits)
-        where = int(np.argmax(np.abs(changed)))
-        turned, apart = float(changed[where]), float((parts - self.opened)[where])
+        where = int(np.argmax(np.abs(curls - self.offsets)))
+        turned, apart = float((curls - self.offsets)[where]), float((parts - self.opened)[where])
         slips = self.slips.step(strength)
         above = {name: max(pad[name] for pad in pads) for name in ("beyond", "counts", "read")}
         sound = above["beyond"] <= 0.0 and (above["counts"] > 0.0 or above["read"] < 0.0)
