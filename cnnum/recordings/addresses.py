@@ -1,5 +1,6 @@
 """Files elsewhere: what an address names, and copies of it here. The one user of fsspec."""
 
+import re
 from collections.abc import Generator
 from contextlib import contextmanager
 from importlib import import_module
@@ -15,10 +16,18 @@ MARK, LINK = "://", "::"
 
 LAYOUT = ".toml"
 
+PASSWORD = re.compile(r"(?<!github://)(?<=://)([^/@:\s]*):[^/\s]*@")
+"""As in "ftp://name:password@host/"; in "github://owner:name@branch/" the same place has none."""
+
 
 def is_address(word: str) -> bool:
     """Return whether a word is an address such as "s3://bucket/day1/", and no path."""
     return MARK in word
+
+
+def public(text: str) -> str:
+    """Return a text with addresses without their passwords, for tables and messages."""
+    return PASSWORD.sub(r"\1:***@", text)
 
 
 def layout_of(path: str) -> str:
@@ -35,7 +44,8 @@ def _said(address: str) -> Generator[None]:
         raise
     except Exception as error:  # each file system has errors of its own
         said = str(error).strip().splitlines() or [type(error).__name__]
-        raise RecordingError(f"{shown(address)} cannot be read: {said[0]:.200}.") from None
+        why = public(said[0])
+        raise RecordingError(f"{shown(public(address))} cannot be read: {why:.200}.") from None
 
 
 def _opened(address: str) -> tuple[Any, str]:
@@ -43,7 +53,7 @@ def _opened(address: str) -> tuple[Any, str]:
     try:
         core: Any = import_module("fsspec.core")
     except ImportError:
-        raise missing_extra(f"the address {shown(address)}", "fsspec", "remote") from None
+        raise missing_extra(f"the address {shown(public(address))}", "fsspec", "remote") from None
     system, path = core.url_to_fs(address)
     return system, str(path)
 
@@ -71,13 +81,27 @@ def files_at(word: str) -> dict[str, str]:
         return {word: path}
     parts = word.split(LINK)
     which = next(number for number, part in enumerate(parts) if MARK in part)
-    protocol = parts[which].partition(MARK)[0]
+    begin = _before(parts[which], path)
 
     def whole(path: str) -> str:
-        own = path if MARK in path else f"{protocol}{MARK}{path}"
+        own = path if MARK in path else f"{begin}{path}"
         return LINK.join([*parts[:which], own, *parts[which + 1 :]])
 
+    with _said(word):
+        for inner in paths[:1]:  # a host that is lost would be that of other files
+            if _opened(whole(inner)) != (system, inner):
+                raise RecordingError(
+                    f"The files in {shown(public(word))} have no addresses of their own: name each."
+                )
     return {whole(path): path for path in paths}
+
+
+def _before(part: str, path: str) -> str:
+    """Return what an address has before its path, such as a host that the path does not name."""
+    own, end = part.rstrip("/"), path.rstrip("/")
+    if not end:
+        return part if part.endswith(MARK) else part.removesuffix("/")
+    return own.removesuffix(end) if own.endswith(end) else part.partition(MARK)[0] + MARK
 
 
 def facts_of(address: str) -> str:
@@ -104,7 +128,7 @@ def copied(address: str) -> Generator[Path]:
         with _said(address):
             system, path = _opened(address)
             if not system.isfile(path):
-                raise RecordingError(f"There is no file {shown(address)}.")
+                raise RecordingError(f"There is no file {shown(public(address))}.")
             # a name from elsewhere is not to say where in a folder of ours it goes
             copy = Path(folder) / f"recording{PurePosixPath(path).suffix}"
             system.get_file(path, str(copy))

@@ -33,7 +33,7 @@ from cnnum.errors import (
     missing_extra,
     name_error,
 )
-from cnnum.recordings.addresses import copied, facts_of, files_at, is_address, layout_of
+from cnnum.recordings.addresses import copied, facts_of, files_at, is_address, layout_of, public
 from cnnum.recordings.lerobot import INFO, episodes_of, is_lerobot
 from cnnum.recordings.messages import is_bag
 from cnnum.safety.files import (
@@ -306,11 +306,11 @@ def _named(words: Sequence[str | PathLike[str]]) -> dict[str, str]:
             for file in sources_of([word]):
                 result.setdefault(str(file.absolute()), _legible(file.as_posix()))
             continue
-        addresses = files_at(str(word))
+        addresses, shown = files_at(str(word)), public(str(word))
         paths = {*addresses.values()}
         if any(PurePosixPath(path).match(INFO) for path in paths):
             raise RecordingError(
-                f"'{word}' holds a LeRobot set, which is a folder: copy it to this machine first."
+                f"'{shown}' holds a LeRobot set, which is a folder: copy it to this machine first."
             )
         fitting = [
             address
@@ -319,8 +319,9 @@ def _named(words: Sequence[str | PathLike[str]]) -> dict[str, str]:
             or (is_recording(PurePosixPath(path), layout_of(path) in paths) and not _is_part(path))
         ]
         if not fitting:
-            raise RecordingError(f"There is no recording in '{word}'.")
-        result |= {address: result.get(address, _legible(address)) for address in fitting}
+            raise RecordingError(f"There is no recording in '{shown}'.")
+        names = {address: _legible(public(address)) for address in fitting}
+        result |= {address: result.get(address, name) for address, name in names.items()}
     return result
 
 

@@ -5,6 +5,8 @@ import dataclasses
 import os
 import sys
 import zipfile
+from collections import defaultdict
+from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
@@ -148,7 +150,7 @@ def test_an_address_gives_what_the_files_give(folder, whole, tmp_path):
                 packed.writestr(name, path.read_bytes())
     try:
         for word, begin, end in (
-            ("memory://set/", "memory:///set", ""),
+            ("memory://set/", "memory://set", ""),
             (f"file://{folder}", f"file://{folder}", ""),
             (f"zip://day*/*::file://{archive}", "zip:/", f"::file://{archive}"),
             (f"zip://::{archive}", "zip:/", f"::{archive}"),
@@ -181,6 +183,59 @@ def test_an_address_gives_what_the_files_give(folder, whole, tmp_path):
         system.rm("/set", recursive=True)
     made = process("memory://set/r.npz", folder / "scene.toml", tmp_path / "none.csv")
     assert "There is no file 'memory://set/r.npz'" in made.recordings.read_text()
+
+
+def test_files_of_a_host_are_read_from_it_and_passwords_stay_out_of_tables(folder, tmp_path):
+    """As of ftp, whose paths name no host: the files of another one have the same paths."""
+    fsspec = pytest.importorskip("fsspec")
+    stores = defaultdict[str | None, dict[str, object]](dict)
+
+    class Hosted(fsspec.get_filesystem_class("memory")):
+        protocol = "hosted"
+
+        def __init__(self, host="", **options):
+            super().__init__(**options)
+            self.store, self.pseudo_dirs = stores[host], [""]
+
+        @classmethod
+        def _strip_protocol(cls, path):
+            return f"/{urlsplit(path).path.strip('/')}".rstrip("/")
+
+        @staticmethod
+        def _get_kwargs_from_urls(path):
+            return {"host": urlsplit(path).hostname}
+
+    class Lost(Hosted):
+        """One whose addresses cannot be made of its paths."""
+
+        protocol = "lost"
+
+        @classmethod
+        def _strip_protocol(cls, path):
+            host = urlsplit(path).hostname
+            return f"/{host}{super()._strip_protocol(path)}" if host else path.rstrip("/")
+
+    for kind in (Hosted, Lost):
+        fsspec.register_implementation(kind.protocol, kind, clobber=True)
+    data = (folder / "day0" / "r0.npz").read_bytes()
+    address = "hosted://user:se:cr@et@two/day"
+    fsspec.core.url_to_fs(address)[0].pipe_file("/day/r1.npz", data)
+    for word in (address, f"{address}/", f"{address}/*", f"{address}/r1.npz"):
+        named = processing._named([word])
+        assert named == {f"{address}/r1.npz": "hosted://user:***@two/day/r1.npz"}
+    fsspec.core.url_to_fs("hosted://one/day")[0].pipe_file("/day/bad.npz", b"none")
+    sources = [address, "hosted://x:secret@one/"]
+    made = process(sources, folder / "scene.toml", tmp_path / "e.csv")
+    assert (made.count, made.failed) == (2, 1)
+    written = made.events.read_text() + made.recordings.read_text()
+    assert "cr@et" not in written
+    assert "secret" not in written
+    assert "hosted://user:***@two/day/r1.npz" in written
+    fsspec.core.url_to_fs("lost://one/day")[0].pipe_file("/one/day/r1.npz", data)
+    for word in ("lost://a:secret@one/day", "hosted://a:secret@two/none/*"):
+        with pytest.raises(RecordingError, match=r"name each|no recording in") as said:
+            process(word, folder / "scene.toml", tmp_path / "x.csv")
+        assert "secret" not in str(said.value)
 
 
 def test_a_layout_comes_with_its_file(folder, tmp_path):
