@@ -11,7 +11,9 @@ from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
+from cnnum.cli.root import main
 from cnnum.errors import PortError, SceneError
 from cnnum.frame import FORCE_AXES, Frame, Quality
 from cnnum.live.feeds import ArrayFeed, RecordingFeed
@@ -362,3 +364,13 @@ def test_a_page_that_comes_after_the_end_sees_the_last_picture_and_its_reasons()
                 assert json.loads(why)["reports"] == [{"kind": "slip", "frame": 1}]
 
     run(work())
+
+
+def test_a_recording_is_not_recorded_again(tmp_path: Path) -> None:
+    """A page without the button that was asked for would be no answer, nor a click that fails."""
+    path = tmp_path / "press.npz"
+    Recording(np.zeros((9, 2, 2, 3)), rate=60.0, unit="strain").save(path)
+    done = CliRunner().invoke(main, ["view", str(path), "--record", str(tmp_path)])
+    assert (done.exit_code, "is a recording already" in done.stderr) == (2, True), done.stderr
+    done = CliRunner().invoke(main, ["view", "demo", "--record", str(tmp_path / "none")])
+    assert (done.exit_code, "does not exist" in done.stderr) == (2, True), done.stderr

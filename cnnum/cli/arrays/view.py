@@ -50,7 +50,7 @@ OF_SKIN = (("contact_map", "load_normal", "twist"), *SHOWN[1:])
 @click.option(
     "--record",
     "folder",
-    type=click.Path(path_type=Path, file_okay=False),
+    type=click.Path(path_type=Path, exists=True, file_okay=False, writable=True),
     help="Folder of the recordings that the page begins and ends; without it the page makes none.",
 )
 @scene_options
@@ -121,6 +121,7 @@ def feed_of(
     from cnnum.cli.options import is_hand_file, open_source, usual_scene
     from cnnum.drivers.recording_file import array_of
     from cnnum.drivers.registry import is_driver
+    from cnnum.errors import SceneError
     from cnnum.live.feeds import ArrayFeed, HandFeed, RecordingFeed, SceneFeed
     from cnnum.scenes.hand import Hand
     from cnnum.scenes.scene_file import read_hand, read_scene, scene_names
@@ -142,6 +143,8 @@ def feed_of(
         begin = _beginning(folder, source, {"": opened.driver})
         return SceneFeed(opened, inside=inside, begin=begin)
     array = array_of(Path(source))
+    if folder is not None:
+        raise SceneError(f"'{source}' is a recording already: '--record' is for a live source.")
     chosen = scene or usual_scene(Path(source), array, changes, "demo")
     spec = read_scene(chosen, changes={"array": array} | changes, trust=trust)
     return RecordingFeed(_scene(spec, inside), inside=inside)
