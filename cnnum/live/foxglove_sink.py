@@ -1,6 +1,7 @@
 """Moments of a scene for Foxglove, served or to a file: the one user of its library."""
 
 import json
+from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -53,12 +54,12 @@ class FoxgloveSink(Sink):
     """
 
     def __init__(self, scene: "Scene", target: str, *, force: bool = False) -> None:
-        address = urlsplit(target) if target.startswith("ws://") else None
-        try:
-            place = None if address is None else (address.hostname, address.port or 8765)
-        except ValueError:  # a port that is no number
-            place = (None, 0)
-        if place == (None, 0) or (place is None and not target.endswith(".mcap")):
+        served, place = target.startswith("ws://"), None
+        with suppress(ValueError):  # a port that is no number, half a bracket
+            address = urlsplit(target)
+            if served and address.hostname:
+                place = address.hostname, 8765 if address.port is None else address.port
+        if place is None and (served or not target.endswith(".mcap")):
             raise SceneError(
                 "'--foxglove' takes a file that ends in .mcap, or an address to serve at such as "
                 f"ws://127.0.0.1:8765, got '{target:.80}'."

@@ -52,14 +52,14 @@ class RosSink(Sink):
         self._image, self._text = image, text
         self._since: tuple[int, float] | None = None
         context = rclpy.Context()
-        rclpy.init(context=context)
-        self._closing.callback(context.try_shutdown)
         try:
+            rclpy.init(context=context)
+            self._closing.callback(context.try_shutdown)
             self._node: Any = rclpy.create_node(name, context=context)
             self._closing.callback(self._node.destroy_node)
             self._taxels = self._node.create_publisher(image, f"{name}/taxels", WAITING)
             self._events = self._node.create_publisher(text, f"{name}/events", WAITING)
-        except Exception as error:  # rclpy's own, for a name that it does not take
+        except Exception as error:  # rclpy's own, for a name or settings that it does not take
             self._closing.close()
             raise SceneError(f"ROS 2 makes no node '{name:.80}': {error}") from None
 

@@ -115,6 +115,8 @@ def test_pictures_and_events_are_logged(tmp_path: Path, streams: list[Stream], t
         ("--rerun", "slide.rrd", "pip install '.[rerun]'"),
         ("--foxglove", "slide.txt", "ends in .mcap"),
         ("--foxglove", "ws://127.0.0.1:x", "an address to serve at"),
+        ("--foxglove", "ws://[::1", "an address to serve at"),
+        ("--foxglove", "ws://:8765", "an address to serve at"),
         ("--foxglove", "slide.mcap", "pip install '.[foxglove]'"),
     ],
 )
@@ -266,13 +268,15 @@ class Ros:
 
     def __init__(self) -> None:
         self.published: list[tuple[str, Any]] = []
-        self.ended = list[str]()
+        self.ended, self.fault = list[str](), ""
 
     def Context(self) -> Any:
         return SimpleNamespace(try_shutdown=lambda: self.ended.append("context"))
 
     def init(self, *, context: Any) -> None:
         assert context is not None
+        if self.fault:
+            raise RuntimeError(self.fault)
 
     def create_node(self, name: str, *, context: Any) -> Any:
         if " " in name:
@@ -348,6 +352,10 @@ def test_without_ros_or_with_a_wrong_name_a_sentence_says_so(
     assert done.exit_code == 2
     assert "ROS 2 makes no node 'a b': node name must not contain blanks" in done.stderr
     assert ros.ended == ["context"]
+    ros.fault = "ROS_DOMAIN_ID is not an integral number"
+    done = node(tmp_path)
+    assert done.exit_code == 2
+    assert f"ROS 2 makes no node 'cnnum': {ros.fault}" in done.stderr
     monkeypatch.setitem(sys.modules, "rclpy", None)
     done = node(tmp_path)
     assert done.exit_code == 2
