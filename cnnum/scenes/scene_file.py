@@ -186,8 +186,8 @@ def read_scene(
         usual = [name for name in usual if not f"program.parameters.{name}.".startswith(f"{key}.")]
     if SKIN in table:
         raise SceneError(
-            f"'{scene}' is a hand of several skins, for 'cnnum run', 'cnnum record' and "
-            "cnnum.load_hand."
+            f"'{scene}' is a hand of several skins, for 'cnnum run', 'cnnum record', 'cnnum view' "
+            "and cnnum.load_hand."
         )
     spec = replace(_spec(str(scene), table, base), usual=tuple(usual))
     if not trust:
