@@ -120,7 +120,7 @@ def test_what_befalls_one_skin_leaves_the_others_alone(hand, frames, seed):
     waiting = {name: [spoilt(frame, rng) for frame in again(frames[name], 3)] for name in hand}
     way = {name: Passage(alone(hand[name])) for name in hand}
     at = dict.fromkeys(hand, 0)
-    wrong = 0
+    wrong, seen = 0, []
     while any(waiting.values()):
         ready = [name for name in hand if waiting[name] and rng.random() < 0.8]
         for name in ready:
@@ -131,10 +131,17 @@ def test_what_befalls_one_skin_leaves_the_others_alone(hand, frames, seed):
         if not given:
             continue
         step = hand.push(given)
-        for name, frame in given.items():
-            wrong += answer(step[name]) != answer(way[name].step(at[name], frame))
+        single = {name: way[name].step(at[name], given[name]) for name in hand if name in given}
+        wrong += step.events != tuple((name, e) for name, of in single.items() for e in of.events)
+        seen.append((step, {name: answer(moment) for name, moment in single.items()}))
+        for name in given:
             at[name] += 1
+    # results are read only now: what came after has changed none of them
+    for step, expected in seen:
+        wrong += list(step.skins) != list(expected)
+        wrong += sum(answer(step[name]) != own for name, own in expected.items())
     assert wrong == 0
+    assert any(step.events for step, _ in seen)
     assert min(at.values()) == 240
 
 
