@@ -17,8 +17,9 @@ RATE = 100
 
 PAGE = """<!DOCTYPE html>
 <html lang="en"><meta charset="utf-8"><title>A skin to press</title>
+<meta name="viewport" content="width=device-width, initial-scale=1">
 <style>
-body { font: 15px system-ui, sans-serif; margin: 0; color: #888; }
+body { font: 15px system-ui, sans-serif; margin: 0; color: #767676; }
 canvas { touch-action: none; cursor: crosshair; display: block; }
 p { margin: 6px 0; min-height: 1.3em; }
 </style>

@@ -45,3 +45,16 @@ def test_the_readme_counts_the_checks_of_the_library():
     closed = len(checks) - finer
     assert f"{closed} of the {len(checks)} against a closed form, and {finer} whose" in page
     assert all(check is not None for check in checks)
+
+
+def test_the_skin_of_the_first_page_is_that_of_its_script():
+    """But for the code in it, which a full run of the script makes."""
+    from docs.figures.browser_skin import COLS, PAGE, RATE, ROWS
+
+    said = {"ROWS": str(ROWS), "COLS": str(COLS), "RATE": str(RATE)}
+    said |= {"SCALE": r"\{[a-z_':0-9, ]+\}", "WASM": "[A-Za-z0-9+/=]{9999,}"}
+    parts = re.split("@([A-Z]+)@", PAGE)
+    pattern = "".join(
+        said[part] if place % 2 else re.escape(part) for place, part in enumerate(parts)
+    )
+    assert re.fullmatch(pattern, (DOCS / "skin.html").read_text())
