@@ -355,6 +355,10 @@ def _within(folder: Path, above: tuple[Path, ...] = ()) -> Iterator[Path]:
             yield path
 
 
+Rows = Iterator[list[Any]]
+Write = Callable[[IO[bytes], Mapping[str, type], Rows], None]
+"""Writes the rows of a table with these columns."""
+
 PARTS = ".parts"
 OWN = tuple(
     f".{kind}{suffix}" for kind in ("recordings", "events") for suffix in (".parquet", ".csv")
@@ -450,11 +454,7 @@ def process(
             with sentences(groups, RecordingError):
                 make_folder(groups)
         items = [
-            (
-                task,
-                tuple((named[file], file) for file in files[slice(*task)]),
-            )
-            for task in missing
+            (task, tuple((named[file], file) for file in files[slice(*task)])) for task in missing
         ]
         now = sum(last - first for first, last in missing)
         count = len(files) - now
@@ -466,15 +466,7 @@ def process(
             count += last - first
             if done is not None:
                 done(count, len(files))
-        totals = _Totals()
-        for table, kinds, pick in (
-            (tables[1], RECORDINGS, totals.rows),
-            (tables[0], EVENTS, totals.events),
-        ):
-            with written(table, error=RecordingError, force=force) as file:
-                write(
-                    file, kinds, (values for part in _lines(parts, tasks) for values in pick(part))
-                )
+        totals = _write_tables(tables, write, parts, tasks, force=force)
         if folder is not None and groups is not None and groups.is_dir():
             with sentences(groups, RecordingError):
                 import_module("zarr").open_group(groups, mode="a")
@@ -483,6 +475,20 @@ def process(
     spent = time.perf_counter() - begin
     counts = len(files), totals.failed, totals.found, totals.frames, now
     return Processed(*tables, folder, *counts, spent)
+
+
+def _write_tables(
+    tables: tuple[Path, Path], write: Write, parts: Parts, tasks: Sequence[Task], *, force: bool
+) -> "_Totals":
+    """Write the tables of events and recordings from all parts; return what they hold."""
+    totals = _Totals()
+    for table, kinds, pick in (
+        (tables[1], RECORDINGS, totals.rows),
+        (tables[0], EVENTS, totals.events),
+    ):
+        with written(table, error=RecordingError, force=force) as file:
+            write(file, kinds, (values for part in _lines(parts, tasks) for values in pick(part)))
+    return totals
 
 
 def _refuse_outputs(tables: Sequence[Path], fields: Path | None, *, force: bool) -> None:
@@ -573,10 +579,7 @@ def _key(job: str, scene: str, spec: SceneSpec, files: Sequence[str]) -> str:
     return digest.hexdigest()[:32]
 
 
-Rows = Iterator[list[Any]]
-
-
-def _writer(target: Path) -> Callable[[IO[bytes], Mapping[str, type], Rows], None]:
+def _writer(target: Path) -> Write:
     """Return the function that writes a table of this suffix."""
     suffix = target.suffix.lower()
     if suffix == ".csv":
