@@ -14,6 +14,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import cnnum
+from cnnum.engines.numba.one_pass import GREATER, LESSER, comparisons
 from cnnum.errors import ArrayError, MethodError
 from cnnum.runs.decided import ranks_of, signs_of
 from cnnum.templating.couplings import NonlinearCoupling
@@ -240,6 +241,27 @@ def test_ranks_are_those_of_levels():
             inner = np.abs(found.output) < 1.0
             assert (found.state == found.output)[inner].all()
     assert decided > 10
+
+
+@pytest.mark.parametrize("count", [*range(1, 26)])
+def test_a_sorting_network_keeps_what_its_ranks_need(count):
+    """Comparisons that keep both, the lesser or the greater number, as NumPy sorts them."""
+    rng = np.random.default_rng(count)
+    for wanted in [*((k, -1) for k in range(count)), *rng.integers(0, count, (6, 2)).tolist()]:
+        first, lone, later = comparisons(count, tuple(wanted))
+        given = rng.integers(0, count, (200, count)).astype(float)  # with equal ones
+        near = np.full(given.shape, np.nan)
+        touched = [*first[:, :2].ravel().tolist(), *lone.tolist()]
+        assert sorted(touched) == list(range(count))
+        near[:, lone] = given[:, lone]
+        for source, network in ((given, first), (near, later)):
+            for i, j, keeps in network:
+                low, high = np.minimum(*source[:, [i, j]].T), np.maximum(*source[:, [i, j]].T)
+                near[:, i] = low if keeps & LESSER else np.nan
+                near[:, j] = high if keeps & GREATER else np.nan
+        for rank in wanted:
+            if rank >= 0:
+                np.testing.assert_array_equal(near[:, rank], np.sort(given)[:, rank])
 
 
 BLOBS = np.where(np.random.default_rng(3).random((70, 80)) < 0.5, 1.0, -1.0)

@@ -13,6 +13,7 @@ from scipy.integrate import solve_ivp
 from scipy.ndimage import binary_fill_holes, binary_propagation
 
 import cnnum
+from cnnum.engines.numba.wavefront import drive_of
 from cnnum.errors import MethodError
 
 SECONDS = float(os.environ.get("CNNUM_FUZZ", "0"))
@@ -20,6 +21,7 @@ LATER = (0.0, 5.0, 30.0)
 """Time constants after which states are compared, from the time on that is named as the end's."""
 NUMERIC = 1e-6
 """Of SciPy's integration, in relative tolerances of 1e-8."""
+FLOATS = (np.float32, np.float64)
 
 
 def around(boundary, array, reach):
@@ -149,6 +151,30 @@ def test_pictures_are_those_of_scipy(shape):
         assert (result.stability == "stable").all()
         assert not result.decision.open.any()
         assert result.decision.saturated.all()
+
+
+def test_the_drive_is_the_sum_that_numpy_has():
+    """Every kind of rim, on arrays as small as the neighbourhood, of both types of numbers."""
+    for seed in range(40):
+        rng = np.random.default_rng((5, seed))
+        reach = int(rng.integers(1, 4))
+        shape = tuple(rng.integers(reach, 9, 2).tolist())
+        kernel = rng.normal(size=(2 * reach + 1,) * 2) * (rng.random((2 * reach + 1,) * 2) < 0.6)
+        boundary = [-0.7, 0.0, "zero-flux", "periodic"][seed % 4]
+        u, bias = (rng.normal(size=shape).astype(rng.choice(FLOATS)) for _ in range(2))
+        kind, z = {"zero-flux": 1, "periodic": 2}.get(boundary, 0), rng.normal()
+        rim = (kind, 0.0 if kind else float(boundary))
+        places = np.argwhere(kernel) - reach
+        taps = (*np.ascontiguousarray(places.T), kernel[kernel != 0.0])
+        given = bias if seed % 3 else np.empty((0, 0), bias.dtype)
+        drive, largest, most = drive_of(u, given, shape, taps, z, rim)
+        wanted = z + correlated(kernel, u.astype(float), boundary) + (bias if given.size else 0.0)
+        np.testing.assert_allclose(drive, wanted, rtol=0.0, atol=1e-13, err_msg=str(seed))
+        assert (largest, most) == (np.abs(u).max(), np.abs(given).max(initial=0.0))
+        for bad in (np.nan, np.inf):
+            u[tuple(rng.integers(0, shape))] = bad
+            found = drive_of(u, given, shape, taps, z, rim)[1]
+            assert np.isnan(found) if np.isnan(bad) else not np.isfinite(found)
 
 
 def test_a_cell_that_is_held_by_nothing_to_spare_stays():
