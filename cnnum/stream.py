@@ -233,7 +233,7 @@ class Stream(OfThisProcess):
 
 
 def _all_finite(outputs: Mapping[str, Floats]) -> bool:
-    """Return whether all outputs are finite; False may also be of numbers beside them."""
+    """Return whether all outputs are finite, or False if a number in their shared buffer is not."""
     base = next(iter(outputs.values())).base
     if base is not None and all(numbers.base is base for numbers in outputs.values()):
         return all_finite(base)

@@ -105,8 +105,9 @@ def _before(part: str, path: str) -> str:
 
 
 def facts_of(address: str) -> str:
-    """Return what tells a file from another of the same name, and its layout; it raises as
-    `files_at`.
+    """Return what distinguishes a file from another of the same name, and its layout.
+
+    It raises as `files_at`.
     """
     with _said(address):
         system, path = _opened(address)

@@ -57,7 +57,7 @@ LARGE = 0.1
 
 
 PROBES = 16
-"""Cells by which most maps show that a move changes them, long before all cells are compared."""
+"""Cells that are compared first: in most maps that a move changes, it changes one of these."""
 
 SAMPLES = np.linspace(0.0, 4.0, 257)
 """Where an output function is looked at: one that only seems to be odd adds to errors."""
@@ -69,7 +69,7 @@ KEPT = 64
 def _least(maps: Maps) -> Maps:
     """Return the least number of each map: what changes it nowhere is alike in all cells.
 
-    This is no move, but if neither an array nor its maps tell the cells apart, its state does not.
+    This is no move, but if all cells of an array and of its maps are alike, so are its states.
     """
     least: Maps = maps.min(axis=(-2, -1), keepdims=True)
     return least
@@ -124,7 +124,7 @@ class Moves:
             else:
                 yield move, alike
                 if move is _least and alike.all():
-                    return  # no move tells more
+                    return  # what is alike in all cells keeps its mirrors and shifts
 
 
 @lru_cache(maxsize=KEPT)

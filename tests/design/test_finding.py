@@ -136,7 +136,7 @@ def test_a_search_waits_for_waves_that_take_their_time(closed):
 
 
 def test_the_best_results_are_those_of_a_run(monkeypatch):
-    """Fixed steps that take CORNER for right deceive nobody: it runs once more."""
+    """If fixed steps take CORNER for right, its second run shows that it is not."""
     given = random_pictures(7)
     truth = cnnum.Engine("numba").run("EDGE", input=given).output
     quick = finding._quickly
