@@ -203,8 +203,9 @@ def _in_processes(
         try:
             while waiting or running:
                 while waiting and len(running) < AHEAD * workers:
-                    item = waiting.popleft()
-                    running[pool.submit(function, item)] = item
+                    # taken once it is accepted: a pool may be found dead only here
+                    running[pool.submit(function, waiting[0])] = waiting[0]
+                    waiting.popleft()
                 done, _ = wait(running, return_when=FIRST_COMPLETED)
                 for future in done:
                     result = future.result()

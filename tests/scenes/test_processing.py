@@ -4,6 +4,7 @@ import csv
 import dataclasses
 import os
 import sys
+import time
 import zipfile
 from collections import defaultdict
 from urllib.parse import urlsplit
@@ -436,6 +437,19 @@ def test_a_task_whose_process_is_killed_runs_again(tmp_path, monkeypatch):
     assert len(list(tmp_path.glob("died*"))) == 2
     with pytest.raises(RecordingError, match="died 3 times in a row"):
         list(run_tasks(square, [-1, -2], workers=2, name="squares"))
+
+
+def test_no_task_is_lost_where_a_process_dies_between_two_results(tmp_path, monkeypatch):
+    """The dead pool is then met as the next task is given, not as a result is waited for."""
+    (tmp_path / "dying_tasks.py").write_text(DYING)
+    monkeypatch.syspath_prepend(tmp_path)
+    from dying_tasks import square
+
+    found = []
+    for result in run_tasks(square, range(10), workers=2, name="squares"):
+        found.append(result)
+        time.sleep(1.0 if len(found) == 1 else 0.0)  # the third task dies meanwhile
+    assert sorted(found) == [n * n for n in range(10)]
 
 
 def test_every_field_of_an_event_is_a_column():
