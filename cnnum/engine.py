@@ -22,6 +22,7 @@ from cnnum.runs.ladder import run
 from cnnum.runs.planning import plan_of
 from cnnum.runs.request import Ask, OpenEngine
 from cnnum.runs.result import Result
+from cnnum.runs.staged import in_stages
 from cnnum.templating.batch import TemplateBatch
 from cnnum.templating.library import as_template
 from cnnum.templating.template import Duration, Template
@@ -166,6 +167,7 @@ class Engine(OfThisProcess):
             backend = measuring(backend, like, (*graph.shape, len(channels)))
         parts = (program.name, graph, channels, needs)
         plan = plan_of(*parts, self._open.backend, backend=backend, overrides=options)
+        plan = in_stages(plan, options)
         if not graph.timed or graph.rate is not None:
             return replace(plan, rate=graph.rate)
         known = program

@@ -22,7 +22,7 @@ leaves [−1, 1] and its output is 1.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import lru_cache
@@ -164,12 +164,11 @@ def ranks_of(template: Template) -> Ranks | None:
     return Ranks(places, between, pull.sign * edge, 2.0 / slowest * (1.0 + 1e-9))
 
 
-def _begins(ask: Ask) -> Begins:
+def _where(template: Template, has_input: bool, has_state: bool) -> Begins:
     """Return where the cells of a run begin."""
-    given, _, state, _, _ = ask.arrays
-    if state is not None:
-        return "first" if given is None else "apart"
-    return "first" if ask.template.initial == "input" else "own"
+    if has_state:
+        return "apart" if has_input else "first"
+    return "first" if template.initial == "input" else "own"
 
 
 def decides(ask: Ask) -> bool:
@@ -214,7 +213,8 @@ def _refusal(ask: Ask) -> str:
             return "cells that neighbours pull by steps begin in a state of their own"
         late = duration < ranks.time * float(template.tau[0])
         return f"its outputs may change until {ranks.time:.4g} τ" if late else ""
-    if signs_of(template, duration, _begins(ask)) is None:
+    begins = _where(template, ask.arrays[0] is not None, state is not None)
+    if signs_of(template, duration, begins) is None:
         return (
             "it takes one layer with the standard output whose cells see no other cell, or a "
             "rank template, in which all neighbours pull with the same step"
@@ -272,25 +272,59 @@ def _trouble(ask: Ask) -> str:
 
 def _found(ask: Ask) -> tuple[Floats, tuple[Any, ...], str] | None:
     """Return the output of a run, its maps as they were read, and why it is the output."""
+    given, _, state, _, _ = ask.arrays
+    duration = _duration(ask)
+    assert duration is not None
+    result = _read(ask.template, duration, given, state)
+    if result is None:
+        return None
+    output, seen, start, reason = result
+    return output, _as_read(ask, seen, start), reason
+
+
+def output_of(template: Template, duration: float, maps: Mapping[str, Floats]) -> Floats | None:
+    """Return the proven outputs of uncoupled cells or of ranks; None where they are not known.
+
+    Parameters
+    ----------
+    template : Template
+        One that `is_decided` takes, with a radius within the array.
+    duration : float
+        In the unit of τ.
+    maps : mapping of str to (..., rows, cols) float
+        Input, and a separately given state, by role.
+    """
+    result = _read(template, duration, maps.get("input"), maps.get("state"))
+    return None if result is None else np.asarray(result[0], np.float64)
+
+
+def is_decided(template: Template, duration: float, *, has_input: bool, has_state: bool) -> bool:
+    """Return whether outputs after a time may be known from maps, before these are looked at."""
+    if not (has_input or has_state) or (has_input and not template.inputs):
+        return False
+    ranks = ranks_of(template)
+    if ranks is not None:
+        return not has_state and duration >= ranks.time * float(template.tau[0])
+    return signs_of(template, duration, _where(template, has_input, has_state)) is not None
+
+
+def _read(
+    template: Template, duration: float, given: Any, state: Any
+) -> tuple[Floats, Any, Any, str] | None:
+    """Return the output of a run, the maps as they were read, and why it is the output."""
     from cnnum.engines.numba import one_pass  # Numba takes its time
 
-    template, (given, _, state, _, _) = ask.template, ask.arrays
     first: Any = state if given is None else given
     shape = np.shape(first)
     u = np.ascontiguousarray(first).reshape(-1, *shape[-2:])
-    rim, ranks, duration = rim_of(template.input_boundary), ranks_of(template), _duration(ask)
+    rim, ranks = rim_of(template.input_boundary), ranks_of(template)
     if rim[0] == 0 and not template.inputs:
         rim = (0, 0.0)
-    assert duration is not None
     if ranks is not None:
         begun = None if template.initial == "input" else float(template.initial)
         result = one_pass.ranks(u, begun, ranks.places, ranks.between, ranks.shift, rim)
-        return (
-            None
-            if result is None
-            else (result[0].reshape(shape), _as_read(ask, result[1]), BY_RANK)
-        )
-    begins = _begins(ask)
+        return None if result is None else (result[0].reshape(shape), result[1], None, BY_RANK)
+    begins = _where(template, given is not None, state is not None)
     signs, apart = signs_of(template, duration, begins), begins == "apart"
     assert signs is not None
     start: NDArray[Any] = np.zeros((0, 0, 0), u.dtype)
@@ -305,7 +339,7 @@ def _found(ask: Ask) -> tuple[Floats, tuple[Any, ...], str] | None:
     result = one_pass.signs(u, start, signs.places, signs.weights.astype(u.dtype), levels, rim)
     if result is None:
         return None
-    return result[0].reshape(shape), _as_read(ask, result[1], start if apart else None), EXACTLY
+    return result[0].reshape(shape), result[1], start if apart else None, EXACTLY
 
 
 def _as_read(ask: Ask, seen: Any, start: Any = None) -> tuple[Any, ...]:

@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 
 from cnnum.arrays import Floats, Shape
 from cnnum.errors import MethodError
+from cnnum.graph.nodes import RunSpec
 from cnnum.integrators.schemes import WAVEFRONT
 from cnnum.runs.request import Request
 from cnnum.runs.result import ROLES, Proven, Result
@@ -219,12 +220,19 @@ class _End:
     @classmethod
     def of(cls, request: Request, known: Monotone, frame: tuple[int, ...]) -> "_End | str":
         """Return the end of a frame; why there is none, where there is none."""
-        template, spec, lead = request.template, request.spec, request.lead
+        lead = request.lead
         maps = {
             role: (np.broadcast_to(array, (*lead, *array.shape[-3:]))[frame] if lead else array)[0]
             for role, array in request.given.items()
         }
-        end = _rest(template, known, maps, request.shape)
+        return cls.of_maps(request.template, known, request.spec, maps, request.shape)
+
+    @classmethod
+    def of_maps(
+        cls, template: Template, known: Monotone, spec: RunSpec, maps: Given, shape: Shape
+    ) -> "_End | str":
+        """Return the end of an array with (rows, cols) maps by role; else why there is none."""
+        end = _rest(template, known, maps, shape)
         if isinstance(end, str):
             return end
         state, time, error, largest, keeps = end
@@ -238,6 +246,24 @@ class _End:
         if spec.method != WAVEFRONT and error > spec.atol + spec.rtol:  # all states are beyond 1
             return "its states still move at that time"
         return cls(state, float(duration), error, keeps)
+
+
+def end_of(template: Template, spec: RunSpec, shape: Shape, maps: Given) -> Floats | None:
+    """Return the proven outputs of a monotone array at the end of a run; else None.
+
+    Parameters
+    ----------
+    template : Template
+        One that `monotone` knows, with a radius within the array.
+    spec : RunSpec
+    shape : (rows, cols)
+    maps : mapping of str to (rows, cols) float
+        By role, finite.
+    """
+    known = monotone(template)
+    assert known is not None
+    end = _End.of_maps(template, known, spec, maps, shape)
+    return None if isinstance(end, str) else np.clip(end.state, -1.0, 1.0)
 
 
 def _rest(

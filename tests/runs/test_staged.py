@@ -1,0 +1,123 @@
+"""Programs that leave out transients of a known end give what SciPy and the transients give."""
+
+import numpy as np
+import pytest
+from scipy import ndimage
+
+import cnnum
+from cnnum.graph.nodes import RunSpec
+from cnnum.programs.fields import minimum
+from cnnum.programs.transients import apply, transient
+
+SQUARE = np.ones((3, 3), bool)
+SHAPE = (19, 23)
+
+
+@cnnum.program
+def inner_objects(frame):
+    """Smooth a picture, fill the holes, and keep objects with a mark, in two waves."""
+    picture, marks = frame.channel("picture"), frame.channel("marks")
+    warm = apply(cnnum.get_template("DIFFUS"), input=picture)
+    filled = apply(cnnum.get_template("HOLE"), input=(warm > 0.0).picture())
+    # gray marks stay gray
+    reached = apply(cnnum.get_template("RECALL"), input=filled, state=minimum(marks, filled))
+    return {
+        "warm": warm,
+        "filled": filled.black(),
+        "reached": reached.black(),
+        "area": (filled.black() & ~reached.black()).count(),
+        "gain": warm * reached,
+    }
+
+
+def frames_of(count, seed=0):
+    rng = np.random.default_rng(seed)
+    noise = ndimage.gaussian_filter(rng.normal(size=(count, *SHAPE)), (0, 1, 1))
+    marks = np.where(rng.random((count, *SHAPE)) < 0.02, 1.0, -1.0)
+    return np.stack([np.clip(4.0 * noise, -1.0, 1.0), marks], -1)
+
+
+@pytest.mark.parametrize("engine", ["opencl", "numba"])
+def test_program_in_stages_gives_what_scipy_and_its_transients_give(engine):
+    plan = cnnum.Engine(engine).compile(inner_objects, SHAPE, channels=("picture", "marks"))
+    frames = frames_of(6)
+    # of two frames a start is gray, so that nothing is proven without the way
+    frames[[1, 4], 3, 5, 1] = 0.25
+    assert str(plan.explain()).count("found by wavefront") == 2
+    got, whole = plan(frames), plan.unfused()(frames)
+    for name, values in whole.items():
+        if name not in ("warm", "gain"):
+            np.testing.assert_array_equal(got[name], values, err_msg=name)
+    # DIFFUS may be rounded otherwise in a kernel of its own
+    np.testing.assert_allclose(got["warm"], whole["warm"], atol=1e-6)
+    np.testing.assert_allclose(got["gain"], whole["gain"], atol=1e-6)
+    filled = [ndimage.binary_fill_holes(warm > 0.0) for warm in got["warm"]]
+    np.testing.assert_array_equal(got["filled"], filled)
+    for number in (0, 2, 3, 5):
+        marks = frames[number, ..., 1] > 0.0
+        reached = ndimage.binary_propagation(marks & filled[number], SQUARE, mask=filled[number])
+        np.testing.assert_array_equal(got["reached"][number], reached)
+
+
+@cnnum.program
+def ranked(frame):
+    return {"middle": apply(cnnum.get_template("MEDIAN"), input=frame.channel("picture"))}
+
+
+@pytest.mark.parametrize("engine", ["opencl", "numba"])
+def test_ranks_are_named_and_found_without_steps(engine):
+    plan = cnnum.Engine(engine).compile(ranked, SHAPE, channels=("picture",))
+    assert "found by decision" in str(plan.explain())
+    picture = frames_of(1, 3)[0, ..., 0]
+    expected = ndimage.median_filter(picture, 3, mode="nearest")
+    inner = (slice(1, -1), slice(1, -1))
+    # MEDIAN's table shifts its levels by 1e-2 at most, and frames are float32
+    np.testing.assert_allclose(plan(picture)["middle"][inner], expected[inner], atol=1.1e-2)
+
+
+def edge_of(**options):
+    @cnnum.program
+    def program(frame):
+        run = transient(cnnum.get_template("EDGE"), input=frame.channel("picture"))
+        return {"edge": run.outputs[0].black(), **{k: getattr(run, k) for k in options}}
+
+    return program
+
+
+def test_uncoupled_cells_are_decided_on_the_host_alone_and_not_where_more_is_read():
+    picture = np.where(np.random.default_rng(1).random((40, 30)) < 0.5, 1.0, -1.0)
+    eroded = ndimage.binary_erosion(picture > 0.0, SQUARE, border_value=1)
+    for engine, options, named in (
+        ("numba", {}, True),
+        ("opencl", {}, False),
+        ("numba", {"settled": True}, False),
+        ("reference", {}, False),
+    ):
+        plan = cnnum.Engine(engine).compile(
+            edge_of(**options), picture.shape, channels=("picture",)
+        )
+        assert ("found by decision" in str(plan.explain())) is named
+        np.testing.assert_array_equal(plan(picture)["edge"], (picture > 0.0) & ~eroded)
+
+
+@pytest.mark.parametrize(
+    ("shape", "options"), [((16, 16), {}), ((17, 16), {"method": "euler"}), ((17, 16), {"dt": 0.1})]
+)
+def test_small_arrays_and_chosen_methods_take_the_way(shape, options):
+    plan = cnnum.Engine("numba").compile("holes", shape, channels=("picture",), **options)
+    assert "found by" not in str(plan.explain())
+
+
+def test_wave_that_is_longer_than_its_run_takes_the_way():
+    @cnnum.program
+    def short(frame):
+        run = transient(
+            cnnum.get_template("HOLE"), input=frame.channel("picture"), spec=RunSpec(duration=3.0)
+        )
+        return {"filled": run.outputs[0]}
+
+    plan = cnnum.Engine("numba").compile(short, (24, 24), channels=("picture",))
+    picture = -np.ones((24, 24))
+    picture[4:9, 4:9] = 1.0
+    np.testing.assert_array_equal(plan(picture)["filled"], plan.unfused()(picture)["filled"])
+    assert (plan(picture)["filled"] > -1.0).sum() > 25
