@@ -48,10 +48,12 @@ def finite(name: str, value: ArrayLike) -> Floats:
     array = _real(name, value, np.float64)
     if not all_finite(array):
         bad = int(array.size - np.isfinite(array).sum())
-        raise ArrayError(
-            f"'{name}' must be finite, got {bad} NaN or infinite of {array.size} values; "
-            "replace them, or mark those cells with a fixed-state mask."
+        got = (
+            str(array.flat[0])
+            if array.size == 1
+            else f"{bad} NaN or infinite of {array.size:,} numbers"
         )
+        raise ArrayError(f"{_quoted(name)} must be finite, got {got}.")
     return np.asarray(array, dtype=np.float64)
 
 
@@ -84,19 +86,24 @@ def _real(name: str, value: ArrayLike, dtype: type[np.floating]) -> NDArray[np.f
     if type(value) is np.ndarray and value.dtype == dtype:
         return value  # frames come so: the checks below take 0.2 µs
     if cast(object, value) is None:  # NumPy would make it NaN
-        raise ArrayError(f"'{name}' must be an array of real numbers, got None.")
+        raise ArrayError(f"{_quoted(name)} must be an array of real numbers, got None.")
     try:
         is_complex = np.iscomplexobj(value)
         array = np.zeros(0, dtype) if is_complex else np.asarray(value, dtype=dtype)
     except (TypeError, ValueError, OverflowError):  # of lists, rows of different lengths too
         raise ArrayError(
-            f"'{name}' must be an array of real numbers, got {_in_words(value)}."
+            f"{_quoted(name)} must be an array of real numbers, got {_in_words(value)}."
         ) from None
     if is_complex:
         raise ArrayError(
-            f"'{name}' must be real, got complex numbers: pass their real or imaginary part."
+            f"{_quoted(name)} must be real, got complex numbers: pass their real or imaginary part."
         )
     return array
+
+
+def _quoted(name: str) -> str:
+    """Return a name in quotes; a description that has quotes of its own stays as it is."""
+    return name if "'" in name else f"'{name}'"
 
 
 def _in_words(value: object) -> str:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from cnnum import sharing
 from cnnum.arrays import Floats
 from cnnum.engine import Engine
-from cnnum.errors import name_error
+from cnnum.errors import ReportError, name_error
 from cnnum.graph.tracing import TraceStep, folds, function_of
 from cnnum.pictures import FASTEST, FILMS, as_pixels, pillow, write_film
 from cnnum.runs.result import Result
@@ -67,7 +67,16 @@ def transient_of(
     shown : (rows, cols) float
     times : int
         How many, evenly from 0 to the template's duration, or to where it settles.
+
+    Raises
+    ------
+    ReportError
+        If the duration is 0.
     """
+    if template.duration == 0:
+        raise ReportError(
+            f"Template '{template.name}' has the duration 0, so there is no transient to show."
+        )
     maps: dict[str, Any] = {"input": _stacked(shown, template.inputs)} if template.inputs else {}
     if not template.inputs:
         maps["state"] = _stacked(shown, template.layers)

@@ -253,7 +253,7 @@ def export(
     ----------
     program : Program or str, or a sequence of them
         A program with its parameters, the name of one of the library, or "file.py:function".
-        Several become one, which shares what they have in common, and its working memory.
+        Several are exported as one, which computes common fields once and shares memory.
     shape : (rows, cols), optional
         The default is that of `like`, or 8×8.
     precision : str

@@ -32,7 +32,8 @@ def command(recording: Path, topic: str, as_json: bool) -> int:
 
     The recording should contain a press straight down on the middle of the array. For each fault
     the command prints the TOML keys of a layout or a scene that correct it, and exits with 1. Keys
-    such as frames.channels are those of a scene; `--set` of run and replay takes them as well.
+    such as frames.channels belong to a scene; `cnnum run` and `cnnum replay` also accept them with
+    --set.
     """
     from cnnum.drivers.recording_file import array_of, load_recording
     from cnnum.drivers.registry import open_driver

@@ -56,8 +56,8 @@ def command(
 ) -> int:
     """Write recordings to FOLDER as the episodes of a LeRobot data set, layout 3.0.
 
-    FILES are recordings, or folders of them. Each row belongs to one picture and contains the taxel
-    frames since the previous picture. Each episode can be read as a recording, as in
+    FILES are recordings, or folders of them. A row belongs to one camera picture and contains the
+    taxel frames since the previous one. Each episode can be read as a recording, as in
     FOLDER/episode-000000. This requires pyarrow.
     """
     from cnnum.drivers.recording_file import load_recording

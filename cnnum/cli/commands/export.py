@@ -87,8 +87,8 @@ def command(
     """Write PROGRAM as self-contained C99, with a test vector and a Makefile.
 
     PROGRAM is a program of the library, or your own as FILE.py:FUNCTION or MODULE:FUNCTION. Several
-    become one, which shares what they have in common and its working memory. With --scene it is
-    the program of the scene.
+    are exported as one, which computes common fields once and shares working memory. With --scene
+    it is the program of the scene.
 
     Memory is static, and whole-number precisions need no mathematics library. The range of every
     value is measured on the frames of --like or --scene, or on simulated strain, and values

@@ -25,7 +25,7 @@ ALL_FAILED = 1
     "--fields",
     type=click.Path(path_type=Path),
     metavar="FOLDER.zarr",
-    help="Write the fields that the scene wants, too, a group for each recording.",
+    help="Also write the fields that the scene needs, in one group per recording.",
 )
 @click.option(
     "--workers",

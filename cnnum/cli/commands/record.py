@@ -218,10 +218,10 @@ def command(
 ) -> int:
     """Record the frames of the array SOURCE (a driver's name, a scene or a hand) to FILE.
 
-    Of a hand each skin gets a file of its own: for FILE.mcap, FILE-thumb.mcap and so on.
-    FILE ends in .mcap (also for Foxglove), .npz (NumPy), .h5 (HDF5) or .csv. Frames are on disk
-    within a second, and `cnnum recover` rescues a file that was cut off. The recording ends at
-    --seconds or --frames, on Ctrl-C, or when the array goes away.
+    Each skin of a hand gets a file of its own, such as FILE-thumb.mcap for FILE.mcap. FILE
+    ends in .mcap (also for Foxglove), .npz (NumPy), .h5 (HDF5) or .csv. Frames are on disk within
+    a second, and `cnnum recover` rescues a file that was cut off. The recording ends at --seconds
+    or --frames, on Ctrl-C, or when the array goes away.
     """
     suffix_of(file)  # before the array is opened
     given, output = assignments(settings), Output(as_json)

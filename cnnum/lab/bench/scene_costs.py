@@ -1,4 +1,4 @@
-"""The saving in time: scenes that want one event against the scene that wants all."""
+"""The saving in time: scenes that need one event against one that needs all."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass

@@ -462,7 +462,7 @@ def latency(
 def scenes(
     rounds: int, device: str | None, quick: bool, out: Path | None, force: bool, as_json: bool
 ) -> int:
-    """Measure the cost of a frame for scenes that want one event and for one that wants all."""
+    """Measure the cost of a frame for scenes that need one event and one that needs all."""
     from cnnum.lab.bench.scene_costs import OMISSIONS, SCENES, measure_scenes
 
     engine = _engine(device)

@@ -35,7 +35,7 @@ def command(
     """Run stiff, marginal and extreme cases on every engine.
 
     A case passes if its error is within the tolerance, or if it is refused for the right reason. It
-    fails if an answer is wrong, not a number, or takes longer than a minute.
+    fails if an answer is wrong or not a number, or takes longer than a minute.
 
     CASES are families (stiff, marginal, extreme, precision) or beginnings of names; by default
     all. The exit code is 1 if a case fails.

@@ -138,6 +138,15 @@ def test_show_says_what_is_known_and_draws(call, records, tmp_path):
     assert "settles within" in call("templates", "show", "HOLE").stdout
 
 
+def test_no_picture_of_a_transient_that_has_no_time(call, tmp_path):
+    file, out = tmp_path / "still.toml", tmp_path / "still.svg"
+    file.write_text('name = "still"\nA = [[2.0]]\nduration = 0.0\n')
+    refused = call("templates", "show", file, "--transient", out)
+    assert refused.exit_code == 2
+    assert "the duration 0, so there is no transient to show." in refused.stderr
+    assert not out.exists()
+
+
 def test_every_page_has_the_settle_time_or_why_there_is_none(call, tmp_path):
     out = tmp_path / "gallery.html"
     assert call("templates", "gallery", "HOLE", "LIFE", "AUTOWAVE", "--out", out).exit_code == 0

@@ -182,7 +182,7 @@ def test_error_names_the_key_of_a_coupling(
         ("[[4.5]]", "[[]]", "the key 'B' must have rows of equal length, got a ragged or empty"),
         ("[[4.5]]", "4.5", "the key 'B' must be a matrix, as a list of rows, got 4.5"),
         ("[[4.5]]", "[4.5]", "the key 'B' must be a matrix of rows, .* got lists nested 1 deep"),
-        ("[[4.5]]", "[[nan]]", "'B of template 'mine'' must be finite"),
+        ("[[4.5]]", "[[nan]]", "B of template 'mine' must be finite, got nan"),
         ("z = -1", "z = true", "the key 'z' must be a number, got True"),
         ("z = -1", 'z = ["a"]', "the key 'z' must be a number, got 'a'"),
         ("z = -1", f"z = 1{'0' * 400}", "a whole number of more than 64 bits"),
