@@ -3,12 +3,14 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
+from math import prod
 
 import numpy as np
 
+from cnnum import kernels as ir
 from cnnum.arrays import Floats
-from cnnum.embedded.arithmetic import Quantity, constant
-from cnnum.embedded.lowering.builder import FINE, Builder, Padded, reach
+from cnnum.embedded.arithmetic import Quantity, call, constant
+from cnnum.embedded.lowering.builder import COLUMN, FINE, ROW, Builder, Padded, reach
 from cnnum.embedded.program import Array
 from cnnum.errors import NotSupportedError
 from cnnum.graph.nodes import Pick
@@ -22,6 +24,34 @@ Terms = list[tuple[float, Quantity]]
 
 Read = Callable[[str, int, int, int], Quantity]
 """Returns "x", "y" or "u" of a layer or input, so many rows below and columns to the right."""
+
+
+J = ir.Name("j", (0, 1 << 16))
+DOWN = ir.Name("d", (0, 1 << 16))
+
+
+def item_at(
+    to: Builder, array: Array, row: ir.Expression, width: int, col: ir.Expression
+) -> Quantity:
+    """Return the number of an array at a row and a column."""
+    return to.item(array, call("add", call("multiply", row, ir.Integer(width)), col))
+
+
+def sum_of(
+    to: Builder, name: str, over: Sequence[tuple[ir.Name, int]], a: Quantity, b: Quantity
+) -> Quantity:
+    """Write a sum of products over counts, the last one innermost; return it."""
+    count = prod(number for _, number in over)
+    term = call("multiply", a.value, b.value)
+    bounds = None
+    if term.bounds is not None:
+        bounds = min(0, count * term.bounds[0]), max(0, count * term.bounds[1])
+    sum, nothing = ir.Name(name, bounds), to.zero()
+    inner: ir.Statement = ir.add(sum, term)
+    for variable, number in reversed(over):
+        inner = ir.Loop(variable, number, (inner,))
+    to.body += [ir.declare(sum, nothing), inner]
+    return Quantity(sum, a.fraction + b.fraction)
 
 
 @dataclass(slots=True, eq=False)
@@ -91,9 +121,12 @@ class TransientWork:
         template, terms = self.template, list[tuple[float, Quantity]]()
         if self.given["input"]:
             boundary = template.input_boundary
-            for tap in taps(template.B, layer):
-                padded = self.padded(self.given["input"][tap.source], boundary.constant)
-                terms.append((share * tap.weight, padded.at(tap.row, tap.col)))
+            if self.wide:
+                terms += self._over_cells(layer, share)
+            else:
+                for tap in taps(template.B, layer):
+                    padded = self.padded(self.given["input"][tap.source], boundary.constant)
+                    terms.append((share * tap.weight, padded.at(tap.row, tap.col)))
             for number, coupling in self.couplings(layer, static=True):
                 terms.append((share, self.coupled(number, coupling, self._input)))
             if template.delayed is not None:
@@ -193,7 +226,51 @@ class TransientWork:
         """The width of the rims of inputs that the drive reads."""
         delayed = self.template.delayed
         late = 0 if delayed is None else reach(delayed.B)
-        return max(reach(self.template.B), self.far(static=True), late)
+        own = 0 if self.wide else reach(self.template.B)
+        return max(own, self.far(static=True), late)
+
+    @property
+    def by_place(self) -> bool:
+        """Whether the drive of a cell is written in loops over rows and columns."""
+        return self.wide or self.halo > 0
+
+    @property
+    def wide(self) -> bool:
+        """Whether B has more weights than the map has cells, and nothing lies beyond its edge.
+
+        Then a sum over cells, by a table of weights, has fewer terms than one over weights: those
+        of an 8×8 map by a 15×15 template are 64 and not 225.
+        """
+        template, inputs = self.template, self.given["input"]
+        whole = all(
+            isinstance(given, Array) for n, given in enumerate(inputs) if np.any(template.B[:, n])
+        )
+        most = int(np.count_nonzero(template.B, axis=(2, 3)).max(initial=0))
+        return template.input_boundary.constant == 0.0 and whole and most > self.to.cells
+
+    def _over_cells(self, layer: int, share: float) -> Terms:
+        """Return a share of B ∗ u of a cell as sums over the cells of inputs; writes variables."""
+        to, (rows, cols) = self.to, self.to.shape
+        terms = list[tuple[float, Quantity]]()
+        kernels = self.template.B[layer]
+        middle, width = kernels.shape[-1] // 2, 2 * cols - 1
+        row = call("add", call("subtract", ir.Integer(rows - 1), ROW), DOWN)
+        col = call("add", call("subtract", ir.Integer(cols - 1), COLUMN), J)
+        for source, kernel in enumerate(kernels):
+            if not np.any(kernel):
+                continue
+            given = self.given["input"][source]
+            assert isinstance(given, Array)
+            weights = np.zeros((2 * rows - 1, width))
+            down, across = (min(n - 1, middle) for n in (rows, cols))
+            part = kernel[middle - down : middle + down + 1, middle - across : middle + across + 1]
+            weights[rows - 1 - down : rows + down, cols - 1 - across : cols + across] = part
+            name = f"k{self.index}_{layer}_{source}_{len(to.arrays)}"
+            table, _ = to.table(name, share * weights, "weights by distance")
+            a, b = item_at(to, table, row, width, col), item_at(to, given, DOWN, cols, J)
+            over = [(DOWN, rows), (J, cols)]
+            terms.append((1.0, sum_of(to, f"s{self.index}_{layer}_{source}", over, a, b)))
+        return terms
 
     def far(self, *, static: bool) -> int:
         """Return how far nonlinear couplings reach: those of the drive, or those of each step."""
@@ -251,7 +328,7 @@ class TransientWork:
                 if masks:
                     state = self.masked(state, start)
                 result |= self.answers(layer, state)
-            self.to.loop(body, cols=self.halo > 0, halo=self.halo)
+            self.to.loop(body, cols=self.by_place, halo=self.halo)
         return result
 
     def masked(self, new: Quantity, kept: Quantity | None) -> Quantity:

@@ -6,7 +6,6 @@ Uncoupled cells are a weighted sum of inputs and start, by any method: their ans
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from math import prod
 from typing import NamedTuple
 
 import numpy as np
@@ -15,7 +14,14 @@ from cnnum import kernels as ir
 from cnnum.arrays import Floats
 from cnnum.embedded.arithmetic import LOGIC, Quantity, call, constant, opposite
 from cnnum.embedded.lowering.builder import CELL, COLUMN, FINE, ROW, Builder, Padded, reach
-from cnnum.embedded.lowering.transient_work import Given, TransientWork
+from cnnum.embedded.lowering.transient_work import (
+    DOWN,
+    Given,
+    J,
+    TransientWork,
+    item_at,
+    sum_of,
+)
 from cnnum.embedded.program import Array
 from cnnum.errors import NotSupportedError
 from cnnum.graph.nodes import Node, Pick, Transient
@@ -26,35 +32,8 @@ from cnnum.integrators.tableau import EULER
 from cnnum.templating.network import lag, moving_inputs, reads_states, taps
 from cnnum.templating.template import Template
 
-J = ir.Name("j", (0, 1 << 16))
-DOWN = ir.Name("d", (0, 1 << 16))
-
 Ends = Callable[[int, Quantity], None]
 """Takes in the end of a layer in a cell: a state, or a rate."""
-
-
-def _item(
-    work: TransientWork, array: Array, row: ir.Expression, width: int, col: ir.Expression
-) -> Quantity:
-    """Return the number of an array at a row and a column."""
-    return work.to.item(array, call("add", call("multiply", row, ir.Integer(width)), col))
-
-
-def _total(
-    work: TransientWork, name: str, over: Sequence[tuple[ir.Name, int]], a: Quantity, b: Quantity
-) -> Quantity:
-    """Write a sum of products over counts, the last one innermost; return it."""
-    count = prod(number for _, number in over)
-    term = call("multiply", a.value, b.value)
-    bounds = None
-    if term.bounds is not None:
-        bounds = min(0, count * term.bounds[0]), max(0, count * term.bounds[1])
-    sum, nothing = ir.Name(name, bounds), work.to.zero()
-    inner: ir.Statement = ir.add(sum, term)
-    for variable, number in reversed(over):
-        inner = ir.Loop(variable, number, (inner,))
-    work.to.body += [ir.declare(sum, nothing), inner]
-    return Quantity(sum, a.fraction + b.fraction)
 
 
 def _sources(work: TransientWork) -> list[tuple[str, int, Array]]:
@@ -72,7 +51,7 @@ def _sources(work: TransientWork) -> list[tuple[str, int, Array]]:
                 array = to.array(name, "work", to.cells, to.formats.stored(name), "drive")
                 to.store(array, to.arithmetic.weighted(terms, FINE))
                 result.append(("drive", layer, array))
-        to.loop(body, cols=work.halo > 0, halo=work.halo)
+        to.loop(body, cols=work.by_place, halo=work.halo)
         start = _start(work, layer)
         if start is not None:
             result.append(("state", layer, start))
@@ -125,8 +104,8 @@ def _dense(
                 block = matrices[kind][rows, source * n : (source + 1) * n]
                 if np.any(block):
                     table = _table(work, f"{kind}_{layer}_{source}", block, "propagator")
-                    a, b = _item(work, table, CELL, n, J), to.item(array, J)
-                    parts.append(_total(work, f"s_{kind}_{layer}_{source}", [(J, n)], a, b))
+                    a, b = item_at(to, table, CELL, n, J), to.item(array, J)
+                    parts.append(sum_of(to, f"s_{kind}_{layer}_{source}", [(J, n)], a, b))
             ends(layer, _sum(work, parts, scheme.constant[rows], layer))
         to.loop(body)
 
@@ -163,9 +142,9 @@ def around_torus(work: TransientWork, scheme: Circulant) -> dict[int, Array]:
                 weights = scheme.drive[layer, source][np.ix_(*apart)]
                 if kind == "drive" and np.any(weights):
                     table, _ = to.table(f"k{work.index}_{layer}_{source}", weights, "by distance")
-                    a, b = _item(work, table, row, width, col), _item(work, array, DOWN, cols, J)
+                    a, b = item_at(to, table, row, width, col), item_at(to, array, DOWN, cols, J)
                     over = [(DOWN, rows), (J, cols)]
-                    parts.append(_total(work, f"s_{layer}_{source}", over, a, b))
+                    parts.append(sum_of(to, f"s_{layer}_{source}", over, a, b))
             result |= work.answers(layer, _sum(work, parts, np.zeros(1), layer))
         to.loop(body, cols=True)
     return result
@@ -205,11 +184,11 @@ def _modal(
             to.store(mixed, _sum(work, parts, np.zeros(1), layer))
         to.loop(body)
         # over rows: Rᵀ, so the table's columns
-        a, b = _item(work, along_rows, J, rows, ROW), _item(work, mixed, J, cols, COLUMN)
+        a, b = item_at(to, along_rows, J, rows, ROW), item_at(to, mixed, J, cols, COLUMN)
         half = _mixed(work, f"v{work.index}_{layer}{tag}", "modes of columns", rows, a, b)
-        a, b = _item(work, half, ROW, cols, J), _item(work, along_cols, J, cols, COLUMN)
+        a, b = item_at(to, half, ROW, cols, J), item_at(to, along_cols, J, cols, COLUMN)
         with to.within() as body:
-            end = _total(work, f"s_{layer}", [(J, cols)], a, b)
+            end = sum_of(to, f"s_{layer}", [(J, cols)], a, b)
             ends(layer, _sum(work, [end], scheme.constant[layer], layer))
         to.loop(body, cols=True)
 
@@ -322,9 +301,9 @@ def _forward(
 ) -> Array:
     """Write R s Cᵀ."""
     (height, width), tag = work.to.shape, f"{work.index}_{kind}_{layer}"
-    a, b = _item(work, rows, ROW, height, J), _item(work, source, J, width, COLUMN)
+    a, b = item_at(work.to, rows, ROW, height, J), item_at(work.to, source, J, width, COLUMN)
     half = _mixed(work, f"g{tag}", "modes of rows", height, a, b)
-    a, b = _item(work, half, ROW, width, J), _item(work, cols, COLUMN, width, J)
+    a, b = item_at(work.to, half, ROW, width, J), item_at(work.to, cols, COLUMN, width, J)
     return _mixed(work, f"h{tag}", "modes of a map", width, a, b)
 
 
@@ -334,7 +313,7 @@ def _mixed(
     """Write a map of sums of products over `j`; return it."""
     to, target = work.to, _wide(work, name, description)
     with to.within() as body:
-        to.store(target, _total(work, "mix", [(J, count)], a, b))
+        to.store(target, sum_of(to, "mix", [(J, count)], a, b))
     to.loop(body, cols=True)
     return target
 
