@@ -11,6 +11,7 @@ import numpy as np
 
 from cnnum.embedded.c.packages import FOLDERS, MARK, Source, package_files
 from cnnum.embedded.c.program import (
+    PAIRS,
     bytes_of,
     c_text,
     element_type,
@@ -195,7 +196,7 @@ def exported(
             f"Written by cnnum {__version__}.",
         )
     name, vector = identifier(program.name), vector_of(program, streams)
-    text = c_text(program, shares=shares)
+    text = c_text(program, shares=shares, pairs=True)
     inputs, outputs = program.of_kind("input"), program.of_kind("output")
     header = _header(name, program, text.memory, inputs, outputs, text.tables, facts)
     source = [
@@ -203,6 +204,7 @@ def exported(
         f'#include "{name}.h"',
         *(_LIBM if program.real else []),
         "",
+        *([*PAIRS, ""] if any("CNNUM_PAIRS" in helper for helper in text.helpers) else []),
         *(line for helper in text.helpers for line in (helper, "")),
         *(line for table in text.tables for line in (*table_lines(table, "static const"), "")),
         *reset_lines(name),

@@ -9,10 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cnnum import kernels as ir
+from cnnum.embedded.arithmetic import total
 from cnnum.embedded.emulator import Numbers
 from cnnum.embedded.program import Array, IntegerProgram
+from cnnum.kernels.expressions import operand
 from cnnum.kernels.number_types import FLOAT32, INT32
-from cnnum.kernels.printer import C99Printer
+from cnnum.kernels.printer import PRIMARY, UNARY, C99Printer, Ranked
 from cnnum.kernels.statements import live, names_in
 
 _LIMIT = """static {t} limit{w}({t} value, {t} least, {t} most)
@@ -39,24 +41,50 @@ static {t} quotient{w}({t} a, {t} b)
     whole = ({t})((top + bottom / 2u) / bottom);
     return (a < 0) != (b < 0) ? -whole : whole;
 }}"""
-_ROOT = """/* the largest whole number whose square is not above the value */
-static {t} root{w}({t} value)
-{{
-    u{t} left = value > 0 ? (u{t})value : 0u, root = 0u, bit = (u{t})1 << {top};
-    while (bit > left) {{
+_WHOLE_ROOT = """/* the largest whole number whose square is not above the value */
+static uint32_t whole_root(uint32_t value)
+{
+    uint32_t left = value, root = 0u, bit = (uint32_t)1 << 30;
+    while (bit > left) {
         bit >>= 2;
-    }}
-    while (bit != 0u) {{
-        if (left >= root + bit) {{
+    }
+    while (bit != 0u) {
+        if (left >= root + bit) {
             left -= root + bit;
             root = (root >> 1) + bit;
-        }} else {{
+        } else {
             root >>= 1;
-        }}
+        }
         bit >>= 2;
-    }}
-    return ({t})root;
-}}"""
+    }
+    return root;
+}"""
+_ROOT32 = """static int32_t root32(int32_t value)
+{
+    return value > 0 ? (int32_t)whole_root((uint32_t)value) : 0;
+}"""
+_ROOT64 = """/* the root of the upper half, and a division for the lower one: Zimmermann 1999,
+   "Karatsuba square root" */
+static int64_t root64(int64_t value)
+{
+    uint64_t scaled = value > 0 ? (uint64_t)value : 0u, root;
+    uint32_t first, left, low;
+    int32_t places = 0;
+    if ((scaled >> 32) == 0u) {
+        return (int64_t)whole_root((uint32_t)scaled);
+    }
+    for (; (scaled >> 62) == 0u; scaled <<= 2) {
+        ++places;
+    }
+    first = whole_root((uint32_t)(scaled >> 32));
+    left = (uint32_t)(scaled >> 32) - first * first;
+    low = ((left << 15) | ((uint32_t)scaled >> 17)) / first;
+    root = ((uint64_t)first << 16) + (low > 65535u ? 65535u : low);
+    if (root * root > scaled) {
+        --root;
+    }
+    return (int64_t)(root >> places);
+}"""
 _CUBE_ROOT = """/* the largest whole number whose cube is not above the value */
 static int64_t cube_root64(int64_t value)
 {
@@ -99,12 +127,60 @@ def _whole_ones(bits: int) -> dict[str, str]:
         f"maximum{bits}": _PAIR.format(t=kind, n="maximum", w=width, s=">"),
         f"absolute{bits}": _ABSOLUTE.format(t=kind, w=width),
         f"quotient{bits}": _QUOTIENT.format(t=kind, w=width),
-        f"root{bits}": _ROOT.format(t=kind, w=width, top=bits - 2),
     }
 
 
-HELPERS = {**_whole_ones(32), **_whole_ones(64), "cube_root64": _CUBE_ROOT, **_REALS}
-"""By name."""
+_PAIRS = """/* a sum and two products of 16 bits, by SMLAD where the core has it */
+static inline int32_t plus_pair(int32_t sum, const int16_t *at, int16_t first, int16_t second)
+{
+#if CNNUM_PAIRS
+    const uint32_t weights = (uint32_t)(uint16_t)first | ((uint32_t)(uint16_t)second << 16);
+    uint32_t both;
+    __builtin_memcpy(&both, at, sizeof both);
+    __asm__("smlad %0, %1, %2, %0" : "+r"(sum) : "r"(both), "r"(weights));
+    return sum;
+#else
+    return sum + at[0] * first + at[1] * second;
+#endif
+}"""
+_PRODUCTS = """/* a sum and products of 16 bits, two by two by SMLALD where the core has it */
+static inline int64_t plus_products(int64_t sum, const int16_t *a, const int16_t *b, int32_t count)
+{
+    int32_t n = 0;
+#if CNNUM_PAIRS
+    uint32_t low = (uint32_t)(uint64_t)sum, high = (uint32_t)((uint64_t)sum >> 32);
+    for (; n + 1 < count; n += 2) {
+        uint32_t of_a, of_b;
+        __builtin_memcpy(&of_a, a + n, sizeof of_a);
+        __builtin_memcpy(&of_b, b + n, sizeof of_b);
+        __asm__("smlald %0, %1, %2, %3" : "+r"(low), "+r"(high) : "r"(of_a), "r"(of_b));
+    }
+    sum = (int64_t)(((uint64_t)high << 32) | low);
+#endif
+    for (; n < count; ++n) {
+        sum += a[n] * b[n];
+    }
+    return sum;
+}"""
+PAIRED = {"plus_pair": _PAIRS, "plus_products": _PRODUCTS}
+"""Functions for products of 16 bits by two, in C alone: OpenCL C has pointers of other kinds."""
+
+PAIRS = [
+    "/* two products of 16 bits in an instruction; 0 turns them off, with the same answers */",
+    "#ifndef CNNUM_PAIRS",
+    "#if defined(__ARM_FEATURE_DSP) && defined(__GNUC__) && !defined(__ARM_BIG_ENDIAN)",
+    "#define CNNUM_PAIRS 1",
+    "#else",
+    "#define CNNUM_PAIRS 0",
+    "#endif",
+    "#endif",
+]
+
+HELPERS = {
+    **_whole_ones(32), **_whole_ones(64), "whole_root": _WHOLE_ROOT, "root32": _ROOT32,
+    "root64": _ROOT64, "cube_root64": _CUBE_ROOT, **_REALS, **PAIRED,
+}  # fmt: skip
+"""By name; those that another one calls stand before it."""
 
 
 PREFIX = {"input": "in->", "state": "m->", "work": "m->", "output": "out->", "table": ""}
@@ -133,15 +209,123 @@ class CText:
     memory: list[Array]
 
 
-def c_text(program: IntegerProgram, *, shares: bool = False) -> CText:
+@dataclass(frozen=True, slots=True)
+class _PairPrinter(C99Printer):
+    """Writes products of 16 bits two by two."""
+
+    def binary(self, both: ir.Binary) -> Ranked:
+        """Write a sum of 32 bits with its products of neighbours as pairs."""
+        if both.sign == "+" and (text := self._in_pairs(both)):
+            return text, PRIMARY
+        return C99Printer.binary(self, both)
+
+    def loop(self, loop: ir.Loop) -> list[str]:
+        """Write a sum of 64 bits of products of numbers that follow each other as a call."""
+        v = loop.variable
+        match loop.body:
+            case (ir.Assign(ir.Name() as sum, ir.Binary("*", a, b), "+="),):
+                ends = [self._start(part, v) for part in (a, b)]
+                wide = sum.bounds is not None and self.whole.needs_wide(sum.bounds)
+                if wide and all(ends) and (loop.start, loop.step) == (0, 1):
+                    places, end = ", ".join(map(str, ends)), self.expression(operand(loop.end))
+                    name = self.expression(sum)
+                    return [f"{name} = plus_products({name}, {places}, {end});"]
+            case _:
+                pass
+        return C99Printer.loop(self, loop)
+
+    def _short(self, array: ir.Name) -> bool:
+        return self.elements.get(array.text) == "int16_t"
+
+    def _start(self, part: ir.Expression, variable: ir.Name) -> str:
+        """Return where the numbers of a factor begin, or "" if they do not follow each other."""
+        if not isinstance(part, ir.Element) or not self._short(part.array):
+            return ""
+        if part.at == variable:
+            return self.name(part.array)[0]
+        place = _without(part.at, variable)
+        return "" if place is None else f"&{self.name(part.array)[0]}[{self.expression(place)}]"
+
+    def _in_pairs(self, sum: ir.Binary) -> str:
+        """Return the text of a sum, or "" if it has no pairs, or may leave 32 bits on the way."""
+        terms = list(_terms(sum))
+        bounds = [term.bounds for term in terms if term.bounds is not None]
+        ends = sum_of_bounds(bounds)
+        if len(bounds) < len(terms) or self.whole.needs_wide(ends):
+            return ""
+        known = [self._weighted(term) for term in terms]
+        places = {key[:3]: n for n, key in enumerate(known) if key}
+        text, left = "", dict(enumerate(terms))
+        for n, key in enumerate(known):
+            if key is None or n not in left:
+                continue
+            other = places.get((key[0], key[1], key[2] + 1))
+            if other is None or other not in left or places[key[:3]] != n:
+                continue
+            weights = key[3], known[other][3]  # type: ignore[index]
+            del left[n], left[other]
+            array, place = ir.Name(key[0]), self.expression(key[4].at)
+            at = f"&{self.name(array)[0]}[{place}]"
+            text = f"plus_pair({text or '@'}, {at}, {weights[0]}, {weights[1]})"
+        if not text:
+            return ""
+        rest = " + ".join(self.within(term, UNARY) for term in left.values())
+        return text.replace("@", rest or "0", 1)
+
+    def _weighted(self, term: ir.Expression) -> tuple[str, str, int, int, ir.Element] | None:
+        """Return array, base, distance and weight of a number of 16 bits times a constant."""
+        weight = 1
+        match term:
+            case ir.Binary("*", ir.Element() as number, ir.Integer(weight)):
+                pass
+            case ir.Element() as number:
+                pass
+            case _:
+                return None
+        if not self._short(number.array) or not -(1 << 15) <= weight < 1 << 15:
+            return None
+        match number.at:
+            case ir.Binary("+", ir.Name(base), ir.Integer(distance)):
+                return number.array.text, base, distance, weight, number
+            case ir.Name(base):
+                return number.array.text, base, 0, weight, number
+            case _:
+                return None
+
+
+def sum_of_bounds(some: Sequence[ir.Bounds]) -> ir.Bounds:
+    """Return the interval that no part of a sum leaves, in whichever order it is added."""
+    return sum(min(low, 0) for low, _ in some), sum(max(high, 0) for _, high in some)
+
+
+def _terms(value: ir.Expression) -> Iterable[ir.Expression]:
+    """Yield the terms of a sum of sums."""
+    if isinstance(value, ir.Binary) and value.sign == "+":
+        yield from _terms(value.left)
+        yield from _terms(value.right)
+    else:
+        yield value
+
+
+def _without(place: ir.Expression, variable: ir.Name) -> ir.Expression | None:
+    """Return a sum without a variable that it adds once, or None if there is no such term."""
+    terms = list(_terms(place))
+    others = [term for term in terms if term != variable]
+    if len(others) != len(terms) - 1 or variable.text in names_in(tuple(others)):
+        return None
+    return total(others)
+
+
+def c_text(program: IntegerProgram, *, shares: bool = False, pairs: bool = False) -> CText:
     """Return the parts of a program's text; of its arrays only those that are read.
 
-    With `shares`, working arrays that are not needed at the same time lie in the same place.
+    With `shares`, working arrays that are not needed at the same time lie in the same place; with
+    `pairs`, products of 16 bits are written two by two.
     """
     body = live(program.body, set[str]())
     places = _shared(program, body) if shares else {}
     names = {name: places[name].name if name in places else name for name in program.arrays}
-    printer = C99Printer(
+    printer = (_PairPrinter if pairs else C99Printer)(
         FLOAT32,
         {name: f"{PREFIX[array.kind]}{names[name]}" for name, array in program.arrays.items()},
         {name: element_type(array) for name, array in program.arrays.items()},
@@ -149,8 +333,11 @@ def c_text(program: IntegerProgram, *, shares: bool = False) -> CText:
     )
     lines, used = printer.lines(body, 1), names_in(body)
     text = "\n".join(lines)
-    called = set(re.findall(r"\w+(?=\()", text))
-    helpers = [code for name, code in HELPERS.items() if name in called]
+    helpers, written = list[str](), text
+    for name, code in reversed(HELPERS.items()):
+        if re.search(rf"\b{name}\(", written):
+            helpers.insert(0, code)
+            written += code
     arrays = [array for array in program.arrays.values() if array.name in used]
     kept = [array for array in arrays if array.kind == "state"]
     work = [places.get(array.name, array) for array in arrays if array.kind == "work"]

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import tempfile
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from importlib import import_module
@@ -98,8 +99,8 @@ class Board:
     elf: bytes
 
     @classmethod
-    def built(cls, made: Made, frames: Floats, core: str) -> "Board":
-        """Return the image of a program.
+    def built(cls, made: Made, frames: Floats, core: str, flags: Sequence[str] = ()) -> "Board":
+        """Return the image of a program; flags are further ones of the compiler.
 
         Raises
         ------
@@ -124,6 +125,7 @@ class Board:
                 *("-target", "thumb-freestanding-eabi"),
                 f"-mcpu={CORES[core]}",
                 *FLAGS,
+                *flags,
                 *LINKED,
                 "-o",
                 "board.elf",
