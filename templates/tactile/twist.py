@@ -14,7 +14,7 @@ is there, as after a reading that jumped. If it lasts, the rest must be learned 
 from collections.abc import Mapping
 
 from cnnum.programs import program
-from cnnum.programs.fields import Field, maximum, most, where
+from cnnum.programs.fields import Field, maximum, minimum, most, where
 from cnnum.programs.machine import FrameFields
 from cnnum.programs.reports import level_of, report
 from cnnum.programs.transients import apply
@@ -97,7 +97,9 @@ def read_outs(frame: FrameFields, *, recent: RecentLoads, still: float) -> dict[
     curls, parts = (
         [_over_load(recent, pad, rate) for pad in recent.pads] for rate in (curl, divergence)
     )
-    changes = recent.load_rate > still
+    # over `look`, the load seems to change for a while after a press, when a turn may have begun
+    now = recent.rate * abs(recent.load - frame.previous(recent.load)) / recent.load
+    changes = minimum(recent.load_rate, now) > still
     if recent.pressed:
         curls = [_since(recent, "curl", curl, changes) for curl in curls]
     parts = [abs(_since(recent, "divergence", part, changes)) for part in parts]
