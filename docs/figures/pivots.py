@@ -1,10 +1,11 @@
-"""Slips that pivot, slides with a twist after them, and starts in motion: `docs.figures.pivots`.
+"""Slips that pivot, twists after a slide or a press, starts in motion: `docs.figures.pivots`.
 
 `python -m docs.figures.pivots` draws scenes of bristles (`cnnum/lab/scoring/families/bristles.py`)
 whose truth is known, and prints what `slip`, `twist` and the watch of held starts say of them.
 """
 
 import argparse
+from dataclasses import replace
 
 import numpy as np
 
@@ -24,6 +25,8 @@ SLIP = (
     "gross_slip", "slip_pivots", "slip_centred", "slip_sense", "slip_row", "slip_column"
 )  # fmt: skip
 TWIST = ("twist", "twist_sense")
+WAITS = (-0.1, -0.03, 0.0, 0.05, 0.1, 0.2, 0.4)
+"""s from the end of a press to the begin of a turn; below 0 they overlap."""
 
 
 def played(engine: Engine, name: str, outputs: tuple[str, ...], trials: list[Trial]):
@@ -83,6 +86,24 @@ def after_a_slide(engine: Engine, seeds: range) -> str:
     )
 
 
+def after_a_press(engine: Engine, wait: float, seeds: range) -> str:
+    """Return how many turns are reported that begin so soon after a press."""
+
+    def moves(brush: Brush) -> bristles.Way:
+        way, early = bristles.pivot(brush), round((0.4 - wait) * brush.rate)
+        return replace(way, angle=np.pad(way.angle[early:], (0, early), mode="edge"))
+
+    name = "turned early"
+    trials = [bristles.scene(moves)(Arrays(), name, seed) for seed in seeds]
+    ends = [bristles.pivot(Brush.drawn(name, seed)).angle[-1] for seed in seeds]
+    found = right = 0
+    for trial, end, twist in zip(trials, ends, played(engine, "twist", TWIST, trials), strict=True):
+        flags = (twist["twist"] > 0) & trial.scored
+        found += bool(flags.any())
+        right += bool(flags.any() and (twist["twist_sense"][flags] == np.sign(end)).all())
+    return f"{len(trials)} scenes: twists found {found}, sense right {right}"
+
+
 def begun_in_motion(seeds: range) -> str:
     """Return of how many streams that begin in a slide, and without contact, it is said."""
     said = [0, 0]
@@ -108,6 +129,8 @@ def main() -> None:
     given = arguments.parse_args()
     engine, seeds = Engine(), range(given.seed, given.seed + given.count)
     print(f"a slide, then a twist: {after_a_slide(engine, seeds)}", flush=True)
+    for wait in WAITS:
+        print(f"{wait:g} s after a press: {after_a_press(engine, wait, seeds)}", flush=True)
     print(f"starts: {begun_in_motion(seeds)}", flush=True)
     for arms in ARMS:
         print(f"{arms[0]:g} to {arms[1]:g} radii: {turned(engine, arms, seeds)}", flush=True)

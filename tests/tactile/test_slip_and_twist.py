@@ -332,3 +332,29 @@ def test_a_curl_below_the_shear_is_no_twist(fast, run, four):
     got = run(fast, both(**BOUND, turn=1e-4), four)
     assert got["twist_strength"][PULL:, SLIDES].max() > 2e-4
     assert not got["twist"][:, SLIDES].any()
+
+
+def test_a_turn_that_begins_as_a_press_ends_loses_little_of_its_curl(numba, monkeypatch):
+    """Bristles that stick are pressed for 0.4 s and turned by 0.2 rad in 0.25 s: curl is angle.
+
+    The load, smoothed over 0.02 s, grows by 2.5/s at the end of the press, and by less than 0.25/s
+    from 0.02 s · ln 10 later on: what is taken off is the angle until then.
+    """
+    drawn = bristles.Brush.drawn("turned at once", 3)
+    brush = replace(drawn, rate=100.0, flat=True, radius=2.4e-3, friction=5.0)
+    monkeypatch.setattr(bristles.Brush, "drawn", lambda *_: brush)
+    trials, begins = [], (90, 95, 140)
+    for begin in begins:
+        angle = np.concatenate([np.zeros(begin), np.linspace(0.0, 0.2, 25), np.full(70, 0.2)])
+        depth = np.full(len(angle), brush.depth)
+        depth[:50], depth[50:90] = -1e-6, brush.depth * np.linspace(0.025, 1.0, 40)
+        make = bristles.scene(lambda _, way=bristles.Way.of(depth, angle=angle): way)
+        trials.append(make(Arrays(), "turned at once", 3))
+    outputs = ("twist", "twist_sense", "twist_strength")
+    *early, late = side_by_side(numba, twist, outputs, trials)
+    whole = late["twist_strength"][-20:].mean()
+    for got, begin, lost in zip(early, begins[:2], (0.02 * np.log(10.0) / 0.25, 0.0), strict=True):
+        # 1 % of noise, and 0.01 s of a frame
+        assert got["twist_strength"][-20:].mean() > (1.0 - lost - 0.01 - 0.04) * whole > 0.3
+        assert set(got["twist_sense"][begin : begin + 90]) == {0.0, 1.0}
+        assert got["twist"][begin + 12 :].all()
