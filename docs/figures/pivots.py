@@ -14,7 +14,7 @@ from cnnum.engine import Engine
 from cnnum.frame import FORCE_AXES
 from cnnum.lab.scoring.families import bristles
 from cnnum.lab.scoring.families.bristles import PITCH, TAXELS, Brush
-from cnnum.lab.scoring.judged_programs import in_batches, side_by_side
+from cnnum.lab.scoring.judged_programs import Answers, in_batches, side_by_side
 from cnnum.programs.library import get_program
 from cnnum.scenes.push_watch import HeldWatch
 
@@ -29,20 +29,22 @@ WAITS = (-0.1, -0.03, 0.0, 0.05, 0.1, 0.2, 0.4)
 """s from the end of a press to the begin of a turn; below 0 they overlap."""
 
 
-def played(engine: Engine, name: str, outputs: tuple[str, ...], trials: list[Trial]):
+def played(
+    engine: Engine, name: str, outputs: tuple[str, ...], trials: list[Trial]
+) -> list[Answers]:
     """Return the outputs of a program on trials."""
     return in_batches(trials, lambda some: side_by_side(engine, get_program(name), outputs, some))
 
 
 def turned(engine: Engine, arms: tuple[float, float], seeds: range) -> str:
     """Return what is reported of turns about places so far away."""
-    trials, truths = list[Trial](), []
+    trials, truths = list[Trial](), list[tuple[float, float, float]]()
     for seed in seeds:
         rng = np.random.default_rng([seed, 3])
         arm = float(rng.choice([-1.0, 1.0]) * rng.uniform(*arms))
         trials.append(bristles.scene(bristles.swung(arm))(Arrays(), "swung", seed))
         place = Brush.drawn("swung", seed).place_of(arm) / PITCH + (TAXELS - 1) / 2
-        truths.append((np.sign(arm), place[1], place[0]))
+        truths.append((float(np.sign(arm)), float(place[1]), float(place[0])))
     slips, twists = (played(engine, *which, trials) for which in (("slip", SLIP), ("twist", TWIST)))
     said = pivots = right = either = 0
     away = list[float]()
@@ -105,12 +107,15 @@ def after_a_press(engine: Engine, wait: float, seeds: range) -> str:
 
 
 def begun_in_motion(seeds: range) -> str:
-    """Return of how many streams that begin in a slide, and without contact, it is said."""
+    """Return of how many streams that begin in a slide, and without contact, it is said.
+
+    Slides that are over before the rest is known have no events to mark.
+    """
     said = [0, 0]
     scenes = 0
     for seed in seeds:
         trial = bristles.scene(bristles.slide)(Arrays(), "begins sliding", seed)
-        if not trial.slides:
+        if len(trial.frames) - trial.onset < 0.45 * trial.rate:
             continue
         scenes += 1
         for place, start in enumerate((trial.onset, 0)):
@@ -123,7 +128,7 @@ def begun_in_motion(seeds: range) -> str:
 
 def main() -> None:
     """Print a line a kind of scene."""
-    arguments = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    arguments = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     arguments.add_argument("--count", type=int, default=16)
     arguments.add_argument("--seed", type=int, default=5_000_000)
     given = arguments.parse_args()

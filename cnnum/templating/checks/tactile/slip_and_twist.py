@@ -247,7 +247,8 @@ class MovingContact:
         mean = {name: float(np.mean([pad[name] for pad in pads])) for name in pads[0]}
         load_rate = abs(mean["load_rate"]) / mean["mass"]
         masses = np.array([pad["mass"] for pad in pads])
-        load_rate = min(load_rate, c.rate * abs(float((masses - self.masses).mean())) / mean["mass"])
+        in_a_frame = abs(float((masses - self.masses).mean()))
+        load_rate = min(load_rate, c.rate * in_a_frame / mean["mass"])
         self.trends += c.step(c.load) * (c.rate * (masses - self.masses) / masses - self.trends)
         self.masses = masses
         self.largest = np.maximum(np.abs(self.trends), (1.0 - c.step(c.load)) * self.largest)
