@@ -34,6 +34,8 @@ def tactile(
     pads: int = 1,
     slip_false_reports: float = 2.0,
     twist_false_reports: float = 0.3,
+    slip_level: float = 0.0,
+    twist_level: float = 0.0,
 ) -> Mapping[str, Field]:
     """Detect contact, slip, twist, edges and bumps; compile it with only the outputs you need.
 
@@ -53,6 +55,8 @@ def tactile(
         As in `slip`. The position of a contact or a twist is on the pad where it is strongest.
     slip_false_reports, twist_false_reports : float, 1/10 min
         Accepted rates, as `false_reports` in `slip` and `twist`.
+    slip_level, twist_level : float
+        The levels themselves, as `level` there, if they are above 0.
 
     Returns
     -------
@@ -69,8 +73,11 @@ def tactile(
     if pushed:
         result |= contact.bind(**cover, unit=unit, normal_gain=1.0 / shear_gain, pads=pads)(frame)
     if sheared:
-        result |= slip.bind(**settings, false_reports=slip_false_reports)(frame)
-        result |= twist.bind(**settings, false_reports=twist_false_reports)(frame)
+        for moving, rate, level in (
+            (slip, slip_false_reports, slip_level),
+            (twist, twist_false_reports, twist_level),
+        ):
+            result |= moving.bind(**settings, false_reports=rate, level=level)(frame)
     if pushed:
         result |= edges.bind(**cover)(frame)
         result |= localize.bind(push=push, **bumps)(frame)

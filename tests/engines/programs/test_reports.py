@@ -35,13 +35,17 @@ def test_any_rate_has_a_level(levels):
 
 
 def test_a_level_can_be_set_and_read(fast):
-    for name, level in (("slip", "slip_level"), ("twist", "twist_level")):
-        for given, expected in (({"level": 0.3}, 0.3), ({"false_reports": 0.5}, None)):
-            bound = get_program(name).bind(rate=100.0, **given)
+    for name, table in (("slip", SLIP), ("twist", TWIST)):
+        at_rate = level_of(0.5, table)
+        for whole, parameters, expected in (
+            (name, {"level": 0.3}, 0.3),
+            (name, {"false_reports": 0.5}, at_rate),
+            ("tactile", {f"{name}_level": 0.3, f"{name}_false_reports": 0.5}, 0.3),
+        ):
+            bound, level = get_program(whole).bind(rate=100.0, **parameters), f"{name}_level"
             plan = fast.compile(bound, (4, 4), [level])
             read = float(plan.stream().push(np.zeros((4, 4, len(plan.schedule.channels))))[level])
-            table = SLIP if name == "slip" else TWIST
-            assert read == pytest.approx(expected or level_of(0.5, table), rel=1e-6)
+            assert read == pytest.approx(expected, rel=1e-6)
     with pytest.raises(ProgramError, match="'level'"):
         get_program("slip").bind(level=-1.0, rate=100.0).trace((4, 4))
 
