@@ -7,7 +7,7 @@ import numpy as np
 
 from cnnum.arrays import Floats
 from cnnum.embedded.c.files import Exported, Facts, exported
-from cnnum.embedded.c.program import bytes_of, c_text
+from cnnum.embedded.c.program import c_text
 from cnnum.embedded.emulator import Emulator, Numbers, cleared
 from cnnum.embedded.formats import NoFormats, Precision
 from cnnum.embedded.lowering.builder import solvers_for
@@ -41,7 +41,7 @@ class Made:
     @property
     def memory_bytes(self) -> int:
         """Bytes of persistent arrays and of working arrays."""
-        return bytes_of(c_text(self.program, shares=self.shares).memory, memory=True)
+        return c_text(self.program, shares=self.shares, c99=True).memory_bytes
 
     def inputs(self, frames: Floats) -> dict[str, Numbers]:
         """Return the channels of a batch of frames in their formats, (batch, cells) each.

@@ -2,17 +2,26 @@
 
 import json
 import shutil
+import subprocess
+import sys
+from dataclasses import dataclass
+from importlib.util import find_spec
 
 import numpy as np
 import pytest
 
 import cnnum
+from cnnum import kernels as ir
+from cnnum.embedded.c.program import packed, record_type
+from cnnum.embedded.emulator import Emulator, cleared
 from cnnum.embedded.formats import precision_named
-from cnnum.embedded.making import make
+from cnnum.embedded.making import make, quantised
 from cnnum.errors import ArrayError, NotSupportedError, ProgramError, UnknownNameError
 from cnnum.graph.schedule import schedule
+from tests.embedded.conftest import FULL, STRICT
 
 needs_cc = pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler")
+ZIG = (sys.executable, "-P", "-m", "ziglang", "cc")
 
 SHAPE = (3, 4)
 EDGE = cnnum.Template("edge", [[2.0]], [[0, -1, 0], [-1, 4, -1], [0, -1, 0]], -0.5)
@@ -148,3 +157,102 @@ def test_pictures_need_no_recording():
     found = cnnum.export("life", (5, 6))
     assert "in_picture, -1 white to 1 black" in " ".join(found.files["life.h"].split())
     assert found.vector.still == ("still",)
+
+
+APART = """#include "mixed.h"
+#include <stdio.h>
+static mixed_kept kept;
+static mixed_scratch scratch;
+static mixed_input input;
+static mixed_output output;
+int main(void)
+{
+    uint32_t state = 1u;
+    mixed_reset_kept(&kept);
+    while (fread(&input, sizeof input, 1, stdin) == 1) {
+        for (uint32_t n = 0; n < (uint32_t)sizeof scratch; ++n) {
+            state = state * 1664525u + 1013904223u;
+            ((uint8_t *)&scratch)[n] = (uint8_t)(state >> 24);
+        }
+        mixed_step_in(&kept, &scratch, &input, &output);
+        fwrite(&output, sizeof output, 1, stdout);
+        fwrite(&kept.saturated, 4, 1, stdout);
+    }
+    return 0;
+}
+"""
+
+
+@dataclass(slots=True, eq=False)
+class Limits(Emulator):
+    """Counts the numbers that a limit changes."""
+
+    changed: int = 0
+
+    def value(self, expression):
+        result = Emulator.value(self, expression)
+        if isinstance(expression, ir.Call) and expression.function == "limit":
+            before, count = self.changed, Emulator.value(self, expression.arguments[0])
+            self.changed = before + int((count != result).sum())
+        return result
+
+
+@needs_cc
+@pytest.mark.parametrize("share_memory", [False, True])
+def test_scratch_may_hold_anything_and_saturations_are_counted(tmp_path, share_memory):
+    """Sections for code and tables too: the linker is given both."""
+    given = cnnum.Recording(frames(), rate=100.0, unit="N", channels=("a", "unread", "b"))
+    export = cnnum.export(mixed, like=given, share_memory=share_memory)
+    export.write(tmp_path)
+    (tmp_path / "apart.c").write_text(APART)
+    places = [f'-DCNNUM_{what}_SECTION=__attribute__((section(".my_{what}")))' for what in
+              ("CODE", "CONST")]  # fmt: skip
+    command = ["cc", *STRICT, "-fsanitize=undefined,address", "-DCNNUM_COUNT_SATURATIONS", *places,
+               "-o", "apart", "apart.c", "mixed.c"]  # fmt: skip
+    subprocess.run(command, cwd=tmp_path, check=True)
+    assert b".my_CODE" in (tmp_path / "apart").read_bytes()
+    program, numbers = export.program, 3.0 * frames(60, seed=5)
+    inputs, outputs = (program.of_kind(kind) for kind in ("input", "output"))
+    given = [
+        {one.name: quantised(one, numbers[n, ..., "a_b".index(one.name[-1])].reshape(1, -1))
+         for one in inputs}
+        for n in range(60)
+    ]  # fmt: skip
+    text = b"".join(packed(inputs, frame, 1).tobytes() for frame in given)
+    said = subprocess.run(["./apart"], cwd=tmp_path, input=text, capture_output=True, check=True)
+    answers = np.frombuffer(said.stdout, [("out", record_type(outputs)), ("saturated", "<u4")])
+    state, emulator = cleared(program, 1), Limits(program)
+    for n, (frame, answer) in enumerate(zip(given, answers, strict=True)):
+        wanted = emulator.run(frame, state, first=n == 0)
+        for one in outputs:
+            np.testing.assert_array_equal(answer["out"][one.name], wanted[one.name][0], one.name)
+        assert answer["saturated"] == emulator.changed
+    assert emulator.changed > 100
+
+
+def swapped(command, folder, **more):
+    """Run a program for a big-endian core."""
+    return subprocess.run(["qemu-mips-static", *command], cwd=folder, check=True, **more)
+
+
+@pytest.mark.skipif(
+    not FULL or find_spec("ziglang") is None or shutil.which("qemu-mips-static") is None,
+    reason="make embedded, with Zig and qemu-mips-static",
+)
+def test_streams_are_the_same_on_a_big_endian_core(tmp_path):
+    """The test vector passes there, and answers in little-endian are those of this core."""
+    export = exported(tmp_path)
+    for name in ("vector", "stream"):
+        command = [*ZIG, "-target", "mips-linux-musleabi", *STRICT, "-static", "-O1", "-o"]
+        subprocess.run([*command, name, f"{name}.c", "mixed.c"], cwd=tmp_path, check=True)
+    swapped(["./vector"], tmp_path)
+    inputs, rng = export.program.of_kind("input"), np.random.default_rng(1)
+    given = np.zeros(50, dtype=record_type(inputs))
+    for one in inputs:
+        given[one.name] = rng.integers(*one.bounds, given[one.name].shape)
+    there = swapped(["./stream"], tmp_path, input=given.tobytes(), capture_output=True).stdout
+    subprocess.run(["make", "-B", "stream"], cwd=tmp_path, check=True, capture_output=True)
+    here = subprocess.run(["./stream"], cwd=tmp_path, input=given.tobytes(), capture_output=True)
+    assert there == here.stdout
+    size = record_type(export.program.of_kind("output")).itemsize
+    assert len({there[at : at + size] for at in range(0, len(there), size)}) > 40

@@ -12,6 +12,8 @@ import numpy as np
 from cnnum.embedded.c.packages import FOLDERS, MARK, Source, package_files
 from cnnum.embedded.c.program import (
     PAIRS,
+    WIDTHS,
+    CText,
     bytes_of,
     c_text,
     element_type,
@@ -196,40 +198,50 @@ def exported(
             f"Written by cnnum {__version__}.",
         )
     name, vector = identifier(program.name), vector_of(program, streams)
-    text = c_text(program, shares=shares, pairs=True)
+    text = c_text(program, shares=shares, c99=True)
     inputs, outputs = program.of_kind("input"), program.of_kind("output")
-    header = _header(name, program, text.memory, inputs, outputs, text.tables, facts)
+    header = _header(name, program, text, inputs, outputs, facts)
     source = [
         "/* " + "\n   ".join(line.replace("*/", "") for line in remarks) + " */",
         f'#include "{name}.h"',
         *(_LIBM if program.real else []),
         "",
         *([*PAIRS, ""] if any("CNNUM_PAIRS" in helper for helper in text.helpers) else []),
+        *SECTIONS,
+        "",
         *(line for helper in text.helpers for line in (helper, "")),
-        *(line for table in text.tables for line in (*table_lines(table, "static const"), "")),
+        *(line for table in text.tables for line in (*table_lines(table, TABLE), "")),
         *reset_lines(name),
         "",
-        f"void {name}_step({name}_memory *m, const {name}_input *in, {name}_output *out)",
+        "CNNUM_CODE_SECTION",
+        f"void {name}_step_in({name}_kept *restrict m, {name}_scratch *restrict w,",
+        f"    const {name}_input *restrict in, {name}_output *restrict out)",
         "{",
         "    const int32_t first = m->started ? 0 : 1;",
         "    (void)first;",
         "    (void)in;",
+        "    (void)w;",
         *text.body,
         "    m->started = 1;",
+        "}",
+        "",
+        f"void {name}_step({name}_memory *m, const {name}_input *in, {name}_output *out)",
+        "{",
+        f"    {name}_step_in(&m->kept, &m->scratch, in, out);",
         "}",
     ]
     files = {
         f"{name}.h": header,
         f"{name}.c": "\n".join([*source, ""]),
         "vector.c": _vector(name, program, vector),
-        "stream.c": _stream(name),
+        "stream.c": _stream(name, inputs, outputs),
         "Makefile": _makefile(name, math=program.real),
         "ranges.txt": "".join(f"{line}\n" for line in range_lines(program)),
         MANIFEST: _manifest(program, f"{name}.c", facts, channels or {}),
     }
     return Exported(
         files,
-        bytes_of(text.memory, memory=True),
+        text.memory_bytes,
         bytes_of(inputs),
         bytes_of(outputs),
         size_of(text.tables),
@@ -239,27 +251,44 @@ def exported(
     )
 
 
+SECTIONS = [
+    "/* attributes of the compiler that put tables or the step into a section of their own */",
+    "#ifndef CNNUM_CONST_SECTION",
+    "#define CNNUM_CONST_SECTION",
+    "#endif",
+    "#ifndef CNNUM_CODE_SECTION",
+    "#define CNNUM_CODE_SECTION",
+    "#endif",
+]
+TABLE = "CNNUM_CONST_SECTION static const"
+
 _LIBM = ["/* of libm */", *(f"float {name}f(float);" for name in ("sqrt", "exp", "log"))]
 
 
-def reset_lines(name: str, place: str = "") -> list[str]:
-    """Return the function that clears the memory."""
+def reset_lines(name: str) -> list[str]:
+    """Return the functions that clear what is kept, alone and with its scratch."""
     return [
-        f"void {name}_reset({place}{name}_memory *m)",
-        "{",
-        f"    {place}uint8_t *bytes = ({place}uint8_t *)m;",
-        "    for (uint32_t n = 0; n < (uint32_t)sizeof *m; ++n) {",
-        "        bytes[n] = 0;",
-        "    }",
-        "}",
+        f"void {name}_reset_kept({name}_kept *m)",
+        *_CLEARED,
+        "",
+        f"void {name}_reset({name}_memory *m)",
+        *_CLEARED,
     ]
 
 
-def structures(
-    name: str, memory: Sequence[Array], inputs: Sequence[Array], outputs: Sequence[Array]
-) -> list[str]:
-    """Return the structures of inputs, outputs and memory."""
-    nothing, kept = ["    uint8_t nothing;"], bytes_of(memory, memory=True)
+_CLEARED = [
+    "{",
+    "    uint8_t *bytes = (uint8_t *)m;",
+    "    for (uint32_t n = 0; n < (uint32_t)sizeof *m; ++n) {",
+    "        bytes[n] = 0;",
+    "    }",
+    "}",
+]
+
+
+def frame_structures(name: str, inputs: Sequence[Array], outputs: Sequence[Array]) -> list[str]:
+    """Return the structures of inputs and outputs."""
+    nothing = ["    uint8_t nothing;"]
     return [
         f"typedef struct {{ /* one frame: {bytes_of(inputs)} bytes */",
         *(members(inputs) or nothing),
@@ -268,10 +297,41 @@ def structures(
         f"typedef struct {{ /* its answers: {bytes_of(outputs)} bytes */",
         *(members(outputs) or nothing),
         f"}} {name}_output;",
+    ]
+
+
+def structures(
+    name: str, memory: Sequence[Array], inputs: Sequence[Array], outputs: Sequence[Array]
+) -> list[str]:
+    """Return the structures of inputs, outputs and a memory that holds the scratch, too."""
+    size = bytes_of(memory, memory=True)
+    return [
+        *frame_structures(name, inputs, outputs),
         "",
-        f"typedef struct {{ /* what is kept and worked in: {kept} bytes */",
+        f"typedef struct {{ /* what is kept and worked in: {size} bytes */",
         "    int32_t started;",
+        "    uint32_t saturated;",
         *members(memory),
+        f"}} {name}_memory;",
+    ]
+
+
+def _memory(name: str, text: CText) -> list[str]:
+    """Return the structures of what is kept and of the scratch, and of both as one."""
+    return [
+        f"typedef struct {{ /* what is kept: {bytes_of(text.kept, memory=True)} bytes */",
+        "    int32_t started;",
+        "    uint32_t saturated; /* numbers that did not fit, by CNNUM_COUNT_SATURATIONS */",
+        *members(text.kept),
+        f"}} {name}_kept;",
+        "",
+        f"typedef struct {{ /* of no use between two steps: {bytes_of(text.scratch)} bytes */",
+        *(members(text.scratch) or ["    uint8_t nothing;"]),
+        f"}} {name}_scratch;",
+        "",
+        "typedef struct { /* both, where nothing else uses the scratch */",
+        f"    {name}_kept kept;",
+        f"    {name}_scratch scratch;",
         f"}} {name}_memory;",
     ]
 
@@ -279,10 +339,9 @@ def structures(
 def _header(
     name: str,
     program: IntegerProgram,
-    memory: Sequence[Array],
+    text: CText,
     inputs: Sequence[Array],
     outputs: Sequence[Array],
-    tables: Sequence[Array],
     facts: Facts | None,
 ) -> str:
     guard, (rows, cols) = f"{name.upper()}_H", program.shape
@@ -299,8 +358,8 @@ def _header(
     ]
     lines = [
         f"/* Program '{program.name}' on {rows} x {cols} cells.",
-        f"   Memory {bytes_of(memory, memory=True)} bytes, frame {bytes_of(inputs)}, answers "
-        f"{bytes_of(outputs)}, tables {size_of(tables)}."
+        f"   Memory {text.memory_bytes} bytes, frame {bytes_of(inputs)}, answers "
+        f"{bytes_of(outputs)}, tables {size_of(text.tables)}."
         + "".join(f"\n   {line}" for line in _facts(program, inputs, facts))
         + " */",
         f"#ifndef {guard}",
@@ -322,13 +381,18 @@ def _header(
         else "/* inputs are finite numbers */",
         *legal,
         "",
-        *structures(name, memory, inputs, outputs),
+        *frame_structures(name, inputs, outputs),
+        "",
+        *_memory(name, text),
         "",
         "/* before the first frame of a stream */",
         f"void {name}_reset({name}_memory *m);",
+        f"void {name}_reset_kept({name}_kept *m);",
         "",
-        "/* one frame */",
+        "/* one frame; the scratch may hold anything before, and no two of these may overlap */",
         f"void {name}_step({name}_memory *m, const {name}_input *in, {name}_output *out);",
+        f"void {name}_step_in({name}_kept *m, {name}_scratch *w, const {name}_input *in,",
+        f"    {name}_output *out);",
         "",
         "#ifdef __cplusplus",
         "}",
@@ -499,21 +563,35 @@ def _each(arrays: Sequence[Array], text: Callable[[Array], str]) -> list[str]:
     return lines
 
 
-def _stream(name: str) -> str:
+def _stream(name: str, inputs: Sequence[Array], outputs: Sequence[Array]) -> str:
     """Return a main program that reads frames from standard input and writes their answers."""
+
+    def in_order_of_bytes(structure: str, arrays: Sequence[Array]) -> list[str]:
+        return [
+            f"        little(&{structure}.{array.name}, {WIDTHS[element_type(array)]}, "
+            f"{max(1, array.length)});"
+            for array in arrays
+            if WIDTHS[element_type(array)] > 1
+        ]
+
+    before, after = in_order_of_bytes("input", inputs), in_order_of_bytes("output", outputs)
     return "\n".join(
         [
-            "/* reads frames as they lie in memory, and writes their answers */",
+            "/* reads frames as their structure lies in memory, and writes their answers; numbers",
+            "   are little-endian on every core */",
             f'#include "{name}.h"',
             "",
             "#include <stdio.h>",
             "",
             *_kept(name),
             "",
+            *([*_LITTLE, ""] if before or after else []),
             *_MAIN,
             f"    {name}_reset(&memory);",
             "    while (fread(&input, sizeof input, 1, stdin) == 1) {",
+            *before,
             f"        {name}_step(&memory, &input, &output);",
+            *after,
             "        if (fwrite(&output, sizeof output, 1, stdout) != 1) {",
             "            return 1;",
             "        }",
@@ -523,6 +601,26 @@ def _stream(name: str) -> str:
             "",
         ]
     )
+
+
+_LITTLE = [
+    "/* turns numbers of the core's order of bytes into little-endian ones, and back */",
+    "static void little(void *numbers, int width, int count)",
+    "{",
+    "    const uint16_t first = 1;",
+    "    uint8_t *byte = numbers;",
+    "    if (*(const uint8_t *)&first == 1) {",
+    "        return;",
+    "    }",
+    "    for (; count > 0; --count, byte += width) {",
+    "        for (int n = 0; n < width / 2; ++n) {",
+    "            const uint8_t other = byte[n];",
+    "            byte[n] = byte[width - 1 - n];",
+    "            byte[width - 1 - n] = other;",
+    "        }",
+    "    }",
+    "}",
+]
 
 
 def _makefile(name: str, at: str = "", *, math: bool) -> str:

@@ -21,6 +21,15 @@ _LIMIT = """static {t} limit{w}({t} value, {t} least, {t} most)
 {{
     return value < least ? least : value > most ? most : value;
 }}"""
+_COUNTED_LIMIT = """#ifdef CNNUM_COUNT_SATURATIONS
+/* numbers that do not fit are counted where they are limited */
+static {t} counted{w}(uint32_t *count, {t} value, {t} least, {t} most)
+{{
+    *count += value < least || value > most ? 1u : 0u;
+    return limit{w}(value, least, most);
+}}
+#define limit{w}(value, least, most) counted{w}(&m->saturated, value, least, most)
+#endif"""
 _PAIR = """static {t} {n}{w}({t} a, {t} b)
 {{
     return a {s} b ? a : b;
@@ -184,6 +193,7 @@ HELPERS = {
 
 
 PREFIX = {"input": "in->", "state": "m->", "work": "m->", "output": "out->", "table": ""}
+APART = PREFIX | {"work": "w->"}
 WIDTHS = {"uint8_t": 1, "int8_t": 1, "int16_t": 2, "int32_t": 4, "float": 4}
 
 
@@ -207,6 +217,22 @@ class CText:
     tables: list[Array]
     body: list[str]
     memory: list[Array]
+
+    @property
+    def kept(self) -> list[Array]:
+        """The arrays that outlive a frame."""
+        return [array for array in self.memory if array.kind == "state"]
+
+    @property
+    def scratch(self) -> list[Array]:
+        """The arrays that a frame works in."""
+        return [array for array in self.memory if array.kind != "state"]
+
+    @property
+    def memory_bytes(self) -> int:
+        """The size of what is kept and of the scratch together, as C lays them out."""
+        scratch = -(-bytes_of(self.scratch) // 4) * 4
+        return bytes_of(self.kept, memory=True) + scratch
 
 
 @dataclass(frozen=True, slots=True)
@@ -316,18 +342,19 @@ def _without(place: ir.Expression, variable: ir.Name) -> ir.Expression | None:
     return total(others)
 
 
-def c_text(program: IntegerProgram, *, shares: bool = False, pairs: bool = False) -> CText:
+def c_text(program: IntegerProgram, *, shares: bool = False, c99: bool = False) -> CText:
     """Return the parts of a program's text; of its arrays only those that are read.
 
-    With `shares`, working arrays that are not needed at the same time lie in the same place; with
-    `pairs`, products of 16 bits are written two by two.
+    With `shares`, working arrays that are not needed at the same time lie in the same place. With
+    `c99`, they have a structure of their own, `w`, and products of 16 bits are written two by two.
     """
     body = live(program.body, set[str]())
     places = _shared(program, body) if shares else {}
     names = {name: places[name].name if name in places else name for name in program.arrays}
-    printer = (_PairPrinter if pairs else C99Printer)(
+    prefix = APART if c99 else PREFIX
+    printer = (_PairPrinter if c99 else C99Printer)(
         FLOAT32,
-        {name: f"{PREFIX[array.kind]}{names[name]}" for name, array in program.arrays.items()},
+        {name: f"{prefix[array.kind]}{names[name]}" for name, array in program.arrays.items()},
         {name: element_type(array) for name, array in program.arrays.items()},
         HELPERS,
     )
@@ -341,6 +368,13 @@ def c_text(program: IntegerProgram, *, shares: bool = False, pairs: bool = False
     arrays = [array for array in program.arrays.values() if array.name in used]
     kept = [array for array in arrays if array.kind == "state"]
     work = [places.get(array.name, array) for array in arrays if array.kind == "work"]
+    if c99:
+        counted = [
+            _COUNTED_LIMIT.format(t=f"int{bits}_t", w=bits)
+            for bits in (32, 64)
+            if HELPERS[f"limit{bits}"] in helpers
+        ]
+        helpers += counted
     return CText(
         helpers,
         [array for array in arrays if array.kind == "table"],
@@ -459,14 +493,14 @@ def record_type(arrays: Sequence[Array], *, memory: bool = False) -> np.dtype[An
     ----------
     arrays : sequence of Array
     memory : bool
-        Whether it is that of the memory, which begins with a flag.
+        Whether it is that of the memory, which begins with a flag and a count.
     """
     members: list[Any] = [
         (array.name, CODES[element_type(array)], (max(1, array.length),))
         for array in in_order(arrays)
     ]
     if memory:
-        members = [("started", "<i4"), *members]
+        members = [("started", "<i4"), ("saturated", "<u4"), *members]
     return np.dtype(members or [("nothing", "<u1")], align=True)
 
 
