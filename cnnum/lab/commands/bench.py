@@ -4,7 +4,7 @@ import re
 import shlex
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from math import inf
+from math import inf, isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
@@ -562,7 +562,13 @@ def embedded(**options: Any) -> int:
     """
     from cnnum.lab.embedded.costs import CostRow, answers, fit_sentence, measure_costs
 
+    for key in ("power", "max_error"):
+        if options[key] is not None and not isfinite(options[key]):
+            name = key.replace("_", "-")
+            raise click.UsageError(f"--{name} must be a finite number, got {options[key]:g}.")
     wanted, kept = Wanted.of(options), list[CostRow]()
+    if options["power"] is not None and not wanted.bounds.rate:
+        raise click.UsageError("--power gives the energy of a frame with --rate only: add --rate.")
     needs, wait_states = options["needs"], int(options["wait_states"])
     names = None if needs is None else tuple(name.strip() for name in needs.split(","))
 
