@@ -329,7 +329,7 @@ def _memory(name: str, text: CText) -> list[str]:
         *(members(text.scratch) or ["    uint8_t nothing;"]),
         f"}} {name}_scratch;",
         "",
-        "typedef struct { /* both, where nothing else uses the scratch */",
+        f"typedef struct {{ /* what is kept and worked in: {text.memory_bytes} bytes */",
         f"    {name}_kept kept;",
         f"    {name}_scratch scratch;",
         f"}} {name}_memory;",
