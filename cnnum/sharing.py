@@ -258,7 +258,7 @@ def lines(x: Floats, named: Mapping[str, Floats], ax: Axes | None, labels: tuple
 
 
 def marks(kinds: Sequence[str], times: Sequence[float], ax: Axes | None) -> Axes:
-    """Draw events as marks over time, a row a kind."""
+    """Draw events as marks over time, one row per kind."""
     axes = new_axes(ax)[0]
     rows = list(dict.fromkeys(kinds))
     axes.scatter(times, [rows.index(kind) for kind in kinds], marker="|", s=300)

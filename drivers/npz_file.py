@@ -6,11 +6,11 @@ machine. And it must be no more than the file can honestly hold.
 
 Recordings as NumPy archives: written by `cnnum record`, read again as an array.
 
-An archive holds, a row a frame: ``values`` (frames, rows, cols, channels), ``sequence``, ``time``
-(s), ``quality`` (flags of `cnnum.frame.Quality`), ``truth`` (frames, truths) and ``saturated``
-(frames, rows, cols), the taxels at an end of their range, and ``log_time`` (ns). Next to these it
-holds ``channels``, ``unit``, ``rate`` (Hz), ``truths`` (names) and ``calibration_*`` where the
-array had a calibration. ``kind`` marks it as one.
+An archive holds, one row per frame: ``values`` (frames, rows, cols, channels), ``sequence``,
+``time`` (s), ``quality`` (flags of `cnnum.frame.Quality`), ``truth`` (frames, truths) and
+``saturated`` (frames, rows, cols), the taxels at an end of their range, and ``log_time`` (ns). Next
+to these it holds ``channels``, ``unit``, ``rate`` (Hz), ``truths`` (names) and ``calibration_*``
+where the array had a calibration. ``kind`` marks it as one.
 """
 
 import logging

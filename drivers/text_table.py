@@ -129,7 +129,7 @@ def _since_epoch(when: datetime) -> int:
 
 LARGEST, MOST_ROWS = 32 * MEGABYTE, 1_000_000
 """Bytes and rows of the longest table that is held as text (`read_table`): 24 minutes of a uSkin
-pad at 60 Hz (384 bytes a row). In memory such a file took 12 times its size, one of two digits a
+pad at 60 Hz (384 bytes per row). In memory such a file took 12 times its size, one of two digits a
 field 24 times (0.8 GB). Numbers are read a row at a time (`read_columns`), without this limit.
 """
 

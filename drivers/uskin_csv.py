@@ -1,6 +1,6 @@
 """Replay of a trial of two XELA uSkin pads that was written to CSV files.
 
-The layout is that of the public data set of imanlab/proactive-slip-control: a folder a trial.
+The layout is that of the public data set of imanlab/proactive-slip-control: one folder per trial.
 ``xela_sensor1.csv`` and ``xela_sensor2.csv`` hold raw counts of 4×4 three-axial taxels, one after
 the other, row by row. ``robot_state.csv`` has the time in s in its column ``time``,
 ``slip_label.csv`` has slip and fail, and ``meta_data.csv`` the rate. The first rows of all files
@@ -125,7 +125,7 @@ class UskinCsv(Counting):
         self.total_frames = rows
 
     def frames(self) -> Iterator[Frame]:
-        """Yield a frame a row, as fast as they are fetched; a second call starts again."""
+        """Yield one frame per row, as fast as they are fetched; a second call starts again."""
         self._counters = Counters()
         numbers = np.cumsum(~self._repeats) - 1
         for row, values in enumerate(self._values):
@@ -257,6 +257,6 @@ def _rate(options: UskinCsvOptions, meta: Path, times: Floats) -> float:
 
 
 def _truths(table: TextTable) -> list[Truth]:
-    """Return a truth a row."""
+    """Return one truth per row."""
     names = ("slip", "fail")
     return [Truth(dict(zip(names, row.tolist(), strict=True))) for row in table.numbers(names)]

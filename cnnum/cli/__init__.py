@@ -1,4 +1,4 @@
-"""The command line: `cnnum run`, `cnnum demo`, … one file a command or group."""
+"""The command line: `cnnum run`, `cnnum demo`, … one file per command or group."""
 
 from cnnum.cli.root import main
 

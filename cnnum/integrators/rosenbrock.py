@@ -23,7 +23,7 @@ from cnnum.templating.network import Network
 from cnnum.templating.template import Template
 
 MOST_STATES = 20_000
-"""States of an array beyond which a factorisation a step takes seconds."""
+"""States of an array beyond which one factorisation per step takes seconds."""
 
 MOST_STEPS = 20_000
 """Largest number of steps in a run: each needs a factorisation, and these take half a minute."""

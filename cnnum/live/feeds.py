@@ -485,7 +485,7 @@ class PictureFeed(_Asked):
         self._wanted: Floats | None = first_picture()
 
     def command(self, wanted: dict[str, Any]) -> None:
-        """Take a picture: base64 of a byte a cell, from −100 (white) to 100 (black)."""
+        """Take a picture: base64 of one byte per cell, from −100 (white) to 100 (black)."""
         try:
             cells = np.frombuffer(b64decode(wanted["picture"], validate=True), np.int8)
             picture = np.clip(cells.reshape(SIDE, SIDE) / 100.0, -1.0, 1.0)

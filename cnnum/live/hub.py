@@ -3,8 +3,8 @@
 A picture: one frame with its results, as the few bytes that the page draws.
 
 Little-endian: number u32, flags u32 (from bit 16 on the number of the skin), time f64 (s), wait f32
-(ms), load f32. Then shear x, shear y and normal of all taxels (f32). Then a mark a taxel (u8): bit
-0 contact, bit 1 bump, bit 2 edge.
+(ms), load f32. Then shear x, shear y and normal of all taxels (f32). Then one mark per taxel (u8):
+bit 0 contact, bit 1 bump, bit 2 edge.
 """
 
 import struct

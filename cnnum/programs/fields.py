@@ -454,7 +454,7 @@ def mean(fields: Sequence[Field]) -> Field:
 
 
 def length(fields: Iterable[Field]) -> Field:
-    """Return the root of the sum of the squares: the length of a vector of one field an axis."""
+    """Return the root of the sum of the squares: the length of a vector of one field per axis."""
     return sqrt(total(map(square, fields)))
 
 

@@ -55,7 +55,7 @@ class Looped:
     values : tuple of Field
         The carried values at the end.
     iterations : Field
-        How often the body ran, one number a frame.
+        How often the body ran, one number per frame.
     finished : Field
         A flag: the loop ended by itself, not at its limit. A plan that does not read it refuses
         to give the results of a loop that did not finish.

@@ -58,7 +58,7 @@ def report(frame: FrameFields, strength: Field, level: float, frames: float) -> 
     ----------
     frame : FrameFields
     strength : Field
-        A number a frame.
+        One number per frame.
     level, frames : float
     """
     on = frame.memory("flag", scalar=True, logic=True)

@@ -22,7 +22,7 @@ class Applied:
     Attributes
     ----------
     outputs, states : tuple of Field
-        A map a layer.
+        One map per layer.
     settled : Field
         Flag: the array has come to rest.
     error : Field

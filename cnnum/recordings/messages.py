@@ -395,7 +395,7 @@ def _checked(path: Path, line: int, content: _Later) -> _Later:
 
 
 def field_arrays(path: Path, topic: str, names: Sequence[str]) -> dict[str, NDArray[Any]]:
-    """Return fields of all messages of a topic as arrays, a row a message.
+    """Return fields of all messages of a topic as arrays, one row per message.
 
     Parameters
     ----------

@@ -128,7 +128,7 @@ def measure_work_precision(
 def climb_ladder(
     template: Template, engines: Sequence[Engine], **options: Unpack[Climbing]
 ) -> Iterator[WorkPrecision | None]:
-    """Yield a point a rung and engine, as they are measured, or None.
+    """Yield one point per rung and engine, as they are measured, or None.
 
     It is None if an engine refuses a rung, or is of float32 and the rung is below `SINGLE`.
 

@@ -165,7 +165,7 @@ class Dropouts:
     Parameters
     ----------
     shape : (rows, cols)
-    limits : (low, high), or a pair a channel, optional
+    limits : (low, high), or one pair per channel, optional
         In the driver's unit; a taxel with a value beyond them is lost.
     dead : sequence of (row, column)
         Taxels that are not looked at.

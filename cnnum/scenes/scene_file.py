@@ -61,7 +61,7 @@ class SceneSpec:
         Largest magnitude of a good frame's values, in the driver's unit, where the scene says so.
     dead : tuple of (row, column)
         Taxels whose values come from their neighbours.
-    limits : (low, high), or a pair a channel, or None
+    limits : (low, high), or one pair per channel, or None
         Raw values beyond which a taxel has dropped out, in the driver's unit.
     bandwidth : float or None, Hz
         Highest frequency of loads on the array.

@@ -207,7 +207,7 @@ def strokes_of(trial: Trial) -> list[tuple[int, int]]:
 
 
 def main() -> None:
-    """Print a row a kind of scene."""
+    """Print one row per kind of scene."""
     argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0]).parse_args()
     engine, arrays = Engine(), Arrays()
     drawn = {

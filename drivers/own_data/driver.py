@@ -478,7 +478,7 @@ class DataFile(Counting):
     pitch : float or None
         Distance of the taxels, m, where the layout says so.
     layout : DataLayout or None
-    limits : (low, high), or a pair a channel, or None
+    limits : (low, high), or one pair per channel, or None
         Limits of the values of sound taxels, where the layout has them.
     bandwidth : float or None, Hz
         Highest frequency of loads, where the layout has it.

@@ -86,7 +86,7 @@ class DataLayout:
         Pads that lie side by side in the columns; an array may have an axis "pads" of its own.
     pitch : float, optional
         Distance of the taxels, m; of taxels at positions, the size of a cell of their grid.
-    limits : (low, high), or a pair a channel, optional
+    limits : (low, high), or one pair per channel, optional
         The least and the largest number of a sound taxel, as the file has them: one beyond has
         dropped out.
     bandwidth : float, optional
@@ -176,7 +176,7 @@ class DataLayout:
         holds = known is None or 0.0 < known < math.inf
         require("bandwidth", holds, "a positive number of Hz", known)
         holds = len(self.names) in (0, len(self.channels))
-        require("names", holds, "a word a channel", list(self.names))
+        require("names", holds, "one word per channel", list(self.names))
         parts = self.order.split()
         holds = self.order in ("", *ORDERS) or (
             parts.count("frames") == 1 and any(sorted(parts) == sorted(known) for known in AXES)

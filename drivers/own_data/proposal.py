@@ -244,7 +244,7 @@ def _one_array(path: Path, name: str) -> Floats:
 
 
 def _of_columns(path: Path, columns: list[str], stamped: Collection[str], asked: str) -> Proposal:
-    """Return the layout of a file with an array a number, as of a table in text."""
+    """Return the layout of a file with one array per number, as of a table in text."""
     proposal = Proposal()
     known = [name for name in columns if name in stamped or TIME.search(name)]
     known.sort(key=lambda name: name not in stamped)

@@ -6,7 +6,7 @@ The flat cover as a layer on a rigid base, for the same taxels and cells as `cov
 
 A layer is the half-space and the effect of its base. The half-space's part is known in closed form
 for a whole cell. The base's is as smooth as if its load were a thickness farther away. So a table
-over the distance and a few points a cell give it.
+over the distance and a few points per cell give it.
 """
 
 from dataclasses import dataclass

@@ -50,7 +50,7 @@ def products(columns: Floats, values: Reals, totals: Floats, room: int = ROOM) -
     Parameters
     ----------
     columns : (cells, cells) float64
-        The matrix, one column a row.
+        The matrix, transposed: each row holds one column.
     values : (batch or 1, cells) float
     totals : (batch, cells) float64
         Changed in place.

@@ -1,4 +1,4 @@
-"""Pictures of benchmark rows: one function a kind, Matplotlib without a display."""
+"""Pictures of benchmark rows: one function per kind, Matplotlib without a display."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, cast
@@ -220,7 +220,7 @@ def _line(axes: Axes, x: Sequence[float], y: Sequence[float], name: str, style: 
 
 
 def bars(rows: Sequence[Row], label: Sequence[str], value: str, title: str) -> Picture:
-    """Return one horizontal bar a row; the common part of all rows stands once, above."""
+    """Return one horizontal bar per row; the common part of all rows stands once, above."""
     figure: Picture = Figure(figsize=(8, 1.2 + 0.36 * len(rows)), layout="constrained")
     axes: Axes = figure.add_subplot()
     common = [key for key in label[1:] if len({str(row[key]) for row in rows}) == 1]
@@ -294,7 +294,7 @@ UNITS = {
 
 
 def scaling(rows: Sequence[Row]) -> Picture:
-    """Return the cost of a cell update along each curve, a panel a curve."""
+    """Return the cost of a cell update along each curve, one panel per curve."""
     curves = _curves(rows, ["case"])
     columns = min(3, len(curves))
     lines = -(-len(curves) // columns)

@@ -96,7 +96,7 @@ COUNT = 2 * (len(CASES) + 1)
 
 
 def measure_denormals(engine: Engine, *, quick: bool = False) -> Iterator[Denormals]:
-    """Yield a row a case, of an engine in float32 and in float64."""
+    """Yield one row per case, of an engine in float32 and in float64."""
     budget = 0.3 if quick else 3.0
     engines = (engine, engine.with_precision("float64"))
     for case in CASES:

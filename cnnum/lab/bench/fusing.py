@@ -52,7 +52,7 @@ class Fusing:
 
 
 def measure_fusing(engine: Engine, *, quick: bool = False) -> Iterator[Fusing | str]:
-    """Yield a row a tactile program, array and batch; words for cases that are not fused."""
+    """Yield one row per tactile program, array and batch; words for cases that are not fused."""
     budget = 0.3 if quick else 2.0
     for shape in SHAPES[:1] if quick else SHAPES:
         for name in program_names("tactile"):

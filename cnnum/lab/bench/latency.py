@@ -173,7 +173,7 @@ def measure_latency(
     chosen: Sequence[Subject] | None = None,
     seconds: float = BUDGET_S,
 ) -> Iterator[Latency | str]:
-    """Yield a row a subject, on single 8×8×3 frames of the simulated scene, one after the other.
+    """Yield one row per subject, on single 8×8×3 frames of the simulated scene, one by one.
 
     Parameters
     ----------

@@ -99,7 +99,7 @@ def races() -> tuple[Race, ...]:
 
 
 def measure_peers(engine: Engine, *, quick: bool = False) -> Iterator[PeerRun | str]:
-    """Yield a row a case and peer, or a sentence where a peer is missing or left out."""
+    """Yield one row per case and peer, or a sentence where a peer is missing or left out."""
     truths: dict[str, Floats] = {}
     for race in races():
         work = race.work

@@ -100,7 +100,7 @@ def points(*, quick: bool = False) -> tuple[Point, ...]:
 
 
 def measure_scaling(engine: Engine, *, quick: bool = False) -> Iterator[Scaling]:
-    """Yield a row a place, in their order and as soon as it is measured.
+    """Yield one row per place, in their order and as soon as it is measured.
 
     `BASE` is measured before all others, so that each row comes with its growth.
     """

@@ -84,7 +84,7 @@ class SceneCost:
 def measure_scenes(
     engine: Engine, *, rounds: int = 8, every: int = EVERY
 ) -> Iterator[SceneCost | None]:
-    """Yield a row a scene, after None for each round and for the truth.
+    """Yield one row per scene, after None for each round and for the truth.
 
     Every frame goes through all scenes before the next one comes.
 

@@ -42,7 +42,7 @@ def shared_out(
     Yields
     ------
     row, str or None
-        An item a task: a row, None if there is none, and instead of those that were not begun
+        One item per task: a row, None if there is none, and instead of those that were not begun
         a sentence that names them.
     """
     until = time.perf_counter() + seconds

@@ -324,7 +324,7 @@ def _collect(
 ) -> bool:
     """Gather rows and omissions; return whether that came to its end.
 
-    With a folder, rows also go to a file there at once, a line a row: it is all that is left of
+    With a folder, rows also go to a file there at once, one line per row: it is all that is left of
     a run that is killed.
     """
     from cnnum.lab.bench.records import append_row, as_row

@@ -79,7 +79,7 @@ class Counted:
         return max(self.instructions)
 
     def frames_per_second(self, clock: float) -> float:
-        """Return the highest frame rate at a clock, in Hz, of one instruction a cycle."""
+        """Return the highest frame rate at a clock, in Hz, of one instruction per cycle."""
         return clock / self.worst
 
 

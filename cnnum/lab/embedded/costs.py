@@ -295,7 +295,7 @@ def measure_costs(
     needs: Sequence[str] | None = None,
     wait_states: int = 0,
 ) -> Iterator[CostRow | str]:
-    """Yield a row a configuration, or a sentence of one that is left out.
+    """Yield one row per configuration, or a sentence of one that is left out.
 
     Parameters
     ----------

@@ -2,7 +2,7 @@
 
 Cortex-M4: "Technical Reference Manual r0p1" (DDI 0439), table 3-1; loads and stores take 2 cycles,
 or 1 behind another one. Cortex-M0: DDI 0432, table 3-1. Arm states no cycles of a Cortex-M7: it
-issues up to two instructions a cycle, and there is no upper bound.
+issues up to two instructions per cycle, and there is no upper bound.
 """
 
 from collections.abc import Callable, Mapping

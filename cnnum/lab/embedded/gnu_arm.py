@@ -1,6 +1,6 @@
 """The same C built by GCC for Arm and run by QEMU: a second compiler and a second count.
 
-Both are optional tools of the machine. QEMU's clock moves on by 1 ns an instruction
+Both are optional tools of the machine. QEMU's clock moves on by 1 ns per instruction
 (`-icount shift=0`), and the core's own timer reads it: counts are known to `TICK` instructions.
 """
 

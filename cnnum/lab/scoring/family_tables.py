@@ -130,7 +130,7 @@ def _drawn(name: str, count: int, seed: int) -> list[Trial]:
 
 @contextmanager
 def _workers() -> Generator[ProcessPoolExecutor]:
-    """Yield a process a core, each with one thread for matrices: more get into each other's way."""
+    """Yield one process per core, each with one thread for matrices, as more slow each other."""
     before = {name: os.environ.get(name) for name in THREADS}
     os.environ.update(dict.fromkeys(THREADS, "1"))
     try:

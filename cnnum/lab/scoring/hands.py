@@ -1,4 +1,4 @@
-"""The suite "hands": what slip and twist meet in real hands, one row a situation.
+"""The suite "hands": what slip and twist meet in real hands, one row per situation.
 
 Its scenes are those of `families.catalogue.HANDS`, and recorded grasps where they are at hand. A
 second table compares what arrays that read fewer axes give with what the whole ones give.
@@ -122,7 +122,7 @@ def hands_table(
     trials: Mapping[str, Sequence[Trial]],
     recorded: Mapping[str, Sequence[Trial]],
 ) -> Table:
-    """Return one row a situation.
+    """Return one row per situation.
 
     Parameters
     ----------
@@ -245,7 +245,7 @@ AT = 100.0
 
 
 def arrays_table(engine: Engine, trials: Mapping[str, Sequence[Trial]]) -> Table:
-    """Return one row a quantity, of arrays with three axes and with the normal load alone."""
+    """Return one row per quantity, of arrays with three axes and with the normal load alone."""
     rows = list[Row]()
     slides = [trial for name in PRESSED for trial in trials[name] if trial.rate == AT]
     bumps = [trial for trial in trials[BUMPS.name] if trial.rate == AT]

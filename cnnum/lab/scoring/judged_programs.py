@@ -87,7 +87,7 @@ class Subject:
     programs: Mapping[str, Program] = field(default_factory=dict[str, Program])
 
     def play(self, trials: Sequence[Trial]) -> list[Answers]:
-        """Return the programs' outputs of every frame of every trial, one array an output.
+        """Return the programs' outputs of every frame of every trial, one array per output.
 
         Raises
         ------

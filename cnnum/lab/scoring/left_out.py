@@ -88,7 +88,7 @@ def reached(outcome: Outcome) -> int:
 
 
 def left_out_table(choices: Sequence[Choice]) -> Table:
-    """Return one row a family, with the constants that the other families choose."""
+    """Return one row per family, with the constants that the other families choose."""
     rows = [_row(choices, family.name) for family in FAMILIES if family.kind != "twist"]
     return Table("left-out", "Leave one family out", NOTE, COLUMNS, rows)
 

@@ -65,7 +65,7 @@ def outcome(scenes: Scenes, family: str, level: float) -> Outcome:
 
 
 def level_table(scenes: Scenes) -> Table:
-    """Return one row a level."""
+    """Return one row per level."""
     levels = sorted({*LEVELS, shipped_level()})
     rows = [_row(scenes, level) for level in levels]
     return Table("levels", "Level against false reports", NOTE, COLUMNS, rows)

@@ -56,7 +56,7 @@ def report_table(groups: Mapping[str, tuple[Sequence[Trial], Sequence[Answers]]]
 
 
 def recorded_levels(trials: Sequence[Trial], answers: Sequence[Answers]) -> Table:
-    """Return one row a level, all trials together."""
+    """Return one row per level, all trials together."""
     rows: list[Row] = []
     for level in sorted({*LEVELS, shipped_level()}):
         said = [

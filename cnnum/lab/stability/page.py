@@ -83,8 +83,8 @@ def _family(name: str, title: str, rows: Sequence[Row]) -> str:
     head = "".join(f"<th>{label}</th>" for label in heads)
     return (
         f'<section><h2>{title}</h2><div class="card"><div class="panels">{_picture(mine)}</div>'
-        '<p class="caption">Error over tolerance, a row a case; right of 1 is wrong. A cross is a '
-        "case that was refused.</p>"
+        '<p class="caption">Error over tolerance, one row per case; right of 1 is wrong. A cross '
+        "is a case that was refused.</p>"
         f"<details><summary>All {len(mine)} runs</summary><table><thead><tr>{head}</tr></thead>"
         f"<tbody>{body}</tbody></table></details></div></section>"
     )

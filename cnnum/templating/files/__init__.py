@@ -1,4 +1,4 @@
-"""Template files: read and written by suffix, one module a format."""
+"""Template files: read and written by suffix, one module per format."""
 
 from collections.abc import Iterable
 from os import PathLike

@@ -14,7 +14,7 @@ from cnnum.kernels.printer import OpenCLPrinter
 from cnnum.templating.boundary import Boundary, rim_copies
 
 PRIVATE_CELLS = 16 * 16
-"""Largest array, in cells, that a work item keeps in private memory. With 32×32 cells a step takes
+"""Largest array, in cells, that a work item keeps in private memory. With 32×32 cells, a step takes
 1.6 times as long there as in scratch, and the program `contact` twice as long."""
 
 DATA = ir.Name("data")

@@ -64,7 +64,7 @@ class DesignRun:
 
 
 def measure_design(*, quick: bool = False) -> Iterator[DesignRun | str]:
-    """Yield a row a task, or a sentence where a peer's library is missing.
+    """Yield one row per task, or a sentence where a peer's library is missing.
 
     Parameters
     ----------

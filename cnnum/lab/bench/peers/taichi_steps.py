@@ -1,7 +1,7 @@
 """Euler's steps as Taichi runs them, compiled for the processor, written out for 3×3.
 
-Large arrays take two parallel loops a step. Small ones take all steps in one launch of one thread:
-a launch takes longer than their steps.
+Large arrays take two parallel loops per step. Small ones take all steps in one launch of one
+thread, because a launch takes longer than their steps.
 """
 
 import contextlib

@@ -85,7 +85,7 @@ def fitted(bodies: list[Indenter], reads: Reads, depth: float) -> dict[str, Floa
 
 
 def main() -> None:
-    """Print a row a kind of body, the shares of each cover in turn."""
+    """Print one row per kind of body, the shares of each cover in turn."""
     rng = np.random.default_rng(SEED)
     drawn = {name: [_drawn(rng, draw) for _ in range(COUNT)] for name, draw in BODIES.items()}
     flat = [body for some in drawn.values() for body in some]

@@ -86,7 +86,7 @@ def observe(x: Floats, y: Floats, load: float, seed: int) -> Scan:
 
 @cache
 def raster(load: float = LOAD, half: float = 250e-6) -> Scan:
-    """Return the scan of Fig. 5.3: parallel lines 25 µm apart, 50 frames a second."""
+    """Return the scan of Fig. 5.3: parallel lines 25 µm apart, 50 frames per second."""
     along = np.arange(-half, half + 1e-9, 1e-3 * SPEED / RATE)
     across = np.arange(-half, half + 1e-9, 25e-6)
     x, y = (v.reshape(-1) for v in np.meshgrid(along, across))

@@ -1,1 +1,1 @@
-"""The cases, a file a family."""
+"""The cases, one file per family."""

@@ -208,7 +208,7 @@ def _leaky_stream(frames: int) -> Case:
         lambda: np.full(SHAPE, 0.7 * (1.0 - left)),
         2.0**-24 / 0.01,
         2.0**-52 / 0.01,
-        "one rounding a frame, over the leak of 0.01",
+        "one rounding per frame, over the leak of 0.01",
         slow="it takes minutes there" if frames > 100_000 else "",
         patience=6e-4 * frames,
     )

@@ -247,7 +247,7 @@ def wave_after(
 def layers_after(
     slope: Floats, boundary: Boundary, time: float, widths: Sequence[float], taus: Sequence[float]
 ) -> Floats:
-    """Return all layers under ramps of a slope a cell, (..., 4, rows, cols)."""
+    """Return all layers under ramps of one slope per cell, (..., 4, rows, cols)."""
     basis = modes(boundary, (slope.shape[-2], slope.shape[-1]))
     values = np.asarray(basis.laplacian)
     waves = np.array([wave_after(float(value), time, widths, taus) for value in values.ravel()])

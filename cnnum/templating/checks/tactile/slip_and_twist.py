@@ -94,7 +94,7 @@ class Latch:
 
 @dataclass(slots=True)
 class MovingContact:
-    """The memories from frame to frame, one frame a call."""
+    """The memories from frame to frame, one frame per call."""
 
     c: Constants
     slips: Latch
@@ -306,7 +306,7 @@ OUTPUTS = (
 
 
 def played(frames: Floats, c: Constants) -> dict[str, Floats]:
-    """Return the outputs of a stream (frames, rows, cols, 3) by name, a number a frame."""
+    """Return the outputs of a stream (frames, rows, cols, 3) by name, one number per frame."""
     frames_held = c.hold_time * c.rate + 1e-6
     contact = MovingContact(c, Latch(c.level, frames_held), Latch(c.turn, frames_held))
     steps = [contact.step(frame) for frame in frames]
