@@ -53,6 +53,7 @@ def test_the_skin_of_the_first_page_is_that_of_its_script():
 
     said = {"ROWS": str(ROWS), "COLS": str(COLS), "RATE": str(RATE)}
     said |= {"SCALE": r"\{[a-z_':0-9, ]+\}", "WASM": "[A-Za-z0-9+/=]{9999,}"}
+    said |= {"COLOURS": r"[\[\], 0-9]+", "GRADIENT": r"[rgb(), 0-9]+"}
     parts = re.split("@([A-Z]+)@", PAGE)
     pattern = "".join(
         said[part] if place % 2 else re.escape(part) for place, part in enumerate(parts)
