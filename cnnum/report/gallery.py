@@ -1,9 +1,10 @@
 """The gallery: one page of all templates, each before, during and after its run."""
 
 import base64
+import json
 import struct
 import zlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from html import escape
 from importlib import resources
@@ -38,12 +39,16 @@ class Card:
         Values from −1, white, to 1, black.
     result : CheckResult or None
         Result of its check.
+    live : mapping, optional
+        What gallery.js needs to run it: "wasm" (base64), "rows", "cols", "scales" and "maps" of its
+        inputs, and "scale" of its output.
     """
 
     entry: Entry
     folder: str
     pictures: tuple[tuple[str, Floats], ...]
     result: CheckResult | None
+    live: Mapping[str, object] | None = None
 
 
 def filmstrip(template: Template, engine: Engine) -> tuple[tuple[str, Floats], ...]:
@@ -129,8 +134,17 @@ def _article(card: Card) -> str:
 <h2>{escape(template.name)} <small>{escape(card.folder)}</small></h2>
 <div class="strip">{strip}</div><p>{escape(text)}</p>{warning}
 {"".join(f'<p class="facts">{escape(line)}</p>' for line in _facts(card))}
-<details><summary>Numbers</summary>{_numbers(template)}</details></article>
+{_live(card)}<details><summary>Numbers</summary>{_numbers(template)}</details></article>
 """
+
+
+def _live(card: Card) -> str:
+    if card.live is None:
+        return ""
+    return (
+        f'<details class="live" data-live="{escape(json.dumps(card.live))}"><summary>Draw</summary>'
+        "<canvas></canvas><canvas></canvas></details>"
+    )
 
 
 def _figure(name: str, picture: Floats) -> str:

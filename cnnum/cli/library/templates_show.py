@@ -11,6 +11,8 @@ from cnnum.cli.options import completed, file_option, force_option, json_option,
 from cnnum.cli.output import Output, facts, number, progress
 
 if TYPE_CHECKING:
+    from cnnum.programs.fields import Field
+    from cnnum.programs.machine import FrameFields
     from cnnum.templating.couplings import NonlinearCoupling
     from cnnum.templating.files import Entry
     from cnnum.templating.template import Template
@@ -201,13 +203,92 @@ def _matrix(rows: list[list[float]]) -> str:
     return "\n".join("    " + "  ".join(cell.rjust(width) for cell in row) for row in cells)
 
 
+LIVELY = 4
+"""Pictures on which the ranges of a live template are measured; waves take seconds of each."""
+
+
+def live_module(template: "Template") -> dict[str, object] | None:
+    """Return a template as WebAssembly for `Card.live`, or None if a page cannot show its maps.
+
+    The module is its export in q15, on a picture of its check; it has one layer and takes an input,
+    an initial state, or both.
+
+    Raises
+    ------
+    MissingExtraError
+        If Zig is not installed.
+    DeviceError
+        If Zig refuses the module.
+    """
+    import base64
+    import json
+    import subprocess
+    import sys
+    from importlib.util import find_spec
+    from tempfile import TemporaryDirectory
+
+    import numpy as np
+
+    import cnnum
+    from cnnum.errors import DeviceError, NotSupportedError, missing_extra
+    from cnnum.report.gallery import SHAPE
+    from cnnum.scenes.exporting import export
+    from cnnum.templating.checks import form_of
+
+    if find_spec("ziglang") is None:
+        raise missing_extra("building WebAssembly", "ziglang", "embedded")
+    case = form_of(template).cases(template, np.random.default_rng(3), SHAPE)
+    maps = {key: getattr(case, key) for key in ("input", "state") if case.given[key] is not None}
+    others = any(case.given[key] is not None for key in ("previous", "bias", "mask"))
+    if others or template.layers > 1 or any(np.ndim(value) != 3 for value in maps.values()):
+        return None
+
+    def function(frame: "FrameFields") -> dict[str, "Field"]:
+        given = {key: getattr(frame, key) for key in maps}
+        spec = cnnum.RunSpec() if case.duration is None else cnnum.RunSpec(duration=case.duration)
+        return {"output": cnnum.transient(template, spec=spec, **given).outputs[0]}
+
+    frames = np.stack([value[-LIVELY:] for value in maps.values()], axis=-1)
+    program = cnnum.Program(function, "template")
+    try:
+        exported = export(program, like=frames, channels=tuple(maps)).packaged("wasm")
+    except NotSupportedError:
+        return None
+    command = [*(sys.executable, "-P", "-m", "ziglang", "cc"), "-target", "wasm32-freestanding"]
+    command += ["-Os", "-nostdlib", "-ffp-contract=off", "-Wl,--no-entry", "-Wl,--strip-all"]
+    with TemporaryDirectory() as name:
+        folder = Path(name)
+        exported.write(folder)
+        done = subprocess.run(
+            [*command, "-o", "page.wasm", "wasm.c", "template.c"],
+            cwd=folder, capture_output=True, text=True, check=False,
+        )  # fmt: skip
+        if done.returncode:
+            raise DeviceError(f"Zig refused '{template.name}': {done.stderr:.400}")
+        wasm = base64.b64encode((folder / "page.wasm").read_bytes()).decode()
+        record = json.loads((folder / "export.json").read_text(encoding="utf-8"))
+    return {
+        "wasm": wasm, "rows": SHAPE[0], "cols": SHAPE[1],
+        "maps": [maps[part["name"]][-1].ravel().tolist() for part in record["inputs"]],
+        "scales": [2 ** part["fraction"] for part in record["inputs"]],
+        "scale": 2 ** record["outputs"][0]["fraction"],
+    }  # fmt: skip
+
+
 @click.command("gallery")
 @click.argument("names", nargs=-1, metavar="[NAMES]...", shell_complete=completed("template"))
 @file_option("gallery.html", "The page's file.")
 @click.option("--engine", default="numba", show_default=True, help="Engine to run on.")
+@click.option(
+    "--live",
+    is_flag=True,
+    help="Let them run in the page, as WebAssembly made by Zig (extra 'embedded').",
+)
 @force_option
 @json_option
-def gallery(names: tuple[str, ...], out: Path, engine: str, force: bool, as_json: bool) -> None:
+def gallery(
+    names: tuple[str, ...], out: Path, engine: str, live: bool, force: bool, as_json: bool
+) -> None:
     """Write one searchable page of templates with pictures, numbers and checks.
 
     NAMES are templates, files or folders; by default the whole library. The page needs no other
@@ -226,8 +307,11 @@ def gallery(names: tuple[str, ...], out: Path, engine: str, force: bool, as_json
             entry = load_entry(path)
             result = check(entry.template, measured=entry.measured)
             strip = filmstrip(entry.template, used)
-            cards.append(Card(entry, path.parent.name, strip, result))
+            module = live_module(entry.template) if live else None
+            cards.append(Card(entry, path.parent.name, strip, result, module))
             steps.advance(entry.template.name)
     write_whole(out, gallery_page(cards), force=force)
-    done = {"templates": len(cards), "file": str(out)}
-    Output(as_json).record(done, f"{len(cards)} templates: {out}")
+    running = sum(card.live is not None for card in cards)
+    done = {"templates": len(cards), "live": running, "file": str(out)}
+    words = f", {running} of which run in the page" if live else ""
+    Output(as_json).record(done, f"{len(cards)} templates{words}: {out}")
