@@ -55,18 +55,18 @@ class Explanation:
         Templates with and without feedback, local operations and reductions of the program, before
         an engine lowers it.
     launches : int
-        Kernel launches a batch.
+        Kernel launches per batch.
     channels_read : tuple of str
     maps_read_back : tuple of str
         Wanted outputs that are maps; flags and numbers are not among them.
     transients : tuple of str
         Every template with its method and why it was chosen.
     flops : int
-        Arithmetic a frame, bodies counted once; a transient of adaptive steps counts one step.
+        Arithmetic per frame, bodies counted once; a transient of adaptive steps counts one step.
     flops_most : int
         The same with every loop at its limit.
     bytes_in, bytes_out : int
-        Traffic to and from the device a frame.
+        Traffic to and from the device per frame.
     private_bytes, local_bytes, scratch_bytes : int
         Private memory of a work item, and local memory of a work group. Global memory where the
         array is too large for private memory.

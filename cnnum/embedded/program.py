@@ -21,8 +21,8 @@ def plain(name: str) -> str:
 def array_names(prefix: str, names: Iterable[str]) -> dict[str, str]:
     """Return the names of the arrays of channels or outputs, which C allows; no two are the same.
 
-    Names that C allows stay as they are, those that would meet another one get a number. Macros are
-    made of them, too, so that capital letters make no difference.
+    Names that C allows stay as they are, and names that would collide get a number. Because macros
+    are made of them as well, upper and lower case count as equal.
     """
     result, taken = dict[str, str](), set[str]()
     for name in sorted(names, key=lambda name: plain(name) != name):

@@ -28,11 +28,10 @@ def level_of(
     ----------
     false_reports : float, 1/10 min
     levels : sequence of (float, float)
-        Rates that were measured, from few to many, each with its level. Between two of them a level
-        is straight over the rate's logarithm. Beyond them, where no rate was measured, the line
-        through the first or the last two goes on.
+        Measured rates in ascending order, each with its level. Levels are interpolated linearly in
+        the logarithm of the rate, and extrapolated through the first or the last two.
     level : float
-        The level itself, where it is above 0: the rate then does not count.
+        If it is above 0, the level itself, which replaces the rate.
 
     Raises
     ------
@@ -52,14 +51,17 @@ def level_of(
 
 
 def report(frame: FrameFields, strength: Field, level: float, frames: float) -> Field:
-    """Return a flag, on at a level, and off when below a share of it for longer than some frames.
+    """Return the flag of an event, which a strength switches on and which is held for some frames.
 
     Parameters
     ----------
     frame : FrameFields
     strength : Field
         One number per frame.
-    level, frames : float
+    level : float
+        Strength above which the flag is on.
+    frames : float
+        Number of consecutive frames below half of the level after which the flag is off.
     """
     on = frame.memory("flag", scalar=True, logic=True)
     low = frame.memory("frames below its level", scalar=True)

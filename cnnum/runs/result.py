@@ -23,18 +23,18 @@ from cnnum.values import ByContent
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Decision:
-    """What is proven of the state of every cell at the end of a run.
+    """What is proven about the state of every cell at the end of a run.
 
-    Of a run to equilibrium the end is the equilibrium that the array comes to. Nothing here is an
-    estimate: where no proof is found, bounds are infinite and cells are open.
+    A run to equilibrium ends at the equilibrium that the array reaches. Nothing here is an
+    estimate: if no proof is found, bounds are infinite and cells are open.
 
     Attributes
     ----------
     lower, upper : (..., rows, cols) or (..., layers, rows, cols) float
         Bounds on the true state.
     at_rest : (...) bool
-        Whether it is proven that the outputs stay as they are from the end on: exactly, where all
-        cells are saturated, else within the tolerance of the run.
+        Whether it is proven that the outputs no longer change after the end: exactly if all cells
+        are saturated, and otherwise within the tolerance of the run.
     """
 
     lower: Floats

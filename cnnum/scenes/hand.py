@@ -99,7 +99,7 @@ class HandResult:
 
 @dataclass(frozen=True, slots=True)
 class HandSummary:
-    """What a hand has done so far.
+    """Summary of a hand so far.
 
     Attributes
     ----------
@@ -109,8 +109,8 @@ class HandSummary:
     p50_us, p99_us : float
         `HandResult.seconds` in µs, within 1 %.
     waiting, dropped, skipped : int
-        Frames that wait for their turn; that were lost because too many waited; that were passed
-        over for newer ones.
+        Frames that are queued; that were lost because the queue was full; that were passed over
+        for newer ones.
     skins : dict of str to Summary
     """
 

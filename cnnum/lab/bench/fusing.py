@@ -34,7 +34,7 @@ class Fusing:
     ratio : float
         The second over the first.
     flops, unfused_flops : int
-        Arithmetic a frame, loop bodies counted once.
+        Arithmetic per frame, loop bodies counted once.
     error : float
         Largest difference between the two in any output, over that output's largest value.
     """
