@@ -8,6 +8,7 @@ import importlib
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
+from threading import Thread
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,9 @@ from scipy import ndimage
 
 from cnnum.arrays import Floats
 from cnnum.engine import Engine
+from cnnum.engines.numba.compiling import most_cores
 from cnnum.errors import MissingExtraError, missing_extra
+from cnnum.integrators.schemes import DECISION
 from cnnum.lab.bench.timing import interleaved
 
 CROSS = ndimage.generate_binary_structure(2, 1)
@@ -46,6 +49,8 @@ class Answer:
         Spread of our time, s.
     wrong : int
         Cells in which the two pictures differ.
+    memory_share : float or None
+        Of an output in one pass: time to move the same bytes alone, in turns with it, over ours.
     """
 
     case: str
@@ -57,6 +62,7 @@ class Answer:
     ratio: float
     spread: float
     wrong: int
+    memory_share: float | None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -296,7 +302,10 @@ def measure(
         wrong = int((np.abs(result.output - theirs()) > STEP + 1e-6).sum())
     else:
         wrong = int(((result.output > 0.0) != (np.asarray(theirs()) > 0)).sum())
-    peer_time, own = interleaved([theirs, ours], budget=budget, runs=31)
+    calls = [theirs, ours]
+    if result.method == DECISION:
+        calls.append(moving(picture))
+    peer_time, own, *moved = interleaved(calls, budget=budget, runs=31)
     return Answer(
         case=case.name,
         peer=peer,
@@ -307,4 +316,30 @@ def measure(
         ratio=peer_time.median / own.median,
         spread=own.spread,
         wrong=wrong,
+        memory_share=moved[0].median / own.median if moved else None,
     )
+
+
+def moving(picture: NDArray[Any]) -> Callable[[], None]:
+    """Return a call that moves what one pass moves on all cores: a picture, its copy, an output."""
+    source, kept, output = (
+        picture.ravel(),
+        np.empty(picture.size, picture.dtype),
+        np.empty(picture.size),
+    )
+    count = most_cores()
+    shares = [slice(source.size * n // count, source.size * (n + 1) // count) for n in range(count)]
+
+    def move(share: slice) -> None:
+        kept[share] = source[share]
+        output[share] = 1.0
+
+    def call() -> None:
+        threads = [Thread(target=move, args=(share,)) for share in shares[1:]]
+        for thread in threads:
+            thread.start()
+        move(shares[0])
+        for thread in threads:
+            thread.join()
+
+    return call

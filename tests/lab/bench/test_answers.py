@@ -22,6 +22,8 @@ def test_both_sides_give_one_picture(template):
         row = answers.measure(cnnum.Engine("numba"), case, peer, prepare, 0.01)
         assert row.wrong == 0
         assert row.ratio == pytest.approx(row.peer_seconds / row.seconds)
+        assert (row.memory_share is not None) is (row.method == "decision")
+        assert row.memory_share is None or 0.0 < row.memory_share < np.inf
         black = answers.pictures(case)[0]
         assert 0.3 < black.mean() < 0.7
 
