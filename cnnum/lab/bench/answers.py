@@ -302,7 +302,7 @@ def measure(
         wrong = int((np.abs(result.output - theirs()) > STEP + 1e-6).sum())
     else:
         wrong = int(((result.output > 0.0) != (np.asarray(theirs()) > 0)).sum())
-    calls = [theirs, ours]
+    calls: list[Callable[[], object]] = [theirs, ours]
     if result.method == DECISION:
         calls.append(moving(picture))
     peer_time, own, *moved = interleaved(calls, budget=budget, runs=31)
