@@ -259,9 +259,14 @@ def _write_outputs(lowering: Lowering, places: Places, size: int) -> list[ir.Sta
         return ir.Do(ir.call("scatter", start, FRAME, LAST, stride, value))
 
     def write(node: Node, base: ir.Name, at: int, stride: int) -> None:
-        value = values.read(node)
+        value, array = values.read(node), values.array_of(node)
         if node.scalar:
             numbers.append(scattered(base + at, stride, value))
+        elif lowering.turns_maps and array is not None:
+            size = schedule.size_of(node)
+            numbers.append(
+                ir.Do(ir.call("scatter_map", base + at, FRAME, LAST, stride, array, size))
+            )
         elif base != OUTPUT or value != _placed_name(at)[ir.CELL]:  # it may already be there
             store = scattered(base + at + ir.CELL, stride, value)
             maps.setdefault(schedule.size_of(node), []).append(store)

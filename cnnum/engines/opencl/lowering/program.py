@@ -323,9 +323,18 @@ class Lowering:
             self.body.append(ir.fixed(self.values.name_scalar(node), value))
         elif self._stays(node, operation):
             self.values.alias(node, base[ir.after(ir.Cast("size_t", FRAME) * stride, at)])
+        elif self.turns_maps and (base == MEMORY or len(read) == 1):
+            array, size = self.values.take_slot(node), self.schedule.size_of(node)
+            start = ir.after(base, ir.Integer(place))
+            self.body.append(ir.Do(ir.call("gather_map", array, start, FRAME, LAST, stride, size)))
         else:
             value = ir.call("gather", ir.after(base, at), FRAME, LAST, stride)
             self.over_cells([self.stored(node, value)], node.maps)
+
+    @property
+    def turns_maps(self) -> bool:
+        """Whether maps come into private arrays of vectors, a frame a lane, many numbers a time."""
+        return self.tables.lanes > 1 and self.arena.private
 
     def _stays(self, node: Node, operation: Input | Read) -> bool:
         """Whether a map is read in place: with one frame per work item, if it does not change."""
