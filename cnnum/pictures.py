@@ -197,7 +197,7 @@ def save_film(
     scale: int = 1,
     force: bool = False,
 ) -> None:
-    """Write pictures as a film: the times of a transient, or what a program gives frame by frame.
+    """Write pictures as a film: the times of a transient, or an output of a program frame by frame.
 
     Parameters
     ----------
@@ -206,7 +206,7 @@ def save_film(
     path : str or Path
         Ends in .gif, .mp4 (H.264) or .webm (VP9).
     rate : float, 1/s
-        Pictures a second, up to 50, which viewers can show of a .gif.
+        Pictures per second, up to 50, because viewers slow down faster .gif files.
     scale : int
         Side length of a cell, in pixels.
     force : bool

@@ -370,7 +370,7 @@ class Certificate:
 
     @cached_property
     def decision(self) -> Decision:
-        """What is proven of every cell."""
+        """What is proven about every cell."""
         with self._turn:
             known = self._known
         lower = np.stack([box.lower for box in known]).reshape(self._state.shape)

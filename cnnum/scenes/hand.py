@@ -51,7 +51,7 @@ class HandResult:
         array.
     seconds : float
         Time from the arrival of the first of these frames at the host, or from the beginning of
-        the step where that is not known, to the last event.
+        the step if that is not known, to the last event.
     missed : bool
         Whether that was longer than the hand's deadline.
     events : tuple of (str, Event)
@@ -77,7 +77,7 @@ class HandResult:
 
     @property
     def skins(self) -> dict[str, FrameResult]:
-        """The skins that had a frame, with its results; made when they are asked for."""
+        """The skins that had a frame, with its results; computed when they are read."""
         if self._skins is None:
             made = {
                 names[lane]: moment
@@ -127,8 +127,8 @@ class HandSummary:
 class Hand(OfThisProcess):
     """Several named skins, of any shapes, that are processed together.
 
-    Skins of one shape, program and engine share the launches of one plan. Each has rest, memories,
-    events and errors of its own, and its results are the same as those of its scene alone.
+    Skins with the same shape, program and engine share the launches of one plan. Each has its own
+    rest, memories, events and errors, and its results are the same as if it ran alone.
 
     Parameters
     ----------
@@ -140,8 +140,8 @@ class Hand(OfThisProcess):
     Raises
     ------
     SceneError
-        If there is no skin, a name is no plain line, one scene is given twice, or the deadline is
-        not a positive time.
+        If there is no skin, a name is not one line of printable characters, a scene is given twice,
+        or the deadline is not a positive time.
 
     Examples
     --------
@@ -174,7 +174,7 @@ class Hand(OfThisProcess):
         self.begin()
 
     def begin(self) -> None:
-        """Begin anew with the next frames: memories, numbers, clocks and counts of steps."""
+        """Restart with the next frames: memories, numbers, clocks and counts of steps."""
         self._clocks: dict[str, float] = {}
         self._began: dict[bool, int] = {}  # by the host's two clocks, which have no common zero
         self._steps = self._missed = 0
@@ -226,14 +226,14 @@ class Hand(OfThisProcess):
         Parameters
         ----------
         frames : mapping of str to Frame
-            At most one of each skin, and one at least.
+            At most one per skin, and at least one.
 
         Raises
         ------
         UnknownNameError
             If there is no such skin.
         ArrayError, SceneError, MethodError
-            As of a scene, or if there is no frame.
+            As for a scene, or if there is no frame.
         """
         if not frames:
             raise SceneError("A step of a hand must have a frame of at least one skin, got none.")
@@ -279,21 +279,21 @@ class Hand(OfThisProcess):
     def results(self, *, newest: bool = False) -> Generator[HandResult, None, None]:
         """Yield the steps of the hand until all sources end or the caller stops.
 
-        Live arrays are read in threads: while a step is processed, frames wait, and the next step
-        takes what is there. Recordings and simulations are taken in the order of their times, as
-        fast as the steps are.
+        Live arrays are read in threads: frames that arrive while a step is processed are queued for
+        the next step. Recordings and simulations are processed in the order of their times, as fast
+        as possible.
 
         Parameters
         ----------
         newest : bool
-            Of live arrays, take the newest frame alone and count the others as skipped, as a
-            controller may want. By default every frame is processed in order; where more than
-            `DEPTH` wait, the oldest are lost, counted, and the next one is flagged.
+            Process only the newest frame of each live array, as a controller may want, and count
+            the others as skipped. By default, every frame is processed in order; if more than
+            `DEPTH` are queued, the oldest are dropped and counted, and the next one is flagged.
 
         Raises
         ------
         SceneError
-            As `Scene.results`.
+            As for `Scene.results`.
         """
         self._stopped = False  # now, so that a `stop` before the first step counts
         return self._pass(newest)
@@ -319,7 +319,7 @@ class Hand(OfThisProcess):
                 yield self._step(frames)
 
     def events(self, *, newest: bool = False) -> Iterator[tuple[str, Event]]:
-        """Yield the events of the hand as they come, with the names of their skins."""
+        """Yield the events of the hand as they occur, with the names of their skins."""
         with closing(self.results(newest=newest)) as steps:
             for step in steps:
                 yield from step.events
@@ -403,7 +403,7 @@ class Hand(OfThisProcess):
         Raises
         ------
         SceneError
-            If such a thread runs already.
+            If such a thread is already running.
         """
         if self._thread is not None:
             raise SceneError("The hand has been started: call its method stop first.")
@@ -421,12 +421,12 @@ class Hand(OfThisProcess):
         self._thread.start()
 
     def stop(self) -> HandSummary:
-        """End the present pass, wait for its thread, and return the summary.
+        """End the current pass, wait for its thread, and return the summary.
 
         Raises
         ------
         Exception
-            What the thread that `start` began has ended with.
+            The exception that ended the thread begun by `start`.
         """
         with self._changed:
             self._stopped = True
@@ -443,7 +443,7 @@ class Hand(OfThisProcess):
     async def stream(self, *, newest: bool = False) -> AsyncIterator[HandResult]:
         """Yield the steps of the hand to a coroutine; they are processed in a thread.
 
-        A step begins when the one before has been taken, so that frames wait in the hand alone.
+        A step begins when the previous one has been taken, so that frames are queued only here.
         """
         loop, steps = asyncio.get_running_loop(), self.results(newest=newest)
         with ThreadPoolExecutor(1, "cnnum-hand") as pool:
@@ -457,14 +457,14 @@ class Hand(OfThisProcess):
                 pool.submit(steps.close)
 
     def tare(self, *names: str) -> None:
-        """Learn rest and noise of some skins again, or of all, from their next frames on.
+        """Measure rest and noise of some skins, or of all, again from their next frames on.
 
-        This may be called from any thread, while nothing touches them.
+        Nothing may touch them meanwhile. This may be called from any thread.
 
         Raises
         ------
         UnknownNameError
-            If there is no such skin; then none is tared.
+            If there is no such skin; no skin is then tared.
         """
         for scene in [self[name] for name in names or self._skins]:
             scene.tare()
@@ -546,7 +546,7 @@ def load_hand(
         Values that override those of the file, by dotted key: "array.rate" for all skins,
         "skin.thumb.array.rate" for one.
     trust : bool
-        As of `load_scene`.
+        As in `load_scene`.
 
     Raises
     ------
