@@ -1,5 +1,6 @@
 """Skins with a common plan: ordinary frames are checked together and share a launch."""
 
+import math
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -21,6 +22,7 @@ from cnnum.scenes.dropouts import (
     TINY,
     Dropouts,
     Liveness,
+    changed_in,
 )
 from cnnum.scenes.events import Event, EventDetector, FlagsAbreast
 from cnnum.scenes.frame_path import FramePath, FrameResult, Ready
@@ -108,6 +110,9 @@ class PathsAbreast:
         self._shape = (*self._streams.shape, passages[0].channels)
         self._watches = WatchesAbreast([passage.watches for passage in passages])
         self._readers = ReadersAbreast([path.read for path in self.paths])
+        self._known_idle = [False] * len(passages)
+        self._lanes = list(range(len(passages)))
+        self._every = np.arange(len(passages), dtype=np.intp)
         self._limits = np.array([path.range.limit for path in self.paths])
         self._ends = np.array(
             [np.inf if path.saturation is None else path.saturation.limit for path in self.paths]
@@ -156,29 +161,40 @@ class PathsAbreast:
         outputs, answers = self._streams.push(running, values, sizes)
         for lane in ready.keys() - answers:
             answers[lane] = {name: of[lane] for name, of in outputs.items()}
-        kept = [place for place in range(calm) if running[place] not in answers]
-        for place, lane in enumerate(running):
-            if lane in answers:
-                size, frame = sizes[place], frame_of[lane]
-                own = Ready(numbers[lane], frame, values[place], size, None, None, (), started)
-                others[lane] = self._alone(lane, ready.get(lane, own), answers[lane])
-        lanes = [running[place] for place in kept]
-        if len(kept) < len(running):
-            values = values[kept]
-        shared = [frame_of[lane] for lane in lanes]
+        if answers:
+            kept = [place for place in range(calm) if running[place] not in answers]
+            for place, lane in enumerate(running):
+                if lane in answers:
+                    size, frame = sizes[place], frame_of[lane]
+                    own = Ready(numbers[lane], frame, values[place], size, None, None, (), started)
+                    others[lane] = self._alone(lane, ready.get(lane, own), answers[lane])
+            running, values = [running[place] for place in kept], values[kept]
+        lanes, shared = running, [frame_of[lane] for lane in running]
         events = self._together(lanes, shared, values, outputs) if lanes else {}
         seconds = time.perf_counter() - started
         for lane in others:
             self._watches.anew(lane)
             passages[lane].count(others[lane])
-        micros, place = 1e6 * seconds, place_of(1e6 * seconds)
-        for lane, frame in zip(lanes, shared, strict=True):
-            passages[lane].count_good(place, micros, frame)
+        self._count(lanes, shared, 1e6 * seconds)
         step = [numbers[lane] for lane in lanes]
         for lane in frame_of:
             numbers[lane] += 1
         events |= {lane: moment.events for lane, moment in others.items() if moment.events}
         return StepAbreast(events, others, lanes, step, shared, values, outputs, seconds)
+
+    def _count(self, lanes: Sequence[int], frames: Sequence[Frame], micros: float) -> None:
+        """Count frames that went together; those that arrived together have waited as long."""
+        passages, place, now = self._passages, place_of(micros), time.monotonic_ns()
+        arrived, late, late_place = None, math.nan, 0
+        for lane, frame in zip(lanes, frames, strict=True):
+            if frame.monotonic_ns is None:
+                passages[lane].count_good(place, micros)
+                continue
+            if frame.monotonic_ns != arrived:
+                arrived = frame.monotonic_ns
+                late = 1e-3 * (now - arrived)
+                late_place = place_of(late)
+            passages[lane].count_good(place, micros, late_place, late)
 
     def _by_itself(self, frame: Frame) -> StepAbreast:
         """Take the next frame of the only skin to its events."""
@@ -211,7 +227,8 @@ class PathsAbreast:
     ) -> dict[int, tuple[Event, ...]]:
         """Return the events of frames that shared a launch, by their skins."""
         assert self._calm is not None
-        at, times = np.array(lanes, dtype=np.intp), np.array([frame.time for frame in frames])
+        at = self._every if len(lanes) == len(self.paths) else np.array(lanes, dtype=np.intp)
+        times = np.array([frame.time for frame in frames])
         changed = self._calm.flags.look(at, times, outputs)
         for lane in self._watches.look(lanes, frames, values, times):
             self._passages[lane].ask_tare()
@@ -227,7 +244,14 @@ class PathsAbreast:
                 events[lane] = self._passages[lane].marked(now)
         return events
 
+    def _idle(self, lane: int) -> bool:
+        """Return `FramePath.idle`, which no frame that goes with others changes."""
+        if not self._known_idle[lane]:
+            self._known_idle[lane] = self.paths[lane].idle
+        return self._known_idle[lane]
+
     def _settle(self, lane: int) -> None:
+        self._known_idle[lane] = False
         if self._calm is not None:
             self._calm.settle(lane)
 
@@ -235,33 +259,37 @@ class PathsAbreast:
         self, lanes: Sequence[int], frames: Sequence[Frame]
     ) -> tuple[list[int], Floats, list[float]]:
         """Return the skins whose frames are out of no order, and the program's inputs and sizes."""
-        calm, shape, paths = self._calm, self._shape, self.paths
+        calm, shape, idle = self._calm, self._shape, self._idle
         places = [
             place
             for place, (lane, frame) in enumerate(zip(lanes, frames, strict=True))
-            if frame.quality == 0 and frame.values.shape == shape and paths[lane].idle
+            if not frame.quality and frame.values.shape == shape and idle(lane)
         ]
         if calm is None or len(places) < 2:
             return [], np.zeros(0), []
         if len(places) < len(lanes):
             lanes, frames = [lanes[place] for place in places], [frames[place] for place in places]
-        at, times = np.array(lanes, dtype=np.intp), np.array([frame.time for frame in frames])
+        whole = len(lanes) == len(self.paths)
+        at = self._every if whole else np.array(lanes, dtype=np.intp)
+        times = np.array([frame.time for frame in frames])
         values = np.concatenate([frame.values for frame in frames]).reshape(-1, *shape)
         sizes: Floats = np.abs(values.reshape(len(at), -1)).max(axis=1)
-        within = (sizes <= self._limits[at]) & (sizes < self._ends[at])
+        # a slice is not copied
+        rows = slice(None) if whole else at
+        within = (sizes <= self._limits[rows]) & (sizes < self._ends[rows])
         if not within.all():
             at, values, times, sizes = at[within], values[within], times[within], sizes[within]
         ordinary = calm.look(at, values, times)
         if not ordinary.all():
             at, values, sizes = at[ordinary], values[ordinary], sizes[ordinary]
-        own: list[int] = at.tolist()
+        own: list[int] = self._lanes if len(at) == len(self.paths) else at.tolist()
         if len(own) < len(lanes):
             frame_of = dict(zip(lanes, frames, strict=True))
             frames = [frame_of[lane] for lane in own]
         if not own:
             return [], np.zeros(0), []
         read = self._readers(at, frames, values)
-        if paths[0].marks:
+        if self.paths[0].marks:
             read = np.concatenate([read, np.zeros((*read.shape[:-1], 1))], axis=3)
         return own, read, sizes.tolist()
 
@@ -291,8 +319,10 @@ class Calm:
     ) -> None:
         self._skins, self._here = tuple(skins), np.zeros(len(skins), dtype=np.bool_)
         self.flags = FlagsAbreast(detectors)
+        self._all_here = False
         self._raw: Floats = np.zeros(0)
         self._limited = True
+        self._steps, self._times = 0, np.zeros(0)  # that are only counted yet, and of the last one
 
     def look(self, lanes: NDArray[np.intp], values: Floats, times: Floats) -> Mask:
         """Take in the frames in which all goes on, and return which ones these are.
@@ -306,15 +336,20 @@ class Calm:
         """
         if len(self._raw) == 0:
             self._make(values.shape[1:])
-        for lane in lanes[~self._here[lanes]].tolist():
-            self._take(lane)
+        if not self._all_here:
+            self._catch_up()
+            for lane in lanes[~self._here[lanes]].tolist():
+                self._take(lane)
+            self._all_here = bool(self._here.all())
+        if self._all_here and len(lanes) == len(self._here) and self._all_change(values, times):
+            return np.ones(len(lanes), dtype=np.bool_)
+        self._catch_up()
         # a slice is not copied
         rows = slice(None) if len(lanes) == len(self._here) else lanes
         steps = values - self._raw[rows]
-        flat = steps.reshape(len(lanes), -1, values.shape[3])
-        squares = np.einsum("nij,nij->nj", flat, flat)
-        changed = (steps != 0.0).any(axis=3)
-        calm: Mask = (squares <= JUMP**2 * self._power[rows]).all(axis=1)
+        squares = _squares(steps)
+        changed = changed_in(values, self._raw[rows])
+        calm: Mask = np.asarray((squares <= JUMP**2 * self._power[rows]).all(axis=1))
         calm &= self._here[rows]
         if self._limited:
             low, high = self._low[rows], self._high[rows]
@@ -332,6 +367,50 @@ class Calm:
             self._go_on(lanes[calm], values[calm], times[calm], squares, changed, since)
         return calm
 
+    def _all_change(self, values: Floats, times: Floats) -> bool:
+        """Take in frames of all skins in which every reading changes and none jumps, or none.
+
+        Nearly all steps of skins with noise end here, so what they add up is only counted.
+        """
+        steps = values - self._raw
+        squares = _squares(steps)
+        jumps = squares > JUMP**2 * self._power
+        if jumps.any() or not changed_in(values, self._raw).all():
+            return False
+        if self._limited and not ((values >= self._low) & (values <= self._high)).all():
+            return False
+        self._follow(slice(None), times, squares, values[0, :, :, 0].size)
+        self._earlier, self._raw = self._raw, values
+        self._steps, self._times = self._steps + 1, times
+        due = times - self._span_at >= SHOWN
+        if due.any():
+            self._take_spans(np.flatnonzero(due), values[due], times[due])
+        return True
+
+    def _catch_up(self) -> None:
+        """Do what is left of the steps in which every reading has changed."""
+        if not self._steps:
+            return
+        self._frames += self._steps
+        self._changes += self._steps
+        self._since[:] = self._times[:, np.newaxis, np.newaxis]
+        self._seen[:] = self._frames[:, np.newaxis, np.newaxis]
+        self._steps = 0
+
+    def _follow(
+        self, lanes: NDArray[np.intp] | slice, times: Floats, squares: Floats, cells: int
+    ) -> None:
+        """Follow the noise and the time from frame to frame."""
+        step, period = times - self._before[lanes], self._period[lanes]
+        share = np.minimum(1.0, np.maximum(step, 0.0) / FOLLOWS)
+        power = self._power[lanes]
+        power = power + share[:, np.newaxis] * (squares / (2.0 * cells) - power)
+        self._power[lanes] = np.maximum(power, TINY**2)
+        follows = (step > 0.0) & (step < 2.0 * period)
+        moved = period + np.minimum(1.0, step / FOLLOWS) * (step - period)
+        self._period[lanes] = np.where(follows, moved, period)
+        self._before[lanes] = times
+
     def _go_on(
         self,
         lanes: NDArray[np.intp] | slice,
@@ -342,14 +421,7 @@ class Calm:
         since: Floats,
     ) -> None:
         """Do what `Dropouts._goes_on` and `Liveness.look` do in such frames."""
-        step, period = times - self._before[lanes], self._period[lanes]
-        share = np.minimum(1.0, np.maximum(step, 0.0) / FOLLOWS)[:, np.newaxis]
-        power, twice = self._power[lanes], 2.0 * changed[0].size
-        self._power[lanes] = np.maximum(power + share * (squares / twice - power), TINY**2)
-        follows = (step > 0.0) & (step < 2.0 * period)
-        moved = period + np.minimum(1.0, step / FOLLOWS) * (step - period)
-        self._period[lanes] = np.where(follows, moved, period)
-        self._before[lanes] = times
+        self._follow(lanes, times, squares, changed[0].size)
         self._earlier[lanes] = self._raw[lanes]
         self._raw[lanes] = values
         self._frames[lanes] += 1
@@ -382,7 +454,10 @@ class Calm:
         self._frames = np.zeros(count, dtype=np.int64)
         self._since: Floats = np.zeros((count, *cells))
         self._changes, self._seen = (np.zeros((count, *cells), np.int64) for _ in range(2))
-        self._kept: dict[str, NDArray[Any]] = {
+
+    @property
+    def _kept(self) -> dict[str, NDArray[Any]]:
+        return {
             "raw": self._raw, "earlier": self._earlier, "rest": self._rest,
             "power": self._power, "span": self._span, "before": self._before,
             "period": self._period, "span_at": self._span_at, "low": self._low,
@@ -395,8 +470,9 @@ class Calm:
         drops, lives = (part.calm() for part in self._skins[lane])
         if drops is None or lives is None or not np.array_equal(drops["raw"], lives["raw"]):
             return
+        kept = self._kept
         for name, value in (drops | lives).items():
-            self._kept[name][lane] = value
+            kept[name][lane] = value
         self._here[lane] = True
         self._limited = bool(np.isfinite(self._low).any() or np.isfinite(self._high).any())
         self.flags.take(lane)
@@ -405,7 +481,14 @@ class Calm:
         """Give what is kept of a skin back to its own objects."""
         if not self._here[lane]:
             return
-        self._here[lane] = False
+        self._catch_up()
+        self._here[lane] = self._all_here = False
         self.flags.settle(lane)
         for part in self._skins[lane]:
             part.went_on({name: kept[lane].copy() for name, kept in self._kept.items()})
+
+
+def _squares(steps: Floats) -> Floats:
+    """Return the sums of squares over all taxels, (frames, channels)."""
+    flat = steps.reshape(len(steps), -1, steps.shape[3])
+    return np.einsum("nij,nij->nj", flat, flat)

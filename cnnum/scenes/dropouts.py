@@ -560,6 +560,15 @@ def at_end(frame: Frame, end: float) -> Mask:
     return result if frame.saturated is None else result | frame.saturated
 
 
+def changed_in(values: Floats, last: Floats) -> Mask:
+    """Return the taxels of which a channel, the last axis, has changed."""
+    moved = values != last
+    changed: Mask = moved[..., 0]
+    for channel in range(1, moved.shape[-1]):  # a third of the time of `any` over a short axis
+        changed = changed | moved[..., channel]
+    return changed
+
+
 def lines_of(living: Mask) -> list[Mask]:
     """Return the rows, the columns, and all of the taxels that are looked at, as masks."""
     result: list[Mask] = []
@@ -694,7 +703,7 @@ class Liveness:
             self._changes, self._seen = (np.zeros(frame.shape, dtype=np.int64) for _ in range(2))
             self._alive = not (_one_number(values) and at_end(frame, self._end).all())
             return ()
-        changed = (values != last).any(axis=2)
+        changed = changed_in(values, last)
         self._frames += 1
         self._since[changed] = time
         self._changes += changed

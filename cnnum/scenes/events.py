@@ -587,6 +587,14 @@ class FlagsAbreast:
         self._steady = steady if steady.any() else None
         self._above, self._held = np.zeros(shape, np.bool_), np.zeros(shape, np.bool_)
         self._since, self._last = np.full(shape, np.nan), np.zeros(len(detectors))
+        self._given: Floats = np.zeros(shape)
+        self._known: Floats | None = None  # the levels, while `_above` stays
+
+    def _levels(self) -> Floats:
+        """Return above which level each flag is on."""
+        if self._known is None:
+            self._known = np.where(self._above, self._off, self._on)
+        return self._known
 
     @staticmethod
     def able(detectors: Sequence[EventDetector]) -> bool:
@@ -605,11 +613,19 @@ class FlagsAbreast:
         outputs : mapping of str to (skins, …) float
         """
         count = len(self._last)
-        flags = [outputs[name] for name in self._flags]
-        given = [of if of.ndim == 1 else of.reshape(count, -1).max(axis=1) for of in flags]
-        levels = np.where(self._above, self._off, self._on)
-        now = np.greater(np.stack(given, axis=1), levels)[lanes]
+        for place, name in enumerate(self._flags):
+            of = outputs[name]
+            self._given[:, place] = of if of.ndim == 1 else of.reshape(count, -1).max(axis=1)
+        every = self._given > self._levels()
+        whole = len(lanes) == count
+        if self._steady is None and whole and not (every != self._held).any():
+            if (every != self._above).any():
+                self._above, self._known = every, None
+            self._last = times
+            return []
+        now = every if whole else every[lanes]
         changed = now != self._held[lanes]
+        self._known = None
         if self._steady is None and not changed.any():
             self._above[lanes], self._last[lanes] = now, times
             return []
@@ -624,6 +640,7 @@ class FlagsAbreast:
 
     def take(self, lane: int) -> None:
         """Take what the skin's own detector keeps."""
+        self._known = None
         self._above[lane], self._held[lane], self._since[lane], last = self._detectors[lane].calm()
         self._last[lane] = last
 

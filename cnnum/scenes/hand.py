@@ -248,11 +248,13 @@ class Hand(OfThisProcess):
             lanes = [lane for lane, name in enumerate(names) if name in frames]
             if lanes:
                 parts.append((names, group.step(lanes, [frames[names[lane]] for lane in lanes])))
-        arrived, last = begun, -math.inf
+        arrived, last, clocks = begun, -math.inf, self._clocks
         for name, frame in frames.items():
-            last = max(last, self._time(name, frame))
-            if frame.monotonic_ns is not None:
-                arrived = min(arrived, frame.monotonic_ns)
+            clock, came = clocks.get(name), frame.monotonic_ns
+            now = self._time(name, frame) if clock is None else frame.time + clock
+            last = now if now > last else last
+            if came is not None and came < arrived:
+                arrived = came
         found = {names[lane]: own for names, part in parts for lane, own in part.events.items()}
         order = self._skins if found else ()
         events = tuple((name, event) for name in order for event in found.get(name, ()))

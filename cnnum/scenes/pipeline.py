@@ -193,9 +193,11 @@ class Passage:
         """Take a result into the summary of the scene."""
         self._scene.count(moment)
 
-    def count_good(self, place: int, micros: float, frame: Frame) -> None:
-        """Take a good frame with nothing unusual into it; `place` is the bin of `micros`."""
-        self._scene.count_good(place, micros, frame)
+    def count_good(
+        self, place: int, micros: float, late_place: int = 0, late: float = math.nan
+    ) -> None:
+        """Take a good frame with nothing unusual into it, as `Scene.count_good`."""
+        self._scene.count_good(place, micros, late_place, late)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -547,19 +549,30 @@ class Scene(OfThisProcess):
         if moment.values is not None:
             self._saturated += moment.saturated is not None
             self._masked += moment.masked is not None
-            micros = 1e6 * moment.seconds
-            self.count_good(place_of(micros), micros, moment.frame)
+            micros, arrived = 1e6 * moment.seconds, moment.frame.monotonic_ns
+            late = math.nan if arrived is None else 1e-3 * (time.monotonic_ns() - arrived)
+            self.count_good(place_of(micros), micros, place_of(late), late)
         elif moment.error is not None:
             frame = moment.frame
             self.bad.add(moment.number, frame.time, moment.error, self._micros.total)
         else:
             self._repeated += 1
 
-    def count_good(self, place: int, micros: float, frame: Frame) -> None:
-        """Take a frame on which the program ran into it; `place` is the bin of `micros`."""
+    def count_good(self, place: int, micros: float, late_place: int, late: float) -> None:
+        """Take a frame on which the program ran into it.
+
+        Parameters
+        ----------
+        place, late_place : int
+            Bins of the next two.
+        micros : float
+            µs from the frame to its events.
+        late : float
+            µs since its arrival, or NaN if that is not known.
+        """
         self._micros.add_at(place, micros)
-        if frame.monotonic_ns is not None:
-            self._late.add(1e-3 * (time.monotonic_ns() - frame.monotonic_ns))
+        if not math.isnan(late):
+            self._late.add_at(late_place, late)
 
     def on_grid(self, frame: Frame) -> Frame:
         """Return a frame on the grid of the program, or unchanged if no grid is needed."""

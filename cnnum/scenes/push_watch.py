@@ -462,10 +462,12 @@ class WatchesAbreast:
     def __init__(self, skins: Sequence[tuple[HeldWatch, PushWatch, OrderWatch]]) -> None:
         self._skins = tuple(skins)
         self._looked = np.full((len(skins), 3), -np.inf)
+        self._least: Floats | None = None  # of each watch over all skins, when they are known
 
     def anew(self, lane: int) -> None:
         """Take in that the watches of a skin have looked, or have begun anew, by themselves."""
         self._looked[lane] = [watch.looked for watch in self._skins[lane]]
+        self._least = None
 
     def look(
         self, lanes: Sequence[int], frames: Sequence[Frame], values: Floats, times: Floats
@@ -480,6 +482,10 @@ class WatchesAbreast:
         values : (frames, rows, cols, channels read) float
         times : (frames,) float, s
         """
+        if self._least is None:
+            self._least = self._looked.min(axis=0)
+        if not (times.max() - self._least >= PERIODS).any():
+            return []
         due = times[:, np.newaxis] - self._looked[lanes] >= PERIODS
         if not due.any():
             return []
