@@ -35,6 +35,8 @@ MANIFEST = "manifest.json"
 AHEAD = 2
 """Tasks that wait at each process, so that none is idle while its results are written."""
 
+KEPT = "Finished tasks are kept"
+
 MOST_DEATHS = 3
 """Times in a row that a process may die before a task has come to its end."""
 
@@ -167,7 +169,7 @@ def run_tasks(
     MissingExtraError
         If a scheduler is given and Dask is not installed.
     RecordingError
-        If processes die repeatedly.
+        If processes or workers die repeatedly, or the scheduler is lost.
     """
     if scheduler:
         return _on_cluster(function, items, scheduler, name)
@@ -186,7 +188,22 @@ def _on_cluster(
         raise missing_extra("a job on several machines", "distributed", "cluster") from None
     with distributed.Client(scheduler, timeout="30s") as client:
         futures = client.map(function, items, key=name, pure=False)
-        for future, outcome in distributed.as_completed(futures, with_results=True):
+        results = distributed.as_completed(futures, with_results=True)
+        while True:
+            try:
+                future, outcome = next(results)
+            except StopIteration:
+                return
+            except distributed.KilledWorker as error:
+                raise RecordingError(
+                    f"Worker after worker died before it finished a task. {KEPT}: check the memory "
+                    "of the workers, and run the same command again."
+                ) from error
+            if future.cancelled():  # its outcome is then the reason
+                raise RecordingError(
+                    f"The scheduler {scheduler} was lost, or has dropped the tasks. {KEPT}: run "
+                    "the same command again."
+                )
             yield outcome
             future.release()
 
@@ -217,8 +234,7 @@ def _in_processes(
             if deaths >= MOST_DEATHS:
                 raise RecordingError(
                     f"A worker process died {deaths} times in a row before it finished a task. "
-                    "Finished tasks are kept: check the memory of this machine, and run the same "
-                    "command again."
+                    f"{KEPT}: check the memory of this machine, and run the same command again."
                 ) from None
             waiting.extendleft(reversed(running.values()))
         finally:

@@ -1,6 +1,8 @@
 """The suite of stiff and extreme cases: that it judges rightly, and some of its cases."""
 
 import json
+import multiprocessing
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -76,6 +78,17 @@ def test_what_hangs_is_ended(monkeypatch):
     rows = list(run(select(["balanced"]), "numba", "float64"))
     assert [(row.outcome, row.passed) for row in rows] == [("failed", False)]
     assert "did not end" in rows[0].why
+
+
+@pytest.mark.one_in(4)
+def test_a_process_that_dies_between_two_cases_is_no_fault_of_the_next():
+    rows = run(select(["saddle", "growth-0"]), "reference", "float64")
+    found = [next(rows)]
+    for process in multiprocessing.active_children():
+        process.kill()
+        process.join()
+    time.sleep(0.3)  # until the pool has seen it
+    assert {row.outcome for row in [*found, *rows]} == {"solved"}
 
 
 def test_the_page_holds_every_row(engine):

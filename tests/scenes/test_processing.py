@@ -439,6 +439,32 @@ def test_a_task_whose_process_is_killed_runs_again(tmp_path, monkeypatch):
         list(run_tasks(square, [-1, -2], workers=2, name="squares"))
 
 
+def test_a_scheduler_that_is_lost_is_said_so():
+    """Dask then gives the reason as if it were the result."""
+    distributed = pytest.importorskip("distributed", reason="the extra 'cluster' is not installed")
+    options = {"n_workers": 1, "threads_per_worker": 1, "dashboard_address": None}
+    with distributed.LocalCluster(**options, processes=False, silence_logs=50) as cluster:
+        naps, address = [0.0, *[0.2] * 5], cluster.scheduler_address
+        results = run_tasks(time.sleep, naps, scheduler=address, name="naps")
+        assert next(results) is None
+        cluster.close()
+        with pytest.raises(RecordingError, match="was lost, or has dropped the tasks"):
+            list(results)
+
+
+@pytest.mark.one_in(4)
+def test_workers_that_die_at_each_task_are_said_so(tmp_path, monkeypatch):
+    distributed = pytest.importorskip("distributed", reason="the extra 'cluster' is not installed")
+    dask = pytest.importorskip("dask")
+    options = {"n_workers": 1, "threads_per_worker": 1, "dashboard_address": None}
+    with (
+        dask.config.set({"distributed.scheduler.allowed-failures": 0}),
+        distributed.LocalCluster(**options, silence_logs=50) as cluster,
+        pytest.raises(RecordingError, match="Worker after worker died"),
+    ):
+        list(run_tasks(os._exit, [1], scheduler=cluster.scheduler_address, name="ends"))
+
+
 def test_no_task_is_lost_where_a_process_dies_between_two_results(tmp_path, monkeypatch):
     """The dead pool is then met as the next task is given, not as a result is waited for."""
     (tmp_path / "dying_tasks.py").write_text(DYING)

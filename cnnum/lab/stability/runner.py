@@ -12,7 +12,7 @@ import numpy as np
 
 from cnnum.engine import Engine
 from cnnum.engines.devices.child import safe_path
-from cnnum.errors import CnnumError, name_error
+from cnnum.errors import CnnumError, DeviceError, name_error
 from cnnum.lab.stability.cases import closed_forms, extreme, marginal, precision, programs, stiff
 from cnnum.lab.stability.record import Case, Outcome, Row, Solved
 
@@ -82,15 +82,16 @@ def run(
     pool: ProcessPoolExecutor | None = None
     try:
         for case in cases:
-            if pool is None:
-                # a device that was never used is tried first, which is no case's time
-                with safe_path():
-                    pool = ProcessPoolExecutor(1, get_context("spawn"))
-                    opened = pool.submit(_opened, engine, precision, device)
-                opened.result()
+            pool = pool or _begun(engine, precision, device)
+            try:
+                running = pool.submit(run_named, case.name, engine, precision, device)
+            except BrokenProcessPool:  # its process has died since, which is no fault of this case
+                _end(pool)
+                pool = _begun(engine, precision, device)
+                running = pool.submit(run_named, case.name, engine, precision, device)
             begun, patience = time.perf_counter(), case.patience or PATIENCE
             try:
-                yield pool.submit(run_named, case.name, engine, precision, device).result(patience)
+                yield running.result(patience)
                 continue
             except TimeoutError:
                 why = f"It did not end within {patience:g} s."
@@ -102,6 +103,21 @@ def run(
     finally:
         if pool is not None:
             pool.shutdown()
+
+
+def _begun(engine: str, precision: str, device: str | None) -> ProcessPoolExecutor:
+    """Return a process that has opened an engine, which is no case's time."""
+    with safe_path():
+        pool = ProcessPoolExecutor(1, get_context("spawn"))
+        opened = pool.submit(_opened, engine, precision, device)
+    try:
+        opened.result()
+    except BrokenProcessPool:
+        pool.shutdown()
+        raise DeviceError(
+            f"Engine '{engine}' ended the process that opened it in {precision}."
+        ) from None
+    return pool
 
 
 def _end(pool: ProcessPoolExecutor) -> None:
