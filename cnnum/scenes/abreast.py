@@ -320,7 +320,9 @@ class Calm:
         self._skins, self._here = tuple(skins), np.zeros(len(skins), dtype=np.bool_)
         self.flags = FlagsAbreast(detectors)
         self._all_here = False
-        self._raw: Floats = np.zeros(0)
+        empty: Floats = np.zeros(0)
+        self._raw = self._earlier = self._rest = self._power = self._span = empty
+        self._before = self._period = self._span_at = self._low = self._high = empty
         self._limited = True
         self._steps, self._times = 0, np.zeros(0)  # that are only counted yet, and of the last one
 
@@ -491,4 +493,4 @@ class Calm:
 def _squares(steps: Floats) -> Floats:
     """Return the sums of squares over all taxels, (frames, channels)."""
     flat = steps.reshape(len(steps), -1, steps.shape[3])
-    return np.einsum("nij,nij->nj", flat, flat)
+    return np.asarray(np.einsum("nij,nij->nj", flat, flat))

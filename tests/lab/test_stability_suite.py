@@ -80,7 +80,7 @@ def test_what_hangs_is_ended(monkeypatch):
     assert "did not end" in rows[0].why
 
 
-@pytest.mark.one_in(4)
+@pytest.mark.in_full("test_what_hangs_is_ended")
 def test_a_process_that_dies_between_two_cases_is_no_fault_of_the_next():
     rows = run(select(["saddle", "growth-0"]), "reference", "float64")
     found = [next(rows)]

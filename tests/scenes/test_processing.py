@@ -452,7 +452,7 @@ def test_a_scheduler_that_is_lost_is_said_so():
             list(results)
 
 
-@pytest.mark.one_in(4)
+@pytest.mark.in_full("test_a_scheduler_that_is_lost_is_said_so")
 def test_workers_that_die_at_each_task_are_said_so(tmp_path, monkeypatch):
     distributed = pytest.importorskip("distributed", reason="the extra 'cluster' is not installed")
     dask = pytest.importorskip("dask")
