@@ -95,8 +95,16 @@ def together(programs: Sequence[Program], rate: float) -> Program:
     Program
         Its name is theirs, joined by "_". An output that several have under one name has the name
         of its program before it, as in "slip_contact", unless it is the same field.
+
+    Raises
+    ------
+    ProgramError
+        If a program is named twice; at its trace, if two outputs would have one name.
     """
     timed = [part if part.rate is not None else part.bind(rate=rate) for part in programs]
+    labels = [part.name for part in programs]
+    if twice := sorted({label for label in labels if labels.count(label) > 1}):
+        raise ProgramError(f"Program '{twice[0]}' is named twice: name each program once.")
 
     def all_of_them(frame: FrameFields) -> Mapping[str, Field]:
         given = [(part.name, dict(part(frame))) for part in timed]
@@ -104,11 +112,15 @@ def together(programs: Sequence[Program], rate: float) -> Program:
         for _, fields in given:
             for name, output in fields.items():
                 nodes.setdefault(name, set()).add(output.node.index)
-        return {
-            name if len(nodes[name]) == 1 else f"{program}_{name}": output
-            for program, fields in given
-            for name, output in fields.items()
-        }
+        result = dict[str, Field]()
+        for program, fields in given:
+            for name, output in fields.items():
+                label = name if len(nodes[name]) == 1 else f"{program}_{name}"
+                if result.setdefault(label, output).node.index != output.node.index:
+                    raise ProgramError(
+                        f"Two outputs would be named '{label}': rename one of them, or a program."
+                    )
+        return result
 
     joined = Program(all_of_them, "_".join(part.name for part in timed))
     return joined.bind(rate=rate)

@@ -179,3 +179,17 @@ def test_several_programs_are_one_with_one_memory_to_work_in(tmp_path, method):
             assert np.ptp(values) > 0
     for key, values in results["rises"].items():
         np.testing.assert_array_equal(results["compact"][key], values)
+
+
+def test_no_output_of_several_programs_is_lost():
+    """One that would have the name of another is refused, and so is a program named twice."""
+
+    def outputs(name, **factors):
+        return cnnum.Program(lambda frame: {k: frame.normal * f for k, f in factors.items()}, name)
+
+    given = np.ones((4, 3, 4, 1))
+    with pytest.raises(ProgramError, match="'first' is named twice"):
+        cnnum.export([outputs("first", x=2.0), outputs("first", x=3.0)], like=given)
+    both = [outputs("first", x=2.0), outputs("second", x=3.0, first_x=4.0)]
+    with pytest.raises(ProgramError, match="Two outputs would be named 'first_x'"):
+        cnnum.export(both, like=given)
