@@ -20,7 +20,13 @@ from cnnum.plan import Explanation, Plan
 from cnnum.programs.library import get_program, program_names
 from cnnum.scenes.bad_frames import unit_range
 from cnnum.scenes.conversion import AsRead
-from cnnum.scenes.events import EVENT_RULES, EventDetector, EventRule, rules_that_fit
+from cnnum.scenes.events import (
+    EVENT_RULES,
+    EventDetector,
+    EventRule,
+    FlagsAbreast,
+    rules_that_fit,
+)
 from cnnum.scenes.frame_path import FramePath
 from cnnum.templating.checks.program_run import RATE
 
@@ -81,18 +87,22 @@ OMISSIONS = (
     "of the channels that programs take, to its events. `cnnum bench scenes` has calibration.",
     f"{', '.join(SLOW_REFERENCE)} on the reference engine: a frame takes it more than ten seconds. "
     "Their errors are those of their checks, against closed forms.",
-    "Batches and other arrays: frames are single ones of 8×8×3.",
+    "Other arrays: frames are of 8×8×3.",
 )
 """Cases that are not measured, and why."""
 
 
 @dataclass(frozen=True, slots=True)
 class Subject:
-    """A program, and the events that its plan is for; with none named, all that it gives."""
+    """A program, and the events that its plan is for; with none named, all that it gives.
+
+    With several skins, a push is of a frame of each.
+    """
 
     name: str
     program: str
     events: tuple[str, ...] = ()
+    skins: int = 1
 
     def plan(self, engine: Engine) -> Plan:
         """Return the plan, as a scene that wants these events has it."""
@@ -105,6 +115,9 @@ class Subject:
 BOTH = Subject("slip and twist", "tactile", ("slip", "twist"))
 """The cost of a scene that wants both events."""
 
+MANY = Subject("slip and twist, 4,096 skins", "tactile", ("slip", "twist"), 4096)
+"""The same, of skins in one array: each is a frame further in the scene than the one before."""
+
 
 @dataclass(frozen=True, slots=True)
 class Latency:
@@ -116,7 +129,7 @@ class Latency:
     launches : int
         Kernel launches per frame.
     p50_us, p99_us : float
-        From a single frame of a stream, in host memory, to its events.
+        From a frame of a stream, or of each of many skins in one array, in host memory, to events.
     first_us : float
         Median of the first frame after other work, which finds the caches full of that. It is in
         neither of the two.
@@ -162,8 +175,8 @@ class Latency:
 
 
 def subjects() -> tuple[Subject, ...]:
-    """Return the cases: every tactile program, and the one of slip and twist together."""
-    return (*(Subject(name, name) for name in program_names("tactile")), BOTH)
+    """Return the cases: every tactile program, slip and twist together, and those of many skins."""
+    return (*(Subject(name, name) for name in program_names("tactile")), BOTH, MANY)
 
 
 def measure_latency(
@@ -221,12 +234,41 @@ class _Frames:
         self.events += len(self._way.step(*next(self._frames)).events)
 
 
+class _Skins:
+    """Pushes one array of a frame of each of many skins, again and again, to their events."""
+
+    def __init__(self, plan: Plan, frames: Sequence[Frame], skins: int) -> None:
+        scene = np.stack([frame.values for frame in frames]).astype(np.float32)
+        # a window of as many frames as there are skins is one array, which nothing copies
+        self._scene, self._length = (
+            np.resize(scene, (len(scene) + skins, *scene.shape[1:])),
+            len(scene),
+        )
+        self._stream, self._skins, self._at = plan.stream((skins,)), skins, 0
+        self._detectors = [EventDetector(rules_of(plan)) for _ in range(skins)]
+        self._flags = FlagsAbreast(self._detectors)
+        self._lanes, self.events = np.arange(skins), 0
+
+    def push(self) -> None:
+        """Run the next frame of every skin."""
+        at, time = self._at % self._length, self._at / RATE
+        outputs = self._stream.push(self._scene[at : at + self._skins])
+        for lane in self._flags.look(self._lanes, np.full(self._skins, time), outputs):
+            self._flags.settle(lane)
+            own = {name: numbers[lane] for name, numbers in outputs.items()}
+            self.events += len(self._detectors[lane].update(time, self._at, own))
+            self._flags.take(lane)
+        self._at += 1
+
+
 def _measure(
     engine: Engine, subject: Subject, frames: Sequence[Frame], count: int, budget: float
 ) -> Latency:
     plan = subject.plan(engine)
-    cost, source = plan.explain(), _Frames(plan, frames)
-    (pushed, *idle), firsts = _turns((source.push, *_launches(engine, cost)), count, budget)
+    cost, skins = plan.explain(), subject.skins
+    source = _Frames(plan, frames) if skins == 1 else _Skins(plan, frames, skins)
+    idles = _launches(engine, cost, skins)
+    (pushed, *idle), firsts = _turns((source.push, *idles), count, budget)
     launched, alone = idle or ([math.nan], [math.nan])
     p50, p99 = (1e6 * float(np.percentile(pushed, p)) for p in (50, 99))
     empty, least = (1e6 * float(np.median(seconds)) for seconds in (launched, alone))
@@ -252,13 +294,13 @@ def _measure(
     )
 
 
-def _launches(engine: Engine, cost: Explanation) -> tuple[Callable[[], None], ...]:
+def _launches(engine: Engine, cost: Explanation, skins: int = 1) -> tuple[Callable[[], None], ...]:
     """Return a launch that does nothing, and one in the thread that asks; none without OpenCL."""
     if engine.name != "opencl":
         return ()
     from cnnum.lab.bench.latency import EmptyLaunch
 
-    copies = (engine.device, cost.bytes_in, cost.bytes_out)
+    copies = (engine.device, skins * cost.bytes_in, skins * cost.bytes_out)
     return EmptyLaunch(*copies).run, EmptyLaunch(*copies, alone=True).run
 
 

@@ -34,7 +34,7 @@ def row_of(opencl, subject, count=300, seconds=20.0):
 
 def test_every_program_is_measured_and_slip_with_twist():
     names = [subject.name for subject in latency.subjects()]
-    assert names == [*program_names("tactile"), "slip and twist"]
+    assert names == [*program_names("tactile"), "slip and twist", "slip and twist, 4,096 skins"]
 
 
 def test_slip_and_twist_are_the_plan_of_a_scene_that_wants_both(opencl):
@@ -46,6 +46,22 @@ def test_slip_and_twist_are_the_plan_of_a_scene_that_wants_both(opencl):
     assert kinds == {"slip", "twist"}
     whole = WHOLE.plan(opencl)
     assert plan.explain().ops < whole.explain().ops
+
+
+def test_many_skins_have_the_events_that_each_has_alone(opencl, simulated):
+    skins, pushes = 18, 800
+    plan = latency.BOTH.plan(opencl)
+    together = latency._Skins(plan, simulated, skins)
+    for _ in range(pushes):
+        together.push()
+    alone = 0
+    for skin in range(skins):
+        frames = [simulated[(skin + at) % len(simulated)] for at in range(pushes)]
+        one = latency._Frames(plan, frames)
+        for _ in frames:
+            one.push()
+        alone += one.events
+    assert together.events == alone >= skins
 
 
 def test_frames_go_as_far_as_their_events(opencl, monkeypatch):
