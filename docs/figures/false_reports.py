@@ -1,8 +1,8 @@
 """False reports of `slip` and `twist` by their level: `python docs/figures/false_reports.py`.
 
-It plays the families of `cnnum score` without slip, but for rolling, and counts reports by level.
-`LEVELS` of `templates/tactile/slip.py` and `twist.py` are the bounds that came out, and with
-`--shear-alone` their `SHEAR_LEVELS`.
+It plays the families of `cnnum score` without slip, but for rolling and bristles, and counts
+reports by level. `LEVELS` of `templates/tactile/slip.py` and `twist.py` are the bounds that came
+out, and with `--shear-alone`, which plays bristles, too, their `SHEAR_LEVELS`.
 """
 
 import argparse
@@ -39,7 +39,8 @@ def main() -> None:
     channels = FORCE_AXES[:2] if given.shear_alone else FORCE_AXES
     engine, arrays = Engine(), Arrays()
     seeds = range(given.seed, given.seed + given.count)
-    held = [one for one in FAMILIES if one.kind == "held" and "rolling" not in one.name]
+    kept = ("rolling",) if given.shear_alone else ("rolling", "bristles")
+    held = [one for one in FAMILIES if one.kind == "held" and not one.name.startswith(kept)]
     trials = [family.make(arrays, family.name, seed) for family in held for seed in seeds]
     seconds = sum(trial.seconds for trial in trials)
     print(f"{seconds / 60.0:.1f} minutes")
