@@ -25,7 +25,7 @@ the bias may change before a cell is wrong. The table lists the other commands o
 | command | what it does |
 |---|---|
 | `find` | searches the library by words or by an example |
-| `gallery` | writes a searchable page with pictures of a run of every template |
+| `gallery` | writes a page with pictures of every template; with `--live`, you can draw on it |
 | `check` | runs the checks of the library, or of your own files and folders, on all engines |
 | `audit` | counts the wrong cells of every template with the boundaries 0, -1 and zero-flux |
 | `design NAME --weights` | shows how far each weight may change |
