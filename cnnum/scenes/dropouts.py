@@ -705,10 +705,12 @@ class Liveness:
             return ()
         changed = changed_in(values, last)
         self._frames += 1
-        self._since[changed] = time
+        whole = bool(changed.all())
+        which = ... if whole else changed
+        self._since[which] = time
         self._changes += changed
-        self._seen[changed] = self._frames
-        if changed.all():
+        self._seen[which] = self._frames
+        if whole:
             self._alike, self._alive = None, True
             return self._told(number, frame) if self._silent else ()
         alike = _one_number(values)

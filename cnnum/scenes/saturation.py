@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cnnum.arrays import Floats, Shape
+from cnnum.arrays import Floats, Shape, largest
 from cnnum.frame import Frame, Quality
 from cnnum.programs.machine import BEGINS, ENOUGH
 from cnnum.programs.machine import SATURATED as CHANNEL
@@ -150,8 +150,11 @@ class Saturation:
             A bound of the magnitudes of its values.
         """
         flagged = bool(frame.quality & Quality.SATURATED)
-        if not flagged and size < self._limit and self.idle:
-            return None
+        if not flagged and self.idle:
+            if size < self._limit:
+                return None
+            if frame.saturated is None and largest(frame.values) < self._limit:
+                return None  # of many taxels the bound is a loose one
         at_end, known = self._at_end(frame, flagged)
         before, alone = self._past, self._alone(frame, at_end)
         since = np.where(alone, np.minimum(before.since, frame.time), np.inf)
