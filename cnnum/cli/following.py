@@ -208,7 +208,7 @@ def follow(
         The same, but called however the scene has ended, if there is anything to keep: not where
         the whole source lies before `begin`.
     """
-    from cnnum.scenes.dropouts import GapWatch
+    from cnnum.scenes.bad_taxels import GapWatch
     from cnnum.scenes.scene_file import EVERYTHING
 
     known = getattr(scene.driver, "total_frames", None)
@@ -263,7 +263,7 @@ def follow_hand(hand: "Hand", output: Output, *, name: str, frames: int | None =
     frames : int, optional
         Steps to stop after.
     """
-    from cnnum.scenes.dropouts import GapWatch
+    from cnnum.scenes.bad_taxels import GapWatch
 
     code, wide = 0, max(map(len, hand))
     gaps = {skin: GapWatch() for skin in hand}

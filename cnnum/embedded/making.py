@@ -7,7 +7,7 @@ import numpy as np
 
 from cnnum.arrays import Floats
 from cnnum.embedded.c.files import Exported, Facts, exported
-from cnnum.embedded.c.program import c_text
+from cnnum.embedded.c.text import c_text
 from cnnum.embedded.emulator import Emulator, Numbers, cleared
 from cnnum.embedded.formats import NoFormats, Precision
 from cnnum.embedded.lowering.builder import solvers_for

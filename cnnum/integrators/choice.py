@@ -7,8 +7,7 @@ from typing import NoReturn
 
 from cnnum.errors import MethodError, name_error
 from cnnum.graph.nodes import RunSpec, Transient
-from cnnum.integrators.cost import Effort, chebyshev, effort, motion, pair
-from cnnum.integrators.exact_ends import (
+from cnnum.integrators.closed_forms import (
     DENSE_LIMIT,
     SHIFTS,
     circulant,
@@ -18,6 +17,7 @@ from cnnum.integrators.exact_ends import (
     shifts_fit,
     spectral,
 )
+from cnnum.integrators.cost import Effort, chebyshev, effort, motion, pair
 from cnnum.integrators.exponential import fixed_step, followed_step
 from cnnum.integrators.rosenbrock import IMPLICIT_METHODS, implicit_steps
 from cnnum.integrators.schemes import (

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from cnnum.integrators.exact_ends import Circulant, Decay, Propagator, Separate, Spectral
+from cnnum.integrators.closed_forms import Circulant, Decay, Propagator, Separate, Spectral
 from cnnum.integrators.rosenbrock import ImplicitSteps
 from cnnum.integrators.schemes import AdaptiveSteps, ChebyshevSteps, FixedSteps
 

@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cnnum.arrays import Floats, Shape, distinct
+from cnnum.integrators.closed_forms import diagonal_in_modes, mode_rates
 from cnnum.integrators.estimate import error_growth
-from cnnum.integrators.exact_ends import diagonal_in_modes, mode_rates
 from cnnum.safety.values import refuse_on_host
 from cnnum.templating.network import Network, widened
 from cnnum.templating.template import Template

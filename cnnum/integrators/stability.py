@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from cnnum.arrays import Floats, Shape, as_shape, distinct
 from cnnum.errors import name_error
-from cnnum.integrators.exact_ends import diagonal_in_modes, mode_rates
+from cnnum.integrators.closed_forms import diagonal_in_modes, mode_rates
 from cnnum.integrators.rosenbrock import IMPLICIT_METHODS, may_be_implicit
 from cnnum.integrators.schemes import CHEBYSHEV, LAYER_METHODS
 from cnnum.integrators.spectrum import Discs, Spectrum, discs, spectrum, torus_coupling

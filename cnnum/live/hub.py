@@ -21,7 +21,7 @@ from cnnum.drivers.driver import Counters
 from cnnum.frame import FORCE_AXES, Frame, Quality
 from cnnum.graph.schedule import Schedule
 from cnnum.graph.tracing import everything_kept, folds, trace_steps
-from cnnum.scenes.dropouts import GapWatch
+from cnnum.scenes.bad_taxels import GapWatch
 from cnnum.scenes.frame_path import FrameResult
 
 HEAD = struct.Struct("<IIdff")

@@ -13,8 +13,8 @@ from cnnum.frame import FORCE_AXES
 from cnnum.graph.nodes import RunSpec, Transient
 from cnnum.graph.schedule import schedule
 from cnnum.integrators.choice import choose
+from cnnum.integrators.closed_forms import diagonal_in_modes, mode_rates
 from cnnum.integrators.estimate import error_growth
-from cnnum.integrators.exact_ends import diagonal_in_modes, mode_rates
 from cnnum.integrators.rosenbrock import IMPLICIT_METHODS
 from cnnum.integrators.spectrum import EIGENVALUE_LIMIT, Spectrum, spectrum, torus_coupling
 from cnnum.integrators.stability import METHODS, StabilityBound, delayed_rates, stability_bound

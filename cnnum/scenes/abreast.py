@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from cnnum.arrays import Floats
 from cnnum.errors import CnnumError
 from cnnum.frame import Frame
-from cnnum.scenes.conversion import ReadersAbreast
-from cnnum.scenes.dropouts import (
+from cnnum.scenes.bad_taxels import (
     FINE,
     FOLLOWS,
     JUMP,
@@ -24,6 +23,7 @@ from cnnum.scenes.dropouts import (
     Liveness,
     changed_in,
 )
+from cnnum.scenes.conversion import ReadersAbreast
 from cnnum.scenes.events import Event, EventDetector, FlagsAbreast
 from cnnum.scenes.frame_path import FramePath, FrameResult, Ready
 from cnnum.scenes.pipeline import Passage

@@ -9,8 +9,8 @@ from cnnum.drivers.geometry import Grid
 from cnnum.errors import ArrayError, CnnumError, FrameError, MethodError
 from cnnum.frame import Frame, Quality
 from cnnum.scenes.bad_frames import ANY, FrameRange
+from cnnum.scenes.bad_taxels import Dropouts, Liveness
 from cnnum.scenes.conversion import DeadCells, Reader
-from cnnum.scenes.dropouts import Dropouts, Liveness
 from cnnum.scenes.events import Event, EventDetector
 from cnnum.scenes.saturation import Mask, Saturation, Seen, marked
 from cnnum.stream import Stream

@@ -45,6 +45,7 @@ from cnnum.scenes.arrangement import (
     warn_of_other_cover,
 )
 from cnnum.scenes.bad_frames import BadFrames, FrameRange, range_for
+from cnnum.scenes.bad_taxels import BANDWIDTH, Dropouts, Liveness
 from cnnum.scenes.conversion import (
     ByCalibration,
     Conversion,
@@ -52,7 +53,6 @@ from cnnum.scenes.conversion import (
     conversion_for,
     unit_of,
 )
-from cnnum.scenes.dropouts import BANDWIDTH, Dropouts, Liveness
 from cnnum.scenes.events import (
     EVENT_RULES,
     Event,

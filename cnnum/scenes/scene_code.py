@@ -10,7 +10,7 @@ import numpy as np
 
 from cnnum.arrays import Floats
 from cnnum.embedded.c.files import MANIFEST, Exported, identifier
-from cnnum.embedded.c.program import literal, table_lines
+from cnnum.embedded.c.text import literal, table_lines
 from cnnum.embedded.formats import Format
 from cnnum.embedded.program import Array, array_names
 from cnnum.scenes.conversion import AsRead, ByArrayCalibration, ByCalibration, Conversion

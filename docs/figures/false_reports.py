@@ -15,7 +15,7 @@ from cnnum.engine import Engine
 from cnnum.frame import FORCE_AXES
 from cnnum.lab.scoring.families.catalogue import FAMILIES
 from cnnum.lab.scoring.judge import judge, per_ten_minutes
-from cnnum.lab.scoring.judged_programs import in_batches, reports, side_by_side
+from cnnum.lab.scoring.subjects import in_batches, reports, side_by_side
 from cnnum.programs.library import get_program
 from cnnum.templates.tactile import twist
 

@@ -23,7 +23,7 @@ from cnnum.drivers.simulated.grips import Arrays, Trial
 from cnnum.engine import Engine
 from cnnum.lab.scoring.families.catalogue import FAMILIES
 from cnnum.lab.scoring.judge import auc
-from cnnum.lab.scoring.judged_programs import Answers, in_batches, side_by_side
+from cnnum.lab.scoring.subjects import Answers, in_batches, side_by_side
 from cnnum.templates.tactile.twist import APART
 from cnnum.templating.files import save_entry
 from cnnum.templating.template import Template

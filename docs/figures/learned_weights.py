@@ -31,8 +31,8 @@ from cnnum.engine import Engine
 from cnnum.lab.scoring.families.catalogue import FAMILIES
 from cnnum.lab.scoring.family_tables import FALSE, FOUND, drawn
 from cnnum.lab.scoring.judge import NEAR, judge, median, per_ten_minutes, share
-from cnnum.lab.scoring.judged_programs import Answers, in_batches, reports, side_by_side
 from cnnum.lab.scoring.recordings import folds, pooled, read
+from cnnum.lab.scoring.subjects import Answers, in_batches, reports, side_by_side
 from cnnum.programs import program
 from cnnum.programs.fields import Field
 from cnnum.programs.machine import FrameFields

@@ -29,7 +29,7 @@ from cnnum.drivers.simulated.settings import Command
 from cnnum.engine import Engine
 from cnnum.lab.scoring.families import bristles
 from cnnum.lab.scoring.judge import due
-from cnnum.lab.scoring.judged_programs import in_batches, reports, shipped_level, side_by_side
+from cnnum.lab.scoring.subjects import in_batches, reports, shipped_level, side_by_side
 from cnnum.programs.library import get_program
 
 Pair = tuple[float, float]

@@ -14,7 +14,7 @@ from cnnum.engine import Engine
 from cnnum.frame import FORCE_AXES
 from cnnum.lab.scoring.families import bristles
 from cnnum.lab.scoring.families.bristles import PITCH, TAXELS, Brush
-from cnnum.lab.scoring.judged_programs import Answers, in_batches, side_by_side
+from cnnum.lab.scoring.subjects import Answers, in_batches, side_by_side
 from cnnum.programs.library import get_program
 from cnnum.scenes.push_watch import HeldWatch
 

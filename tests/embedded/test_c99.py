@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from cnnum.embedded.c.files import in_the_way
-from cnnum.embedded.c.program import packed, record_type
+from cnnum.embedded.c.text import packed, record_type
 from cnnum.embedded.emulator import cleared
 from cnnum.errors import NotSupportedError
 from tests.embedded.conftest import FULL, SANITIZERS, cases, compiled, made, streams, too_long

@@ -11,7 +11,7 @@ import pytest
 
 import cnnum
 from cnnum.embedded.c.files import identifier
-from cnnum.embedded.c.program import packed, record_type
+from cnnum.embedded.c.text import packed, record_type
 from cnnum.embedded.emulator import cleared
 from cnnum.embedded.formats import precision_named
 from cnnum.embedded.making import make

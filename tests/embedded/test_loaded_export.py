@@ -12,7 +12,7 @@ import pytest
 
 import cnnum
 from cnnum import kernels as ir
-from cnnum.embedded.c.program import packed, record_type
+from cnnum.embedded.c.text import packed, record_type
 from cnnum.embedded.emulator import Emulator, cleared
 from cnnum.embedded.formats import precision_named
 from cnnum.embedded.making import make, quantised

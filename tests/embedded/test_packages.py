@@ -18,7 +18,7 @@ from click.testing import CliRunner
 import cnnum
 from cnnum.cli import main
 from cnnum.embedded.c.packages import PACKAGES
-from cnnum.embedded.c.program import packed
+from cnnum.embedded.c.text import packed
 from cnnum.embedded.emulator import Emulator, cleared
 from cnnum.errors import UnknownNameError
 

@@ -185,7 +185,7 @@ class Shard:
 
     def compile(self):
         """Compile the programs that wait, all in one image, and compare what they give."""
-        from cnnum.embedded.c.program import packed, record_type
+        from cnnum.embedded.c.text import packed, record_type
 
         if not self.pending:
             return
@@ -229,7 +229,7 @@ class Shard:
         self.pending = []
 
     def read(self, text, record_type):
-        from cnnum.embedded.c.program import unpacked
+        from cnnum.embedded.c.text import unpacked
 
         at = 0
         for seed, name, made, _, frames, rounding, answers in self.pending:

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from cnnum.integrators.exact_ends import circulant, propagator
+from cnnum.integrators.closed_forms import circulant, propagator
 from cnnum.templates.tactile.cover_model.elastic_lattice import ElasticLattice
 from cnnum.templating.network import Network
 from cnnum.templating.template import Template

@@ -10,7 +10,7 @@ from scipy.linalg import expm
 
 from cnnum.errors import MethodError, UnknownNameError
 from cnnum.integrators.choice import FixedSteps
-from cnnum.integrators.exact_ends import Spectral, propagator, spectral
+from cnnum.integrators.closed_forms import Spectral, propagator, spectral
 from cnnum.integrators.exponential import (
     ETD_RK2,
     EXPONENTIAL_EULER,

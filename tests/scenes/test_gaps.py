@@ -3,7 +3,7 @@
 import numpy as np
 
 from cnnum.frame import FORCE_AXES, Frame, Quality
-from cnnum.scenes.dropouts import Gap, GapWatch
+from cnnum.scenes.bad_taxels import Gap, GapWatch
 
 RATE = 100.0
 

@@ -36,7 +36,7 @@ COUNTED = {
     "cnnum/scenes/hand.py:DEPTH": "frames that wait in a queue",
     "cnnum/scenes/pipeline.py:EARLY": "frames of two steps",
     "cnnum/scenes/pipeline.py:TIMED": "frames of a median step",
-    "cnnum/scenes/dropouts.py:JUMP": "a ratio",
+    "cnnum/scenes/bad_taxels.py:JUMP": "a ratio",
     "cnnum/scenes/push_watch.py:TOUCH": "a ratio",
     "cnnum/scenes/exporting.py:APART": "an amount of work",
     "cnnum/scenes/like_frames.py:MOST": "an amount of work",

@@ -14,7 +14,7 @@ from cnnum.drivers.simulated.hands import oblique
 from cnnum.drivers.uskin_csv import UskinCsvOptions
 from cnnum.errors import ProgramError
 from cnnum.lab.scoring.families import bristles
-from cnnum.lab.scoring.judged_programs import side_by_side
+from cnnum.lab.scoring.subjects import side_by_side
 from cnnum.programs import program
 from cnnum.templates.tactile.shared.loads import RecentLoads
 from cnnum.templates.tactile.slip import WAVE, slip

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from cnnum.embedded.c.packages import FOLDERS, MARK, Source, package_files
-from cnnum.embedded.c.program import (
+from cnnum.embedded.c.text import (
     PAIRS,
     WIDTHS,
     CText,

@@ -16,7 +16,7 @@ from cnnum.embedded.program import Array, Kind
 from cnnum.graph.nodes import Transient
 from cnnum.graph.schedule import Schedule
 from cnnum.integrators.choice import choose
-from cnnum.integrators.exact_ends import SHIFTS, Circulant, Decay, Propagator, Spectral, circulant
+from cnnum.integrators.closed_forms import SHIFTS, Circulant, Decay, Propagator, Spectral, circulant
 from cnnum.integrators.schemes import FixedSteps
 from cnnum.integrators.solver import Solver
 from cnnum.integrators.tableau import EULER

@@ -25,7 +25,7 @@ from cnnum.embedded.lowering.transient_work import (
 from cnnum.embedded.program import Array
 from cnnum.errors import NotSupportedError
 from cnnum.graph.nodes import Node, Pick, Transient
-from cnnum.integrators.exact_ends import Circulant, Decay, Propagator, Spectral
+from cnnum.integrators.closed_forms import Circulant, Decay, Propagator, Spectral
 from cnnum.integrators.schemes import FixedSteps
 from cnnum.integrators.solver import Solver
 from cnnum.integrators.tableau import EULER

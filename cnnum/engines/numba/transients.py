@@ -22,7 +22,7 @@ from cnnum.engines.numba.plans import part_tableaux, plan_of
 from cnnum.engines.numba.records import Batch, Layout, Plan, Real, Reals
 from cnnum.engines.numba.steps import add, drive_frames, run_frames
 from cnnum.graph.nodes import FIGURES, Transient
-from cnnum.integrators.exact_ends import (
+from cnnum.integrators.closed_forms import (
     Circulant,
     Decay,
     Propagator,

@@ -22,7 +22,7 @@ from cnnum.engines.reference.equation import Given, StateEquation
 from cnnum.engines.reference.implicit import march_implicit
 from cnnum.engines.reference.march import march
 from cnnum.errors import MethodError
-from cnnum.integrators.exact_ends import Decay
+from cnnum.integrators.closed_forms import Decay
 from cnnum.integrators.rosenbrock import ImplicitSteps
 from cnnum.integrators.schemes import FixedSteps
 from cnnum.integrators.solver import Exact, Solver, Stepping

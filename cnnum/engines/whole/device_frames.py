@@ -5,8 +5,8 @@ from collections.abc import Callable, Mapping
 import numpy as np
 import pyopencl as cl
 
-from cnnum.embedded.c.kernel import KERNEL, kernel_text
-from cnnum.embedded.c.program import c_text, packed, record_type, unpacked
+from cnnum.embedded.c.opencl import KERNEL, kernel_text
+from cnnum.embedded.c.text import c_text, packed, record_type, unpacked
 from cnnum.embedded.emulator import Numbers
 from cnnum.embedded.program import IntegerProgram
 from cnnum.engines.devices.child import build_failure, run_failure

@@ -61,7 +61,7 @@ class WholeExecutable(OnHost):
     @property
     def source(self) -> str:
         """The C source of one frame."""
-        from cnnum.embedded.c.program import c_text
+        from cnnum.embedded.c.text import c_text
 
         if self._made is None:
             return "The text follows the ranges of the first batch."

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from cnnum.arrays import Floats
 from cnnum.embedded.c.files import identifier
-from cnnum.embedded.c.program import packed, record_type
+from cnnum.embedded.c.text import packed, record_type
 from cnnum.embedded.emulator import Numbers
 from cnnum.embedded.making import Made
 from cnnum.errors import DeviceError, missing_extra, name_error

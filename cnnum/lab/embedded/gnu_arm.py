@@ -15,7 +15,7 @@ import numpy as np
 
 from cnnum.arrays import Floats
 from cnnum.embedded.c.files import identifier
-from cnnum.embedded.c.program import packed
+from cnnum.embedded.c.text import packed
 from cnnum.embedded.emulator import cleared
 from cnnum.embedded.making import Made
 from cnnum.errors import DeviceError, NotSupportedError

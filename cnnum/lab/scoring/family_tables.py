@@ -22,7 +22,7 @@ from cnnum.lab.scoring.judge import (
     sense_right,
     share,
 )
-from cnnum.lab.scoring.judged_programs import Answers, Subject
+from cnnum.lab.scoring.subjects import Answers, Subject
 from cnnum.lab.scoring.table import Column, Row, Table
 
 FOUND, SENSE, FALSE = 0.95, 0.98, 1.0

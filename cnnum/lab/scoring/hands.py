@@ -16,7 +16,7 @@ from cnnum.engine import Engine
 from cnnum.frame import FORCE_AXES
 from cnnum.lab.scoring.families.catalogue import FAMILIES, HANDS, Family
 from cnnum.lab.scoring.judge import auc, due, judge, median, onsets, per_ten_minutes, share
-from cnnum.lab.scoring.judged_programs import Answers, in_batches, side_by_side
+from cnnum.lab.scoring.subjects import Answers, in_batches, side_by_side
 from cnnum.lab.scoring.table import Column, Row, Table
 from cnnum.programs.library import get_program
 from cnnum.scenes.push_watch import HeldWatch

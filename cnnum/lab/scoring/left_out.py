@@ -11,8 +11,8 @@ from cnnum.engine import Engine
 from cnnum.lab.scoring.families.catalogue import FAMILIES
 from cnnum.lab.scoring.family_tables import FALSE, FOUND, played
 from cnnum.lab.scoring.judge import NEAR, median
-from cnnum.lab.scoring.judged_programs import Subject
 from cnnum.lab.scoring.levels import LEVELS, Outcome, outcome, rate_of
+from cnnum.lab.scoring.subjects import Subject
 from cnnum.lab.scoring.table import Column, Row, Table
 
 STILL, PULL = (0.15, 0.2, 0.3), (0.3, 0.6, 1.0, 1.5)

@@ -8,7 +8,7 @@ import numpy as np
 from cnnum.lab.scoring.families.catalogue import FAMILIES
 from cnnum.lab.scoring.family_tables import FOUND, Scenes
 from cnnum.lab.scoring.judge import NEAR, judge, median, per_ten_minutes, share
-from cnnum.lab.scoring.judged_programs import reports, shipped_level
+from cnnum.lab.scoring.subjects import reports, shipped_level
 from cnnum.lab.scoring.table import Column, Row, Table
 
 LEVELS = (0.15, 0.20, 0.25, 0.28, 0.32, 0.36, 0.40, 0.45, 0.50, 0.60)

@@ -15,7 +15,6 @@ from cnnum.drivers.simulated.grips import Trial
 from cnnum.engine import Engine
 from cnnum.errors import RecordingError
 from cnnum.lab.scoring.judge import auc
-from cnnum.lab.scoring.judged_programs import MORE, TWIST, Answers, Subject
 from cnnum.lab.scoring.left_out import GRID
 from cnnum.lab.scoring.recorded import (
     FLAT,
@@ -25,6 +24,7 @@ from cnnum.lab.scoring.recorded import (
     uskin_folders,
     uskin_trial,
 )
+from cnnum.lab.scoring.subjects import MORE, TWIST, Answers, Subject
 from cnnum.lab.scoring.table import Column, Row, Table
 
 WINDOWS = (1, 5)

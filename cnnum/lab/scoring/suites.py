@@ -15,11 +15,11 @@ from cnnum.lab.scoring.families.catalogue import FAMILIES, HANDS
 from cnnum.lab.scoring.family_tables import drawn, played, tables
 from cnnum.lab.scoring.hands import BUMPS, arrays_table, hands_table
 from cnnum.lab.scoring.judge import judge, median, onsets, per_ten_minutes, share
-from cnnum.lab.scoring.judged_programs import Answers, Subject, reports, shipped_level
 from cnnum.lab.scoring.left_out import GRID, choices, left_out_table
 from cnnum.lab.scoring.levels import LEVELS, level_table
 from cnnum.lab.scoring.recorded import flat_folders, uskin_folders
 from cnnum.lab.scoring.recordings import Recorded, read, score_table, turn_table
+from cnnum.lab.scoring.subjects import Answers, Subject, reports, shipped_level
 from cnnum.lab.scoring.table import Column, Row, Table
 from cnnum.programs import Program
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import cnnum
-from cnnum.integrators.exact_ends import passes_in_fours, rounded_gain
+from cnnum.integrators.closed_forms import passes_in_fours, rounded_gain
 
 
 def test_each_term_counts_as_often_as_it_is_rounded():

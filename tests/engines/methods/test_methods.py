@@ -9,7 +9,7 @@ from cnnum.engine import Engine
 from cnnum.engines.numba import transients
 from cnnum.engines.reference.equation import Given, StateEquation
 from cnnum.errors import MethodError
-from cnnum.integrators.exact_ends import MODE_LIMIT
+from cnnum.integrators.closed_forms import MODE_LIMIT
 from cnnum.integrators.exponential import EXPONENTIAL_METHODS
 from cnnum.templating.template import Template
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import cnnum
-from cnnum.integrators.exact_ends import LONGEST, Separate, separate
+from cnnum.integrators.closed_forms import LONGEST, Separate, separate
 
 STEPS = 4000
 TOLERANCE = {"float64": 4e-6, "float32": 4e-5}

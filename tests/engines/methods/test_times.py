@@ -9,7 +9,7 @@ import scipy.linalg
 from scipy.integrate import solve_ivp
 
 import cnnum
-from cnnum.integrators.exact_ends import propagator
+from cnnum.integrators.closed_forms import propagator
 from cnnum.templating.couplings import DelayedCoupling, Gain, NonlinearCoupling
 from cnnum.templating.functions import Table
 from cnnum.templating.network import Network

@@ -9,7 +9,7 @@ from scipy.ndimage import correlate
 from cnnum.engine import Engine
 from cnnum.engines.numba import transients
 from cnnum.integrators import choice
-from cnnum.integrators.exact_ends import MOST_CELLS, SHIFTS, propagator
+from cnnum.integrators.closed_forms import MOST_CELLS, SHIFTS, propagator
 from cnnum.templates.tactile.cover_model.elastic_lattice import ElasticLattice
 from cnnum.templating.network import Network
 from cnnum.templating.template import Template

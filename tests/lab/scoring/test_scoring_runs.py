@@ -16,9 +16,9 @@ from cnnum.errors import RecordingError, SceneError
 from cnnum.lab.scoring import recordings
 from cnnum.lab.scoring.families.catalogue import FAMILIES
 from cnnum.lab.scoring.family_tables import played, tables
-from cnnum.lab.scoring.judged_programs import Subject, reports, shipped_level
 from cnnum.lab.scoring.levels import LEVELS, level_table, outcome
 from cnnum.lab.scoring.recorded import FLAT, HELD_BACK, flat_folders, flat_trial
+from cnnum.lab.scoring.subjects import Subject, reports, shipped_level
 from cnnum.lab.scoring.suites import Request, score
 from cnnum.lab.scoring.table import Column, Table
 

@@ -12,8 +12,7 @@ from cnnum.engines.opencl.text import comment
 from cnnum.engines.opencl.transients.builder import LARGEST, NOW, SUM, TransientBuilder, W, X
 from cnnum.engines.opencl.transients.couplings import constant_drive, drive_of
 from cnnum.engines.opencl.transients.step_control import Figures
-from cnnum.integrators.estimate import LOST
-from cnnum.integrators.exact_ends import (
+from cnnum.integrators.closed_forms import (
     STEEPEST,
     Circulant,
     Decay,
@@ -27,6 +26,7 @@ from cnnum.integrators.exact_ends import (
     roundings,
     tips_over,
 )
+from cnnum.integrators.estimate import LOST
 from cnnum.integrators.solver import Exact
 
 FROM, TO, DRIVE, S, E, EDGE, AWAY = ir.names("from to drive s e edge away")
@@ -114,7 +114,7 @@ def _inside(slope: float, time: float) -> list[ir.Statement]:
 
 
 def _rounded(text: TransientBuilder, own: float, time: float) -> list[ir.Statement]:
-    """Return the bound on rounding errors, as in `cnnum.integrators.exact_ends`."""
+    """Return the bound on rounding errors, as in `cnnum.integrators.closed_forms`."""
     slope, left = own - 1.0, ir.Number(math.exp(-time))
     at_rest = ir.Number(growth(slope, time))
     sum = ir.size(TO) + ir.pick(AWAY.differs(ir.ZERO), left, GROWN) * SIZES

@@ -25,8 +25,8 @@ from cnnum.engines.opencl.transients.state_equation import (
     watched,
 )
 from cnnum.engines.opencl.transients.step_control import Attempt, Figures, controlled
+from cnnum.integrators.closed_forms import Circulant, Decay, Propagator, Separate, Spectral
 from cnnum.integrators.estimate import LOST
-from cnnum.integrators.exact_ends import Circulant, Decay, Propagator, Separate, Spectral
 from cnnum.integrators.schemes import AdaptiveSteps, ChebyshevSteps, FixedSteps
 
 Lower = Callable[[TransientBuilder, Any], Figures]

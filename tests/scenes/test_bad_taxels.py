@@ -12,7 +12,7 @@ from cnnum.drivers.codecs.wire import Asked, wire
 from cnnum.drivers.codecs.wire import described_wire as wire_of
 from cnnum.errors import FrameError, SceneError
 from cnnum.frame import FORCE_AXES, Frame
-from cnnum.scenes.dropouts import Dropouts, Liveness
+from cnnum.scenes.bad_taxels import Dropouts, Liveness
 
 RATE = 100.0
 ROWS, COLS = np.mgrid[:8, :8].astype(float)

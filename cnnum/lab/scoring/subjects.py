@@ -1,4 +1,4 @@
-"""The programs that are judged: the one place that knows their names and outputs."""
+"""The programs that are judged, as subjects: the one place that knows their names and outputs."""
 
 import inspect
 from collections.abc import Callable, Iterator, Mapping, Sequence

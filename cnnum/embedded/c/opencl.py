@@ -1,7 +1,7 @@
 """A program as OpenCL C, from the same records and printer as C99, one work item per frame."""
 
 from cnnum.embedded.c.files import identifier, structures
-from cnnum.embedded.c.program import CText, table_lines
+from cnnum.embedded.c.text import CText, table_lines
 from cnnum.embedded.program import IntegerProgram
 
 KERNEL = "frames"
