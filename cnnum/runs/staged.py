@@ -24,6 +24,7 @@ from cnnum.integrators.schemes import DECISION, WAVEFRONT
 from cnnum.plan import Plan
 from cnnum.runs.decided import is_decided, output_of
 from cnnum.runs.wavefront import end_of, monotone
+from cnnum.safety.values import host_bytes, refuse_beyond
 
 LEAST_CELLS = 257
 """Smaller arrays are one launch, and a second one would cost more than it saves."""
@@ -322,6 +323,10 @@ class StagedExecutable:
     ) -> dict[str, Floats]:
         """Run a batch; frames of which an output is not proven run the whole program."""
         batch, known = len(frames), np.ones(len(frames), bool)
+        room = host_bytes()
+        if room is not None:  # an argument and an output of the first template
+            needed = 2 * 8 * batch * self.schedule.cells
+            refuse_beyond(f"A batch of {batch} frame(s)", needed, room, "this machine")
         frames = frames.astype(self.dtype, copy=False)
         values = {name: frames[..., at] for at, name in enumerate(self.schedule.channels_read)}
         for stage in self._stages:

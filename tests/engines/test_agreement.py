@@ -78,7 +78,7 @@ def tolerance(reference):
     return 20 * (ATOL + RTOL * np.abs(reference).max())
 
 
-@settings(max_examples=12, deadline=None, suppress_health_check=FIXTURES)
+@settings(max_examples=8, deadline=None, suppress_health_check=FIXTURES)
 @given(case=networks(), precision=st.sampled_from(["float32", "float64"]))
 def test_engines_agree_with_the_reference(engines, names, reference, case, precision):
     template, maps, places = case
@@ -90,7 +90,7 @@ def test_engines_agree_with_the_reference(engines, names, reference, case, preci
         assert np.abs(got.state - expected).max() <= tolerance(expected)
 
 
-@settings(max_examples=6, deadline=None, suppress_health_check=FIXTURES)
+@settings(max_examples=4, deadline=None, suppress_health_check=FIXTURES)
 @given(case=networks(), method=st.sampled_from(["euler", "heun", "rk4"]))
 def test_fixed_steps_are_the_same_steps(engines, names, reference, case, method):
     """In float64 the same steps of the same method agree to rounding: 60 steps · 2⁻⁵² · values."""

@@ -29,7 +29,9 @@ def test_a_press_of_the_skin_is_contact(tmp_path: Path) -> None:
             # the finger has a strain of a hundredth of its middle's at 3.4 taxels
             far = [n for n, cell in enumerate(cells) if cell and abs(n // 8 - row) > 4]
             assert not far
-            assert browser.value("document.getElementById('said').textContent")[:8] == "contact;"
+            assert (
+                browser.value("document.getElementById('said').textContent")[:11] == "contact of "
+            )
             browser.call("Input.dispatchMouseEvent", type="mouseReleased", clickCount=1, **mouse)
             browser.until("!view.touched")
         asked = browser.value("performance.getEntriesByType('resource').length")

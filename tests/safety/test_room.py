@@ -53,12 +53,20 @@ def test_rates_that_do_not_fit_are_refused(name, needed):
     assert needed in refused(lambda: choose(transient, HUGE))
 
 
-def test_batch_larger_than_a_block_of_the_device_is_refused():
-    """Frames that share their memory; on the device they would not."""
+@cnnum.program
+def doubled(frame):
+    return {"a": 2.0 * frame.normal}
+
+
+@pytest.mark.parametrize(
+    ("program", "owner"), [(doubled, "a block of the device"), (averaged, "this machine")]
+)
+def test_batch_larger_than_its_room_is_refused(program, owner):
+    """Frames that share their memory; where they are computed they would not."""
     engine = cnnum.Engine("opencl")
-    plan = engine.compile(averaged, (300, 300), channels=("normal",))
+    plan = engine.compile(program, (300, 300), channels=("normal",))
     frames = np.broadcast_to(np.float32(0.5), (10_000_000, 300, 300, 1))
     memory = plan.executable.new_memory(1)
     sentence = refused(lambda: plan.executable.run(frames, memory, first=True))
     assert "batch of 10000000 frame(s)" in sentence
-    assert "the device" in sentence
+    assert owner in sentence

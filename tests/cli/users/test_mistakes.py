@@ -227,4 +227,4 @@ def test_no_traceback_of_a_script(tmp_path):
     script = tmp_path / "first.py"
     script.write_text("import cnnum\ncnnum.Template(name='mine', A=None)\n")
     done = subprocess.run([sys.executable, script], capture_output=True, text=True, timeout=60)
-    assert done.stderr.splitlines()[-1].startswith("cnnum.errors.ArrayError: 'A of template")
+    assert done.stderr.splitlines()[-1].startswith("cnnum.errors.ArrayError: A of template")
