@@ -286,7 +286,7 @@ def test_a_mirror_is_that_of_the_page():
     state = cnnum.Engine("reference").run(template, input=row).state
     np.testing.assert_allclose(state, np.pad(row, ((0, 0), (2, 0)), "symmetric")[:, :4], atol=1e-6)
     words = " ".join((ROOT / BEYOND).read_text().split())
-    assert f"reads {', '.join(f'{value:.1f}' for value in state[0])}." in words
+    assert f"have the values {', '.join(f'{value:.1f}' for value in state[0])}." in words
 
 
 HELD = {
