@@ -51,9 +51,9 @@ def test_the_page_is_what_the_code_finds(library):
     spec.loader.exec_module(made)
     counts = made.summary(library)
     words = " ".join((DOCS / "how-to" / "design.md").read_text().split())
-    assert f"The rules of {len(library)} uncoupled templates" in words
+    assert f"For {len(library)} uncoupled templates of the library" in words
     margins = "for {larger} templates, equal for {equal} and smaller for {smaller}."
-    worst = "The worst case is larger for {safer} of the "
+    worst = "The error tolerated in the worst case is larger for {safer} of the "
     assert f"{margins} {worst}".format(**counts) in words
 
 
