@@ -1,8 +1,9 @@
 """False reports of `slip` and `twist` by their level: `python docs/figures/false_reports.py`.
 
-It plays the families of `cnnum score` without slip, but for rolling and bristles, and counts
-reports by level. `LEVELS` of `templates/tactile/slip.py` and `twist.py` are the bounds that came
-out, and with `--shear-alone`, which plays bristles, too, their `SHEAR_LEVELS`.
+It plays the families of `cnnum score` without slip, but for rolling, bristles and oblique touches,
+and counts reports by level; with `--oblique`, it plays oblique touches alone. `LEVELS` of
+`templates/tactile/slip.py` and `twist.py` are at least the bounds that come out, and with
+`--shear-alone`, which plays bristles and oblique touches, too, their `SHEAR_LEVELS`.
 """
 
 import argparse
@@ -35,12 +36,15 @@ def main() -> None:
     arguments.add_argument("--count", type=int, default=24)
     arguments.add_argument("--seed", type=int, default=700_000)
     arguments.add_argument("--shear-alone", action="store_true", help="as arrays of markers read")
+    arguments.add_argument("--oblique", action="store_true", help="touches that come with shear")
     given = arguments.parse_args()
     channels = FORCE_AXES[:2] if given.shear_alone else FORCE_AXES
     engine, arrays = Engine(), Arrays()
     seeds = range(given.seed, given.seed + given.count)
-    kept = ("rolling",) if given.shear_alone else ("rolling", "bristles")
-    held = [one for one in FAMILIES if one.kind == "held" and not one.name.startswith(kept)]
+    left_out = ("rolling",) if given.shear_alone else ("rolling", "bristles", "oblique")
+    held = [one for one in FAMILIES if one.kind == "held" and not one.name.startswith(left_out)]
+    if given.oblique:
+        held = [one for one in FAMILIES if one.name.startswith("oblique")]
     trials = [family.make(arrays, family.name, seed) for family in held for seed in seeds]
     seconds = sum(trial.seconds for trial in trials)
     print(f"{seconds / 60.0:.1f} minutes")

@@ -49,7 +49,8 @@ LEVELS = (
     (11.6, 0.20),
 )  # fmt: skip
 """False reports in ten minutes, and the level of the strength that leads to them: upper bounds
-(90 %) from simulated hands without slip or rolling (`docs/figures/false_reports.py`)."""
+(90 %) on simulated hands that neither slip, roll nor touch obliquely, by
+`docs/figures/false_reports.py`."""
 SHEAR_LEVELS = ((1.5, 0.60), (2.5, 0.50), (6.8, 0.40), (15.0, 0.28), (31.0, 0.20))
 """The same where shear alone is read."""
 
