@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import cnnum
-from cnnum.errors import MethodError
+from cnnum.errors import DeviceError, MethodError
 from cnnum.lab.stability import all_cases, run, run_case, select
 from cnnum.lab.stability.page import page
 from cnnum.lab.stability.record import Case, Solved
@@ -97,3 +97,13 @@ def test_the_page_holds_every_row(engine):
     data = text[text.index('id="rows">') + len('id="rows">') : text.rindex("</script>")]
     assert [row["case"] for row in json.loads(data)] == [row.case for row in rows]
     assert "http:" not in text.replace("http://www.w3.org", "")
+
+
+def test_an_engine_that_ends_the_process_that_opens_it_is_named(monkeypatch, tmp_path):
+    (tmp_path / "ending.py").write_text("import os\ndef opened(*_):\n    os._exit(3)\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    from ending import opened
+
+    monkeypatch.setattr("cnnum.lab.stability.runner._opened", opened)
+    with pytest.raises(DeviceError, match="Engine 'numba' ended the process that opened it"):
+        list(run(select(["balanced"]), "numba", "float64"))
