@@ -5,11 +5,12 @@ WebAssembly, which stands in the page: it asks for nothing else, and works witho
 """
 
 import base64
-import re
-import subprocess
-import sys
-import tempfile
+import json
 from pathlib import Path
+
+import cnnum
+from cnnum.embedded.c.files import MANIFEST
+from cnnum.report.web_assembly import compiled
 
 DOCS = Path(__file__).parents[1]
 ROWS = COLS = 8
@@ -148,26 +149,11 @@ turn();
 
 def main() -> None:
     """Export, compile, and write the page."""
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name) / "c"
-        command = [sys.executable, "-m", "cnnum", "export", "contact", "--shape", f"{ROWS}x{COLS}"]
-        command += ["--rate", str(RATE), "--needs", "contact,contact_map", "--package", "wasm"]
-        subprocess.run([*command, "--out", str(folder)], check=True)
-        write(folder)
-
-
-def write(folder: Path) -> None:
-    """Compile an export, and write the page."""
-    command = [sys.executable, "-m", "ziglang", "cc", "-target", "wasm32-freestanding", "-Os"]
-    command += ["-nostdlib", "-ffp-contract=off", "-Wl,--no-entry", "-Wl,--strip-all"]
-    sources = ["-o", "skin.wasm", "wasm.c", "contact.c"]
-    subprocess.run([*command, *sources], cwd=folder, check=True)
-    wasm = base64.b64encode((folder / "skin.wasm").read_bytes()).decode()
-    head = (folder / "contact.h").read_text()
-    scale = {
-        channel.lower(): 2 ** int(bits)
-        for channel, bits in re.findall(r"CONTACT_IN_(\w+)_FRACTION (\d+)", head)
-    }
+    needs = ("contact", "contact_map")
+    exported = cnnum.export("contact", (ROWS, COLS), rate=RATE, needs=needs).packaged("wasm")
+    wasm = base64.b64encode(compiled(exported, "contact")).decode()
+    record = json.loads(exported.files[MANIFEST])
+    scale = {part["name"]: 2 ** part["fraction"] for part in record["inputs"]}
     page = PAGE
     fills = {
         "GRADIENT": ", ".join(f"rgb{colour}" for colour in COLOURS),

@@ -99,7 +99,7 @@ OWN_DATA = {
     "cnnum/engines/numba/printed.py",  # the source of its own printer
     "cnnum/engines/opencl/text.py",  # kernels of the package
     "cnnum/engines/notices.py",  # /proc/cpuinfo
-    "cnnum/cli/library/templates_show.py",  # an export that it has just made
+    "cnnum/report/web_assembly.py",  # what the compiler has just written
     "cnnum/lab/bench/compile_time.py",  # a file that the benchmark has just written
     "cnnum/lab/embedded/cortex_m.py",  # what the compiler has just written
     "cnnum/lab/scoring/families/faces.py",  # a table of the package

@@ -11,8 +11,6 @@ from cnnum.cli.options import completed, file_option, force_option, json_option,
 from cnnum.cli.output import Output, facts, number, progress
 
 if TYPE_CHECKING:
-    from cnnum.programs.fields import Field
-    from cnnum.programs.machine import FrameFields
     from cnnum.templating.couplings import NonlinearCoupling
     from cnnum.templating.files import Entry
     from cnnum.templating.template import Template
@@ -203,78 +201,6 @@ def _matrix(rows: list[list[float]]) -> str:
     return "\n".join("    " + "  ".join(cell.rjust(width) for cell in row) for row in cells)
 
 
-LIVELY = 4
-"""Pictures on which the ranges of a live template are measured; waves take seconds of each."""
-
-
-def live_module(template: "Template") -> dict[str, object] | None:
-    """Return a template as WebAssembly for `Card.live`, or None if a page cannot show its maps.
-
-    The module is its export in q15, on a picture of its check; it has one layer and takes an input,
-    an initial state, or both.
-
-    Raises
-    ------
-    MissingExtraError
-        If Zig is not installed.
-    DeviceError
-        If Zig refuses the module.
-    """
-    import base64
-    import json
-    import subprocess
-    import sys
-    from importlib.util import find_spec
-    from tempfile import TemporaryDirectory
-
-    import numpy as np
-
-    import cnnum
-    from cnnum.errors import DeviceError, NotSupportedError, missing_extra
-    from cnnum.report.gallery import SHAPE
-    from cnnum.scenes.exporting import export
-    from cnnum.templating.checks import form_of
-
-    if find_spec("ziglang") is None:
-        raise missing_extra("building WebAssembly", "ziglang", "embedded")
-    case = form_of(template).cases(template, np.random.default_rng(3), SHAPE)
-    maps = {key: getattr(case, key) for key in ("input", "state") if case.given[key] is not None}
-    others = any(case.given[key] is not None for key in ("previous", "bias", "mask"))
-    if others or template.layers > 1 or any(np.ndim(value) != 3 for value in maps.values()):
-        return None
-
-    def function(frame: "FrameFields") -> dict[str, "Field"]:
-        given = {key: getattr(frame, key) for key in maps}
-        spec = cnnum.RunSpec() if case.duration is None else cnnum.RunSpec(duration=case.duration)
-        return {"output": cnnum.transient(template, spec=spec, **given).outputs[0]}
-
-    frames = np.stack([value[-LIVELY:] for value in maps.values()], axis=-1)
-    program = cnnum.Program(function, "template")
-    try:
-        exported = export(program, like=frames, channels=tuple(maps)).packaged("wasm")
-    except NotSupportedError:
-        return None
-    command = [*(sys.executable, "-P", "-m", "ziglang", "cc"), "-target", "wasm32-freestanding"]
-    command += ["-Os", "-nostdlib", "-ffp-contract=off", "-Wl,--no-entry", "-Wl,--strip-all"]
-    with TemporaryDirectory() as name:
-        folder = Path(name)
-        exported.write(folder)
-        done = subprocess.run(
-            [*command, "-o", "page.wasm", "wasm.c", "template.c"],
-            cwd=folder, capture_output=True, text=True, check=False,
-        )  # fmt: skip
-        if done.returncode:
-            raise DeviceError(f"Zig refused '{template.name}': {done.stderr:.400}")
-        wasm = base64.b64encode((folder / "page.wasm").read_bytes()).decode()
-        record = json.loads((folder / "export.json").read_text(encoding="utf-8"))
-    return {
-        "wasm": wasm, "rows": SHAPE[0], "cols": SHAPE[1],
-        "maps": [maps[part["name"]][-1].ravel().tolist() for part in record["inputs"]],
-        "scales": [2 ** part["fraction"] for part in record["inputs"]],
-        "scale": 2 ** record["outputs"][0]["fraction"],
-    }  # fmt: skip
-
-
 @click.command("gallery")
 @click.argument("names", nargs=-1, metavar="[NAMES]...", shell_complete=completed("template"))
 @file_option("gallery.html", "The page's file.")
@@ -300,6 +226,8 @@ def gallery(
     from cnnum.templating.checks import run_check
     from cnnum.templating.files import load_entry
 
+    if live:
+        from cnnum.report.web_assembly import live_module
     used, files, cards = Engine(engine), chosen(names), list[Card]()
     check = partial(run_check, engine=used, repeats=1)
     with progress("templates", len(files), as_json=as_json) as steps:
