@@ -222,12 +222,11 @@ def gallery(
     """
     from cnnum.engine import Engine
     from cnnum.report.gallery import Card, filmstrip, gallery_page
+    from cnnum.report.web_assembly import live_module
     from cnnum.safety.files import write_whole
     from cnnum.templating.checks import run_check
     from cnnum.templating.files import load_entry
 
-    if live:
-        from cnnum.report.web_assembly import live_module
     used, files, cards = Engine(engine), chosen(names), list[Card]()
     check = partial(run_check, engine=used, repeats=1)
     with progress("templates", len(files), as_json=as_json) as steps:
