@@ -105,7 +105,9 @@ def signs_of(template: Template, duration: float, begins: Begins) -> Signs | Non
         Where cells begin: in the template's own number, in the map whose neighbourhoods are
         weighed, or in a map apart from it.
     """
-    if template.layers != 1 or not template.plain or template.output.name != "standard":
+    if template.layers != 1 or template.inputs > 1 or not template.plain:
+        return None
+    if template.output.name != "standard":
         return None
     middle = template.A.shape[-1] // 2
     own = float(template.A[0, 0, middle, middle])
@@ -134,8 +136,9 @@ def signs_of(template: Template, duration: float, begins: Begins) -> Signs | Non
 @lru_cache(maxsize=256)
 def ranks_of(template: Template) -> Ranks | None:
     """Return between which levels the cells of a template are kept; None of another kind."""
-    alike = template.layers == 1 and template.delayed is None and not template.gains
-    if not (alike and template.output.name == "standard" and len(template.nonlinear) == 1):
+    alike = template.layers == 1 and template.inputs <= 1 and template.delayed is None
+    alike = alike and not template.gains and template.output.name == "standard"
+    if not (alike and len(template.nonlinear) == 1):
         return None
     middle = template.A.shape[-1] // 2
     alone = np.count_nonzero(template.A) == 1 and template.A[0, 0, middle, middle] == 1.0
@@ -216,8 +219,8 @@ def _refusal(ask: Ask) -> str:
     begins = _where(template, ask.arrays[0] is not None, state is not None)
     if signs_of(template, duration, begins) is None:
         return (
-            "it takes one layer with the standard output whose cells see no other cell, or a "
-            "rank template, in which all neighbours pull with the same step"
+            "it takes one layer with the standard output and one input at most, whose cells see no "
+            "other cell, or a rank template, in which all neighbours pull with the same step"
         )
     return ""
 

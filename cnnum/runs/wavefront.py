@@ -79,7 +79,7 @@ class Monotone:
 @lru_cache(maxsize=64)
 def monotone(template: object) -> Monotone | None:
     """Return a template of the kind whose end needs no way, from a saturated start; else None."""
-    if not isinstance(template, Template) or template.layers != 1:
+    if not isinstance(template, Template) or template.layers != 1 or template.inputs > 1:
         return None
     plain = not (template.nonlinear or template.delayed or template.gains)
     if not plain or template.output.name != "standard":
@@ -194,8 +194,8 @@ def _refusal(request: Request) -> str:
     """Return why no run like this can go without its way, or nothing."""
     if monotone(request.template) is None:
         return (
-            "it takes one layer with the standard output and no nonlinear or delayed coupling or "
-            "gain, a centre of A above 1, and other weights of A from 0 up"
+            "it takes one layer with one input at most and the standard output, no nonlinear or "
+            "delayed coupling or gain, a centre of A above 1, and other weights of A from 0 up"
         )
     spec = request.spec
     if spec.dt is not None or spec.force or spec.estimate or request.engine.whole:

@@ -11,6 +11,7 @@ from cnnum.programs.transients import apply, transient
 
 SQUARE = np.ones((3, 3), bool)
 SHAPE = (19, 23)
+CROSS = [[0.0, 1.0, 0.0], [0.0, 3.0, 0.0], [0.0, 1.0, 0.0]]
 
 
 @cnnum.program
@@ -121,3 +122,20 @@ def test_wave_that_is_longer_than_its_run_takes_the_way():
     picture[4:9, 4:9] = 1.0
     np.testing.assert_array_equal(plan(picture)["filled"], plan.unfused()(picture)["filled"])
     assert (plan(picture)["filled"] > -1.0).sum() > 25
+
+
+def test_second_inputs_count():
+    control = np.array([[[[0.5]], [[-2.0]]]])
+    maps = np.where(np.random.default_rng(2).random((2, *SHAPE)) < 0.5, 1.0, -1.0)
+    for feedback, initial in ((CROSS, 1.0), ([[2.0]], 0.5)):  # a wave, and uncoupled cells
+        template = cnnum.Template("two inputs", feedback, control, -1.5, initial=initial)
+
+        @cnnum.program
+        def program(frame, template=template):
+            return {"output": apply(template, input=[frame.channel("a"), frame.channel("b")])}
+
+        expected = cnnum.Engine("reference").run(template, input=maps).output
+        engine = cnnum.Engine("numba")
+        plan = engine.compile(program, SHAPE, channels=("a", "b"))
+        np.testing.assert_allclose(plan(np.moveaxis(maps, 0, -1))["output"], expected, atol=1e-3)
+        np.testing.assert_allclose(engine.run(template, input=maps).output, expected, atol=1e-3)
