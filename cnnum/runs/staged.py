@@ -7,6 +7,7 @@ goes on from it. Frames for which the output is not proven run the whole program
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
 
@@ -17,6 +18,7 @@ from cnnum.arrays import Floats, Shape, number_type
 from cnnum.embedded.formats import is_integer
 from cnnum.engines.backend import Executable, OneFrame
 from cnnum.engines.fallback import FallbackExecutable
+from cnnum.errors import MethodError
 from cnnum.graph.nodes import Input, Node, Pick, RunSpec, Transient, picks_of
 from cnnum.graph.schedule import Schedule
 from cnnum.integrators.affine import fuse
@@ -254,6 +256,7 @@ class StagedExecutable:
     dtype: np.dtype[np.floating]
     _stages: tuple[Stage, ...] = field(init=False)
     _names: dict[str, str] = field(init=False)
+    _warm: bool = field(init=False, default=False)
 
     def __post_init__(self) -> None:
         self._stages, self._names = stages_of(self.schedule, self.answers, self.build)
@@ -328,6 +331,8 @@ class StagedExecutable:
             needed = 2 * 8 * batch * self.schedule.cells
             refuse_beyond(f"A batch of {batch} frame(s)", needed, room, "this machine")
         frames = frames.astype(self.dtype, copy=False)
+        if not (self._warm or frames.any()):  # an empty frame comes to warm up
+            self._warm_up()
         values = {name: frames[..., at] for at, name in enumerate(self.schedule.channels_read)}
         for stage in self._stages:
             if stage.executable is not None:
@@ -346,6 +351,16 @@ class StagedExecutable:
         return {
             name: np.array(values[own], np.float64, order="C") for name, own in self._names.items()
         }
+
+    def _warm_up(self) -> None:
+        """Run all parts and the whole program on an empty frame, so that all kernels are built."""
+        self._warm = True
+        read = [(stage.executable, len(stage.channels)) for stage in self._stages]
+        for executable, count in (*read, (self.whole, len(self.schedule.channels_read))):
+            if executable is not None:
+                given = np.zeros((1, *self.schedule.shape, count), self.dtype)
+                with suppress(MethodError):  # loops of an empty frame may not end
+                    executable.run(given, executable.new_memory(1), first=True)
 
     def _maps(self, values: NDArray[np.floating]) -> Floats:
         """Return an argument as maps; a number stands for the same in every cell."""

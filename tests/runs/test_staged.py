@@ -1,5 +1,7 @@
 """Programs that leave out transients of a known end give what SciPy and the transients give."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy import ndimage
@@ -139,3 +141,31 @@ def test_second_inputs_count():
         plan = engine.compile(program, SHAPE, channels=("a", "b"))
         np.testing.assert_allclose(plan(np.moveaxis(maps, 0, -1))["output"], expected, atol=1e-3)
         np.testing.assert_allclose(engine.run(template, input=maps).output, expected, atol=1e-3)
+
+
+class Counted:
+    """A part of a program that counts its runs."""
+
+    def __init__(self, part):
+        self.part, self.runs, self.new_memory = part, 0, part.new_memory
+
+    def run(self, frames, memory, *, first):
+        self.runs += 1
+        return self.part.run(frames, memory, first=first)
+
+
+def test_warming_up_runs_all_parts_and_the_whole_program_once():
+    plan = cnnum.Engine("numba").compile(inner_objects, SHAPE, channels=("picture", "marks"))
+    staged = plan.executable
+    stages = [
+        s if s.executable is None else replace(s, executable=Counted(s.executable))
+        for s in staged._stages
+    ]
+    staged._stages, staged.whole = tuple(stages), Counted(staged.whole)
+    parts = [s.executable for s in stages if s.executable is not None]
+    plan.warm_up()
+    assert len(parts) > 1
+    assert all(part.runs > 0 for part in (*parts, staged.whole))
+    before = staged.whole.runs
+    plan(frames_of(1)[0])
+    assert staged.whole.runs == before
