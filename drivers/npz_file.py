@@ -30,8 +30,8 @@ from cnnum.arrays import Floats, Shape
 from cnnum.drivers.driver import Counters, Counting
 from cnnum.errors import CalibrationError, CodecError, RecordingError, unreadable
 from cnnum.frame import Frame, Quality, Truth, contradicted
-from cnnum.recordings.chunks import untimed
 from cnnum.recordings.export import CALIBRATION, CAME, FRAMES, KIND, MARKS, PADS
+from cnnum.recordings.mcap_chunks import untimed
 from cnnum.safety.reading import DAMAGE, MEGABYTE, open_regular
 from cnnum.safety.values import host_bytes, shown
 from cnnum.tactile.taxel import Calibration

@@ -26,43 +26,33 @@ from cnnum.safety.values import visible
 from cnnum.version import __version__
 
 ROOM = "cnnum.cli.commands"
-ARRAYS = "cnnum.cli.arrays"
 LAB = "cnnum.lab"
 
-_SERVING: Mapping[str, tuple[str, str]] = {
-    "demo": (f"{ROOM}.demo", "Run a simulated scene and write a report."),
-    "run": (f"{ROOM}.run", "Run a scene and print its events as they come."),
-    "plan": (f"{ROOM}.plan", "Show the operations of a scene and what it leaves out."),
-    "templates": (f"{ROOM}.templates", "List, show and check the template library."),
-    "studio": ("cnnum.cli.library.studio", "Edit a template in a browser and watch it run."),
-    "sweep": ("cnnum.cli.library.sweep", "Sweep a template over weights, sizes and noise."),
-    "devices": (f"{ROOM}.devices", "Show the OpenCL devices and their speed."),
-    "calibrate": (
-        f"{ROOM}.calibrate",
-        "Fit the calibration of a taxel to a scan of point loads.",
-    ),
-    "probe": (f"{ROOM}.probe", "Measure an array's rate, losses and dead cells."),
-    "simulate": (
-        f"{ARRAYS}.simulate",
-        "Simulate an array at a serial port, with faults on request.",
-    ),
-    "export": (f"{ROOM}.export", "Write a program as C99 for a microcontroller."),
-    "record": (f"{ROOM}.record", "Record an array's frames to a file."),
-    "recover": (
-        f"{ROOM}.recover",
-        "Rescue a recording that was cut off or damaged.",
-    ),
-    "check": (f"{ARRAYS}.check", "Check order, signs, rate, rest and taxels of a recording."),
-    "layout": (f"{ARRAYS}.layout", "Propose the layout of a data file, and draw a frame."),
-    "lerobot": (f"{ARRAYS}.lerobot", "Write a recording as a data set of LeRobot."),
-    "ros": (f"{ARRAYS}.ros", "Publish the frames and events of a scene in ROS 2."),
-    "view": (f"{ARRAYS}.view", "Show an array or a recording in a browser."),
-    "replay": (f"{ROOM}.replay", "Run the program of a scene over a recording."),
-    "tune": (f"{ROOM}.tune", "Tune the level of an event to your own recordings."),
-    "process": (f"{ROOM}.process", "Run a scene over many recordings, into a table of events."),
-    "explain": (f"{ROOM}.explain", "Explain why slip and twist are reported at a time, or not."),
+_SERVING: Mapping[str, str] = {
+    "demo": "Run a simulated scene and write a report.",
+    "run": "Run a scene and print its events as they come.",
+    "plan": "Show the operations of a scene and what it leaves out.",
+    "templates": "List, show and check the template library.",
+    "studio": "Edit a template in a browser and watch it run.",
+    "sweep": "Sweep a template over weights, sizes and noise.",
+    "devices": "Show the OpenCL devices and their speed.",
+    "calibrate": "Fit the calibration of a taxel to a scan of point loads.",
+    "probe": "Measure an array's rate, losses and dead cells.",
+    "simulate": "Simulate an array at a serial port, with faults on request.",
+    "export": "Write a program as C99 for a microcontroller.",
+    "record": "Record an array's frames to a file.",
+    "recover": "Rescue a recording that was cut off or damaged.",
+    "check": "Check order, signs, rate, rest and taxels of a recording.",
+    "layout": "Propose the layout of a data file, and draw a frame.",
+    "lerobot": "Write a recording as a data set of LeRobot.",
+    "ros": "Publish the frames and events of a scene in ROS 2.",
+    "view": "Show an array or a recording in a browser.",
+    "replay": "Run the program of a scene over a recording.",
+    "tune": "Tune the level of an event to your own recordings.",
+    "process": "Run a scene over many recordings, into a table of events.",
+    "explain": "Explain why slip and twist are reported at a time, or not.",
 }
-"""The commands that serve: name to module and to the line of help."""
+"""The commands that serve: name, which is also that of the module, to the line of help."""
 
 
 def _lab() -> Mapping[str, tuple[str, str]]:
@@ -71,7 +61,7 @@ def _lab() -> Mapping[str, tuple[str, str]]:
     return cast("Mapping[str, tuple[str, str]]", import_module(f"{LAB}.commands").COMMANDS)
 
 
-COMMANDS = {**_SERVING, **_lab()}
+COMMANDS = {**{name: (f"{ROOM}.{name}", line) for name, line in _SERVING.items()}, **_lab()}
 """All commands of this installation."""
 
 

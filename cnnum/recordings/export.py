@@ -23,7 +23,8 @@ from numpy.typing import NDArray
 
 from cnnum.errors import RecordingError, missing_extra, name_error
 from cnnum.frame import Frame
-from cnnum.recordings.chunks import (
+from cnnum.recordings.layout import Layout, attached, records
+from cnnum.recordings.mcap_chunks import (
     CHANNEL,
     CHUNK_BYTES,
     RAW_CHANNEL,
@@ -36,7 +37,6 @@ from cnnum.recordings.chunks import (
     marks_of,
     raw_channel,
 )
-from cnnum.recordings.layout import Layout, attached, records
 from cnnum.recordings.mcap_records import MAGIC, PREFIX, WholeChunk, built, index_end, records_in
 from cnnum.recordings.reader import Contents, scan
 from cnnum.safety.files import beside, sentences, written

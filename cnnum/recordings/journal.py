@@ -10,9 +10,9 @@ from typing import IO
 
 from cnnum.errors import RecordingError
 from cnnum.frame import Frame
-from cnnum.recordings.chunks import CHUNK_BYTES, ChunkMaker, RawMaker, Waiting, beginning
 from cnnum.recordings.export import write_index
 from cnnum.recordings.layout import Held, Layout, records
+from cnnum.recordings.mcap_chunks import CHUNK_BYTES, ChunkMaker, RawMaker, Waiting, beginning
 from cnnum.safety.files import create, sync_folder
 from cnnum.tactile.taxel import Calibration
 

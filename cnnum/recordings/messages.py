@@ -29,7 +29,7 @@ from cnnum.errors import (
     missing_extra,
     unreadable,
 )
-from cnnum.recordings.chunks import SCHEMA, is_raw
+from cnnum.recordings.mcap_chunks import SCHEMA, is_raw
 from cnnum.recordings.mcap_records import PREFIX, Budget, SpentError, WholeChunk, records_in
 from cnnum.recordings.reader import Hole, scan
 from cnnum.safety.reading import MEGABYTE, open_regular

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from cnnum.errors import CodecError, RecordingError, RecordingWarning, unreadable
 from cnnum.frame import Frame, Quality
-from cnnum.recordings.chunks import Decoder, frames_of, is_raw, raw_of
 from cnnum.recordings.layout import Held, Layout, attached
+from cnnum.recordings.mcap_chunks import Decoder, frames_of, is_raw, raw_of
 from cnnum.recordings.mcap_records import (
     LARGEST,
     MAGIC,

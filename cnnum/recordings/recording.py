@@ -17,9 +17,9 @@ from cnnum import sharing
 from cnnum.arrays import Floats, numbers
 from cnnum.errors import ArrayError, RecordingError, RecordingWarning
 from cnnum.frame import FORCE_AXES, Frame, Quality, Truth, contradicted, shown_maps, time_unit_of
-from cnnum.recordings.chunks import CHUNK_BYTES, ChunkMaker, beginning, untimed
 from cnnum.recordings.export import export, marked_text, suffix_of, write_index
 from cnnum.recordings.layout import Layout
+from cnnum.recordings.mcap_chunks import CHUNK_BYTES, ChunkMaker, beginning, untimed
 from cnnum.recordings.reader import look
 from cnnum.recordings.times import FASTEST, numbered, rate_of
 from cnnum.renamed import renamed, warn_of

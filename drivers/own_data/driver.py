@@ -43,7 +43,6 @@ from cnnum.errors import (
     unreadable,
 )
 from cnnum.frame import Frame, Quality, unit_fault
-from cnnum.recordings.chunks import untimed
 from cnnum.recordings.export import (
     CSV_CAME,
     CSV_MARKS,
@@ -53,6 +52,7 @@ from cnnum.recordings.export import (
     calibration_of,
 )
 from cnnum.recordings.hdf5_file import list_hdf5, read_hdf5
+from cnnum.recordings.mcap_chunks import untimed
 from cnnum.recordings.messages import LOG_TIME, holds_frames, is_bag
 from cnnum.recordings.recording import Recording
 from cnnum.recordings.times import rate_of

@@ -9,9 +9,9 @@ from played_recordings import frames_in
 from same_frames import same
 
 from cnnum.frame import Frame, Quality, Truth
-from cnnum.recordings.chunks import ChunkMaker, beginning
 from cnnum.recordings.export import write_index
 from cnnum.recordings.layout import Layout
+from cnnum.recordings.mcap_chunks import ChunkMaker, beginning
 from cnnum.recordings.reader import look
 
 

@@ -15,8 +15,8 @@ import zstandard
 import cnnum
 from cnnum.errors import CodecError
 from cnnum.frame import Frame
-from cnnum.recordings.chunks import ChunkMaker, beginning
 from cnnum.recordings.layout import Layout
+from cnnum.recordings.mcap_chunks import ChunkMaker, beginning
 from cnnum.recordings.reader import look
 
 SECONDS = 20.0

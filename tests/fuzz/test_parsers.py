@@ -15,8 +15,8 @@ from cnnum.drivers.own_data.proposal import propose
 from cnnum.drivers.serial_packet import Geometry, Packet, StreamDecoder, decode, encode
 from cnnum.errors import RecordingWarning
 from cnnum.frame import Frame
-from cnnum.recordings.chunks import ChunkMaker, beginning
 from cnnum.recordings.layout import Layout
+from cnnum.recordings.mcap_chunks import ChunkMaker, beginning
 from cnnum.scenes.scene_file import read_scene
 from cnnum.tactile.array_calibration import read_array_calibration
 from cnnum.tactile.taxel import Calibration, Coupling, Taxel

@@ -11,9 +11,9 @@ from mcap_ros2.decoder import DecoderFactory
 
 from cnnum.errors import CodecError, RecordingError
 from cnnum.frame import Frame
-from cnnum.recordings.chunks import ChunkMaker, beginning
 from cnnum.recordings.export import export
 from cnnum.recordings.layout import MOST_VALUES, Layout
+from cnnum.recordings.mcap_chunks import ChunkMaker, beginning
 from cnnum.recordings.reader import look
 
 

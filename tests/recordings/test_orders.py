@@ -7,7 +7,7 @@ import pytest
 from foreign_files import press
 
 import cnnum
-from cnnum.cli.arrays.layout import drawn
+from cnnum.cli.commands.layout import drawn
 from cnnum.cli.commands.probe import ProbeFigures
 from cnnum.drivers import open_driver
 from cnnum.frame import FORCE_AXES, Frame

@@ -12,8 +12,8 @@ from mcap.writer import CompressionType, Writer
 
 from cnnum.drivers import open_driver
 from cnnum.errors import CodecError, RecordingError, RecordingWarning
-from cnnum.recordings.chunks import MESSAGE_HEAD, SCHEMA, ChunkMaker, beginning, channel_of
 from cnnum.recordings.layout import Layout
+from cnnum.recordings.mcap_chunks import MESSAGE_HEAD, SCHEMA, ChunkMaker, beginning, channel_of
 from cnnum.recordings.mcap_records import LARGEST
 from cnnum.recordings.reader import WINDOW, look
 

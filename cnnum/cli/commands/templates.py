@@ -2,12 +2,12 @@
 
 import click
 
-from cnnum.cli.library.templates_check import check
-from cnnum.cli.library.templates_convert import export, import_files
-from cnnum.cli.library.templates_design import design
-from cnnum.cli.library.templates_find import compare, find, list_templates
-from cnnum.cli.library.templates_measure import analyse, audit, measure
-from cnnum.cli.library.templates_show import gallery, show
+from cnnum.cli.commands.templates_check import check
+from cnnum.cli.commands.templates_convert import export, import_files
+from cnnum.cli.commands.templates_design import design
+from cnnum.cli.commands.templates_find import compare, find, list_templates
+from cnnum.cli.commands.templates_measure import analyse, audit, measure
+from cnnum.cli.commands.templates_show import gallery, show
 
 
 @click.group(

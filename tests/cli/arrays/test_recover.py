@@ -14,8 +14,8 @@ def torn(call, tmp_path):
     """A recording of three chunks, the middle one damaged and the end cut off."""
     from itertools import islice
 
-    from cnnum.recordings.chunks import ChunkMaker, beginning
     from cnnum.recordings.layout import Layout
+    from cnnum.recordings.mcap_chunks import ChunkMaker, beginning
 
     path, data = tmp_path / "torn.mcap", beginning()
     with open_driver("simulated", {"seed": 3, "shape": [4, 4]}) as driver:

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from cnnum.cli.library.templates_check import array_shape
-from cnnum.cli.library.templates_convert import chosen, is_place
+from cnnum.cli.commands.templates_check import array_shape
+from cnnum.cli.commands.templates_convert import chosen, is_place
 from cnnum.cli.options import completed, json_option
 from cnnum.cli.output import Output, facts, number, progress, table
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from cnnum.cli.library.templates_convert import chosen, is_place
+from cnnum.cli.commands.templates_convert import chosen, is_place
 from cnnum.cli.options import completed, file_option, force_option, json_option, target_option
 from cnnum.cli.output import Output, facts, number, progress
 

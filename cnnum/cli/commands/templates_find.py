@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, cast
 import click
 import numpy as np
 
-from cnnum.cli.library.templates_convert import is_place
+from cnnum.cli.commands.templates_convert import is_place
 from cnnum.cli.options import completed, force_option, json_option, picture_option
 from cnnum.cli.output import Output, progress, table
 from cnnum.cli.signals import STOPPED, stop_wanted

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from cnnum.cli.library.templates_convert import is_place
+from cnnum.cli.commands.templates_convert import is_place
 from cnnum.cli.options import completed, force_option, json_option
 from cnnum.cli.output import Output, facts, number, progress, table
 from cnnum.cli.signals import STOPPED, stop_wanted

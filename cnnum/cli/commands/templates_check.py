@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import click
 from rich.table import Table
 
-from cnnum.cli.library.templates_convert import chosen, is_place
-from cnnum.cli.library.templates_design import report
+from cnnum.cli.commands.templates_convert import chosen, is_place
+from cnnum.cli.commands.templates_design import report
 from cnnum.cli.options import completed, json_option
 from cnnum.cli.output import Output, console, number, progress, quantity, table, verdict
 from cnnum.cli.signals import until_stopped

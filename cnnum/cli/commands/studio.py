@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from cnnum.cli.library.templates_convert import is_place
+from cnnum.cli.commands.templates_convert import is_place
 from cnnum.cli.options import (
     Changes,
     completed,
@@ -55,7 +55,7 @@ def command(
     each step, for every frame or, if it is a program of pictures, for the picture that you draw.
     Only this machine can reach the page; with --host, other machines can, but need a token.
     """
-    from cnnum.cli.arrays.view import feed_of
+    from cnnum.cli.commands.view import feed_of
     from cnnum.live.server import Place, is_loopback, run, run_door
 
     if not is_loopback(host) and not token:
@@ -111,7 +111,7 @@ def is_of_program(source: str) -> bool:
 
 def _feed(source: str, scene: str | None, changes: Changes, trust: bool) -> "Feed":
     """Return the feed of a program: one of pictures runs on what is drawn."""
-    from cnnum.cli.arrays.view import feed_of
+    from cnnum.cli.commands.view import feed_of
     from cnnum.programs.library import program_names
 
     if source not in program_names("pictures"):

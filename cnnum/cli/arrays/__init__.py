@@ -1,1 +1,0 @@
-"""The commands of arrays that are offered, shown and packed."""
