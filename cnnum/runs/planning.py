@@ -220,7 +220,7 @@ def _applied(frame: FrameFields, template: Template, spec: RunSpec) -> Applied:
         previous=role("previous"),
         state=role("state"),
         bias=role("bias"),
-        mask=mask[0] > 0.5 if mask else None,
+        mask=mask[0] > 0.0 if mask else None,
         weights=role("weights") or (),
         spec=spec,
     )

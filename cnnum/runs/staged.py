@@ -70,6 +70,8 @@ class Answer:
         template, has_state = operation.template, operation.has_state
         if spec.method != "auto" or spec.dt is not None or spec.force or spec.estimate:
             return None
+        if spec.settle_limit < RunSpec().settle_limit:  # it may end on the way
+            return None
         if operation.has_previous or operation.weight_maps or template.radius > min(shape):
             return None
         if monotone(template) is not None:
@@ -142,7 +144,7 @@ class Stage:
     executable : Executable or None
         None if nothing has to be computed.
     channels : tuple of str
-        Names of the maps that it reads.
+        Names of the values that it reads.
     answers : mapping of str to (Answer, tuple of str)
         By the name of the output; with the names of the template's arguments.
     """
@@ -156,6 +158,10 @@ def _name(node: Node) -> str:
     return f"value {node.index}"
 
 
+def _of_frame(channel: str) -> str:
+    return f"channel {channel}"
+
+
 def stages_of(
     schedule: Schedule, answers: Mapping[int, Answer], build: Build
 ) -> tuple[tuple[Stage, ...], dict[str, str]]:
@@ -166,7 +172,7 @@ def stages_of(
         after = isinstance(node.operation, Pick) and node.arguments[0].index in answers
         levels[node.index] = level + after
     known = {
-        node.index: node.operation.channel
+        node.index: _of_frame(node.operation.channel)
         for node in schedule.nodes
         if isinstance(node.operation, Input)
     }
@@ -175,6 +181,10 @@ def stages_of(
         due = [n for n in schedule.nodes if n.index in answers and levels[n.index] == level]
         read = schedule.outputs.values() if level == last else [a for n in due for a in n.arguments]
         wanted = {_name(node): node for node in read if node.index not in known}
+        nodes = _between(known, wanted.values())
+        # a loop that the program asks whether it ended may reach its limit in every part
+        ran = {node.index for node in nodes}
+        wanted |= {_name(n): n for n in schedule.nodes if _asks_for_end(n, ran)}
         nodes = _between(known, wanted.values())
         if level < last:  # what a template or a loop has computed is not computed again
             wanted |= {_name(node): node for node in nodes if _is_plain_pick(node)}
@@ -191,6 +201,12 @@ def stages_of(
         known |= {p.index: _name(n) for n in due for p, _ in picks_of(n, schedule.nodes)}
     names = {name: known.get(n.index, _name(n)) for name, n in schedule.outputs.items()}
     return tuple(result), names
+
+
+def _asks_for_end(node: Node, loops: set[int]) -> bool:
+    """Return whether a node is the flag of one of these loops that it has ended."""
+    pick = node.operation
+    return isinstance(pick, Pick) and pick.what == "finished" and node.arguments[0].index in loops
 
 
 def _is_plain_pick(node: Node) -> bool:
@@ -333,7 +349,8 @@ class StagedExecutable:
         frames = frames.astype(self.dtype, copy=False)
         if not (self._warm or frames.any()):  # an empty frame comes to warm up
             self._warm_up()
-        values = {name: frames[..., at] for at, name in enumerate(self.schedule.channels_read)}
+        read = [_of_frame(channel) for channel in self.schedule.channels_read]
+        values = {name: frames[..., at] for at, name in enumerate(read)}
         for stage in self._stages:
             if stage.executable is not None:
                 given = np.zeros((batch, len(stage.channels), *self.schedule.shape), self.dtype)

@@ -278,11 +278,14 @@ def _rest(
     start = maps.get("state", maps.get("input") if template.initial == "input" else None)
     if start is None:
         start = _everywhere(float(template.initial), shape)
-    held = maps["mask"] != 0.0 if "mask" in maps else np.zeros((0, 0), dtype=bool)
+    mask: NDArray[np.floating] = maps.get("mask", NONE)
+    held = mask != 0.0
     drive, size, terms = _drive(template, known, maps, shape)
     weights = known.feedback[2]
     size += known.centre + float(weights.sum())
-    if not np.isfinite(size):  # maps of many cells are not looked at before
+    largest = max(float(np.abs(start).max()), size)
+    # maps of many cells are not looked at before
+    if not (np.isfinite(largest + size) and np.isfinite(mask).all()):
         return "its maps are not finite"
     rounding = SPARE * (terms + 2 * weights.size) * EPSILON * size
 
@@ -323,7 +326,6 @@ def _rest(
         return (
             "cells that rise may race others that fall, or a sum is too close to the edge to tell"
         )
-    largest = max(float(np.abs(start).max()), size)
     own = rounding + EPSILON * largest
     free = np.abs(state[~held]) if held.size else np.abs(state)
     keeps = bool((free > 1.0).all())

@@ -143,6 +143,47 @@ def test_second_inputs_count():
         np.testing.assert_allclose(engine.run(template, input=maps).output, expected, atol=1e-3)
 
 
+def asked_loops(frame):
+    run = cnnum.loop(lambda x: 0.5 * x, frame.channel("a"), limit=2)
+    return {"ended": run.finished, "filled": apply("HOLE", input=(run.values[0] > 0.1).picture())}
+
+
+VALUES = tuple(f"value {n}" for n in range(6))
+
+
+def named_as_values(frame):
+    first, *others = (frame.channel(name) for name in VALUES)
+    return {"filled": apply("HOLE", input=first), "all": sum((2.0 * x for x in others), first)}
+
+
+def short_of_rest(frame):
+    spec = RunSpec(settle_limit=3.0)
+    return {"filled": transient("HOLE", input=frame.channel("a"), spec=spec).outputs[0]}
+
+
+def test_programs_give_what_they_give_as_a_whole():
+    programs = {asked_loops: ("a",), named_as_values: VALUES, short_of_rest: ("a",)}
+    for function, channels in programs.items():
+        program = cnnum.program(function)
+        plan = cnnum.Engine("numba").compile(program, SHAPE, channels=channels)
+        rng = np.random.default_rng(3)
+        frames = np.where(rng.random((2, *SHAPE, len(channels))) < 0.5, 1.0, -1.0)
+        got, whole = plan(frames), plan.unfused()(frames)
+        for name, values in whole.items():
+            np.testing.assert_array_equal(got[name], values, err_msg=f"{program.name} {name}")
+
+
+def test_starts_that_overflow_are_refused():
+    @cnnum.program
+    def program(frame):
+        a = frame.channel("a")
+        return {"reached": apply("RECALL", input=a, state=a * 1e200 * 1e200)}
+
+    plan = cnnum.Engine("numba").compile(program, SHAPE, channels=("a",))
+    with pytest.raises(cnnum.errors.FrameError, match="'reached' of program 'program'"):
+        plan(np.ones(SHAPE))
+
+
 class Counted:
     """A part of a program that counts its runs."""
 

@@ -241,9 +241,21 @@ def test_what_was_asked_for_and_cannot_be_says_so(options, said):
 
 
 def test_numbers_that_are_none_are_refused():
+    engine, none = cnnum.Engine("numba"), "NaN or infinite"
     for bad in (np.nan, np.inf, -np.inf):
-        picture = np.ones((300, 300))
-        picture[7, 8] = bad
-        for one in (picture, np.full((300, 300), bad)):
-            with pytest.raises(cnnum.errors.ArrayError, match="NaN or infinite"):
-                cnnum.Engine("numba").run("HOLE", input=one)
+        for role in ("input", "state", "bias", "mask"):
+            maps = {name: np.ones((300, 300)) for name in ("input", role)}
+            maps[role][7, 8] = bad
+            said = "numbers down to -inf" if (role, bad) == ("mask", -np.inf) else none
+            with pytest.raises(cnnum.errors.ArrayError, match=said):
+                engine.run("HOLE", **maps)
+        with pytest.raises(cnnum.errors.ArrayError, match=none):
+            engine.run("HOLE", input=np.full((300, 300), bad))
+
+
+def test_masks_hold_cells_wherever_they_are_not_0():
+    """As the sentence says that refuses negative ones."""
+    maps = {"input": -np.ones((1, 4)), "mask": np.array([[0.3, 1.0, 0.0, 1e-3]])}
+    for method in ("auto", "euler"):
+        result = cnnum.Engine("numba").run("HOLE", **maps, duration=20.0, method=method)
+        np.testing.assert_array_equal(result.output, [[1.0, 1.0, -1.0, 1.0]])
