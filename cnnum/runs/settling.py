@@ -85,19 +85,28 @@ def at_rest(
         states as far off as the run may be come to it. Frames that were run for longer have a later
         time and more steps.
     """
+    last = _last_change(template)
     if template.output.discrete or not result.settled.any():
-        return replace(result, error=np.where(result.settled, result.error, np.inf))
+        settled = result.settled & (result.time >= last)
+        return replace(result, settled=settled, error=np.where(settled, result.error, np.inf))
     # with SciPy, which takes its time
     from cnnum.runs.cells import Cells, Frame
     from cnnum.runs.equilibrium import Verdict, verdict
 
     frames = Frames(result, template, given)
+    template = _after_gains(template)
     cells = Cells(template, frames.shape)
     slowest = float(template.tau.max())
     seen: dict[int, Verdict] = {}
     still: dict[int, bool] = {}
     coarser = float(np.finfo(precision).eps / np.finfo(np.float64).eps)
     unsure: list[int] = []
+    # what rests before a gain changes need not rest after it
+    early = np.flatnonzero(frames.settled & (frames.time < last))
+    if len(early):
+        frames.run_on(early, again, np.full(len(early), slowest * longer(last / slowest)))
+        frames.settled[early] = frames.time[early] >= last
+        frames.error[~frames.settled] = np.inf
     waiting, first = np.flatnonzero(frames.settled), True
     while len(waiting):
         left: list[int] = []
@@ -141,6 +150,26 @@ def at_rest(
         known = what.decided and not (what.stability == "unknown" and still.get(frame, False))
         frames.settled[frame] = what.stability == "stable" or not known
     return frames.result()
+
+
+def _last_change(template: Template) -> float:
+    """Return the time from which on no gain changes."""
+    last = 0.0
+    for gain in template.gains:
+        places = [place for place, _ in gain.table.points]
+        steps = gain.table.interpolation == "constant"  # whose last value begins at the point before
+        last = max(last, places[-1] if not steps else places[-2] if len(places) > 1 else 0.0)
+    return last
+
+
+def _after_gains(template: Template) -> Template:
+    """Return the template as it is once no gain changes any more."""
+    if not template.gains:
+        return template
+    feedback = template.A.copy()
+    for gain in template.gains:
+        feedback[gain.to, gain.source] *= gain.table.points[-1][1]
+    return replace(template, A=feedback, gains=())
 
 
 def longer(time: float) -> float:
@@ -196,6 +225,7 @@ def lanes_at_rest(result: Result, template: Template, rtol: float, atol: float) 
     rtol, atol : float
     """
     error = np.full(result.error.shape, np.inf)
+    result = replace(result, settled=result.settled & (result.time >= _last_change(template)))
     if template.output.name == "standard" and template.plain:
         sizes = np.abs(result.state).reshape(len(error), -1)
         off, spare = atol + rtol * sizes.max(axis=1), sizes.min(axis=1) - 1.0

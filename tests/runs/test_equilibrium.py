@@ -201,3 +201,36 @@ def test_a_cell_balanced_exactly_falls_to_no_side(label):
     np.testing.assert_allclose(found.state, [[0.0, 2.0], [-2.0, 2.0]], atol=1e-6)
     assert not found.settled
     assert np.isinf(found.error)
+
+
+@pytest.mark.parametrize("label", ["opencl float32", "numba float64", "reference"])
+@pytest.mark.parametrize(
+    ("output", "gain", "rest"),
+    [
+        # x = g a x + u + z after the last change, g a < 1
+        ("linear", Table("constant", ((50.0, 0.0), (51.0, 3.0))), 0.15 / (1.0 - 0.9)),
+        ("linear", Table("linear", ((50.0, 3.0), (60.0, 0.5))), 0.15 / (1.0 - 0.15)),
+        ("linear", Table("linear", ((0.0, 0.5),)), 0.15 / (1.0 - 0.15)),
+        # saturated: g a + u + z
+        ("standard", Table("constant", ((50.0, 0.0), (51.0, 10.0))), 3.15),
+    ],
+    ids=["jumps", "bends", "constant", "saturates"],
+)
+def test_an_array_rests_after_its_gains_have_changed(label, output, gain, rest):
+    """Rates are below the tolerance long before, at the equilibrium of the first gain."""
+    name, *precision = label.split()
+    engine = cnnum.Engine(name, precision=precision[0] if precision else None)
+    gains = [cnnum.Gain(0, 0, gain)]
+    template = Template("timed", [[0.3]], [[1.0]], 0.1, output=output, gains=gains)
+    found = engine.run(template, input=[[0.05]], state=[[0.2]], duration="settle")
+    assert bool(found.settled)
+    assert abs(found.state.item() - rest) <= found.error + 1e-12 < 1e-3
+
+
+def test_an_array_whose_gains_change_later_than_it_may_run_does_not_rest(engine):
+    """A gain that changes after 1e9 τ."""
+    gain = cnnum.Gain(0, 0, Table("linear", ((0.0, 1.0), (1e9, 3.0))))
+    template = Template("late", [[0.3]], [[1.0]], 0.1, output="linear", gains=[gain])
+    found = engine.run(template, input=[[0.05]], duration="settle")
+    assert not bool(found.settled)
+    assert np.isinf(found.error)
