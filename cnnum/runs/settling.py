@@ -157,8 +157,9 @@ def _last_change(template: Template) -> float:
     last = 0.0
     for gain in template.gains:
         places = [place for place, _ in gain.table.points]
-        steps = gain.table.interpolation == "constant"  # whose last value begins at the point before
-        last = max(last, places[-1] if not steps else places[-2] if len(places) > 1 else 0.0)
+        if gain.table.interpolation == "constant":
+            places = places[:-1]  # its last value begins at the point before
+        last = max(last, *places[-1:], 0.0)
     return last
 
 
