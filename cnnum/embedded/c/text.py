@@ -30,6 +30,9 @@ static {t} counted{w}(uint32_t *count, {t} value, {t} least, {t} most)
 }}
 #define limit{w}(value, least, most) counted{w}(&m->saturated, value, least, most)
 #endif"""
+_COUNTED_31 = """#ifdef CNNUM_COUNT_SATURATIONS
+#define limited31(value) ((int32_t)limit64(value, -1073741824, 1073741823))
+#endif"""
 _PAIR = """static {t} {n}{w}({t} a, {t} b)
 {{
     return a {s} b ? a : b;
@@ -50,23 +53,37 @@ static {t} quotient{w}({t} a, {t} b)
     whole = ({t})((top + bottom / 2u) / bottom);
     return (a < 0) != (b < 0) ? -whole : whole;
 }}"""
+_ZEROS = """/* the zeros before the first bit of a number above 0 */
+static int32_t zeros(uint32_t value)
+{
+#if defined(__GNUC__) && __SIZEOF_INT__ == 4 && !defined(__OPENCL_VERSION__)
+    return (int32_t)__builtin_clz(value);
+#else
+    int32_t count = 0;
+    for (; (value >> 31) == 0u; value <<= 1) {
+        ++count;
+    }
+    return count;
+#endif
+}"""
+_SCALED_ROOT = """/* the root, rounded down, of a number from 2^30 on: a line that is at most
+   3 % off, two of Newton's steps, which end at the root or 1 above it, and one back */
+static uint32_t scaled_root(uint32_t value)
+{
+    uint32_t root = (((value >> 16) + 32768u) * 11u) >> 4;
+    root = (root + value / root) >> 1;
+    root = (root + value / root) >> 1;
+    return root > value / root ? root - 1u : root;
+}"""
 _WHOLE_ROOT = """/* the largest whole number whose square is not above the value */
 static uint32_t whole_root(uint32_t value)
 {
-    uint32_t left = value, root = 0u, bit = (uint32_t)1 << 30;
-    while (bit > left) {
-        bit >>= 2;
+    int32_t places;
+    if (value == 0u) {
+        return 0u;
     }
-    while (bit != 0u) {
-        if (left >= root + bit) {
-            left -= root + bit;
-            root = (root >> 1) + bit;
-        } else {
-            root >>= 1;
-        }
-        bit >>= 2;
-    }
-    return root;
+    places = zeros(value) / 2;
+    return scaled_root(value << (2 * places)) >> places;
 }"""
 _ROOT32 = """static int32_t root32(int32_t value)
 {
@@ -76,20 +93,19 @@ _ROOT64 = """/* the root of the upper half, and a division for the lower one: Zi
    "Karatsuba square root" */
 static int64_t root64(int64_t value)
 {
-    uint64_t scaled = value > 0 ? (uint64_t)value : 0u, root;
-    uint32_t first, left, low;
-    int32_t places = 0;
+    uint64_t scaled = value > 0 ? (uint64_t)value : 0u;
+    uint32_t first, left, low, root;
+    int32_t places;
     if ((scaled >> 32) == 0u) {
         return (int64_t)whole_root((uint32_t)scaled);
     }
-    for (; (scaled >> 62) == 0u; scaled <<= 2) {
-        ++places;
-    }
-    first = whole_root((uint32_t)(scaled >> 32));
+    places = zeros((uint32_t)(scaled >> 32)) / 2;
+    scaled <<= 2 * places;
+    first = scaled_root((uint32_t)(scaled >> 32));
     left = (uint32_t)(scaled >> 32) - first * first;
     low = ((left << 15) | ((uint32_t)scaled >> 17)) / first;
-    root = ((uint64_t)first << 16) + (low > 65535u ? 65535u : low);
-    if (root * root > scaled) {
+    root = (first << 16) + (low > 65535u ? 65535u : low);
+    if ((uint64_t)root * root > scaled) {
         --root;
     }
     return (int64_t)(root >> places);
@@ -139,6 +155,53 @@ def _whole_ones(bits: int) -> dict[str, str]:
     }
 
 
+_DIGIT = """/* 16 bits of a quotient, and what is left for the next: Knuth 1997, algorithm D */
+static uint32_t digit(uint32_t *left, uint32_t next, uint32_t divisor)
+{
+    const uint32_t high = divisor >> 16, low = divisor & 65535u;
+    uint32_t whole = *left / high, rest = *left % high;
+    while (rest < 65536u && whole * low > (rest << 16) + next) {
+        --whole;
+        rest += high;
+    }
+    *left = (*left << 16) + next - whole * divisor;
+    return whole;
+}"""
+_QUOTIENT_BY_32 = """/* quotient64 for a divisor of 32 bits: no division of 64 bits */
+static int64_t quotient_by_32(int64_t a, int32_t b)
+{
+    const uint32_t bottom = b < 0 ? 0u - (uint32_t)b : (uint32_t)b;
+    const uint64_t top = (a < 0 ? 0u - (uint64_t)a : (uint64_t)a) + bottom / 2u;
+    uint32_t first, second, left, divisor;
+    uint64_t scaled;
+    int64_t whole;
+    if (b == 0) {
+        return 0;
+    }
+    divisor = bottom << zeros(bottom);
+    scaled = ((uint64_t)((uint32_t)(top >> 32) % bottom) << 32) | (uint32_t)top;
+    scaled <<= zeros(bottom);
+    left = (uint32_t)(scaled >> 32);
+    first = digit(&left, (uint32_t)scaled >> 16, divisor);
+    second = digit(&left, (uint32_t)scaled & 65535u, divisor);
+    whole = (int64_t)(((uint64_t)((uint32_t)(top >> 32) / bottom) << 32) | (first << 16) | second);
+    return (a < 0) != (b < 0) ? -whole : whole;
+}"""
+_LIMITED_31 = """/* limited to 31 bits: to 32 first, and then by SSAT, where the core has it */
+static inline int32_t limited31(int64_t value)
+{
+#if CNNUM_PAIRS && defined(__thumb2__)
+    int32_t low = (int32_t)value;
+    const int32_t high = (int32_t)(value >> 32), most = 0x7FFFFFFF;
+    __asm__("cmp %1, %0, asr #31\\n\\t"
+            "it ne\\n\\t"
+            "eorne %0, %2, %1, asr #31\\n\\t"
+            "ssat %0, #31, %0" : "+r"(low) : "r"(high), "r"(most) : "cc");
+    return low;
+#else
+    return (int32_t)limit64(value, -1073741824, 1073741823);
+#endif
+}"""
 _PAIRS = """/* a sum and two products of 16 bits, by SMLAD where the core has it */
 static inline int32_t plus_pair(int32_t sum, const int16_t *at, int16_t first, int16_t second)
 {
@@ -171,11 +234,15 @@ static inline int64_t plus_products(int64_t sum, const int16_t *a, const int16_t
     }
     return sum;
 }"""
-PAIRED = {"plus_pair": _PAIRS, "plus_products": _PRODUCTS}
-"""Functions for products of 16 bits by two, in C alone: OpenCL C has pointers of other kinds."""
+IN_C = {
+    "digit": _DIGIT, "quotient_by_32": _QUOTIENT_BY_32, "limited31": _LIMITED_31,
+    "plus_pair": _PAIRS, "plus_products": _PRODUCTS,
+}  # fmt: skip
+"""Functions in C alone, which are faster on small cores: OpenCL C has pointers of other kinds."""
 
 PAIRS = [
-    "/* two products of 16 bits in an instruction; 0 turns them off, with the same answers */",
+    "/* DSP instructions: two products of 16 bits at once, and limits; the answers are the same",
+    "   with 0, which turns them off */",
     "#ifndef CNNUM_PAIRS",
     "#if defined(__ARM_FEATURE_DSP) && defined(__GNUC__) && !defined(__ARM_BIG_ENDIAN)",
     "#define CNNUM_PAIRS 1",
@@ -186,8 +253,9 @@ PAIRS = [
 ]
 
 HELPERS = {
-    **_whole_ones(32), **_whole_ones(64), "whole_root": _WHOLE_ROOT, "root32": _ROOT32,
-    "root64": _ROOT64, "cube_root64": _CUBE_ROOT, **_REALS, **PAIRED,
+    **_whole_ones(32), **_whole_ones(64), "zeros": _ZEROS, "scaled_root": _SCALED_ROOT,
+    "whole_root": _WHOLE_ROOT, "root32": _ROOT32, "root64": _ROOT64, "cube_root64": _CUBE_ROOT,
+    **_REALS, **IN_C,
 }  # fmt: skip
 """By name; those that another one calls stand before it."""
 
@@ -235,9 +303,25 @@ class CText:
         return bytes_of(self.kept, memory=True) + scratch
 
 
+MEMORY_ENDS = [ir.Integer(-(1 << 30)), ir.Integer((1 << 30) - 1)]
+"""The ends of 31 bits, as memories and values within a frame have."""
+
+
 @dataclass(frozen=True, slots=True)
-class _PairPrinter(C99Printer):
-    """Writes products of 16 bits two by two."""
+class _CorePrinter(C99Printer):
+    """Writes what a small core does faster: products of 16 bits by two, limits, quotients."""
+
+    def call(self, call: ir.Call) -> Ranked:
+        """Write a limit to 31 bits of a wide number, or a quotient with a narrow divisor."""
+        first, *others = call.arguments
+        if first.bounds is not None and self.whole.needs_wide(call.within or first.bounds):
+            if call.function == "limit" and others == MEMORY_ENDS:
+                return f"limited31({self.expression(first)})", PRIMARY
+            divisor = others[0].bounds if call.function == "quotient" else None
+            if divisor is not None and not self.whole.needs_wide(divisor):
+                inner = f"{self._widened(first, 0)}, {self.expression(others[0])}"
+                return self._narrowed((f"quotient_by_32({inner})", PRIMARY), call, wide=True)
+        return C99Printer.call(self, call)
 
     def binary(self, both: ir.Binary) -> Ranked:
         """Write a sum of 32 bits with its products of neighbours as pairs."""
@@ -352,7 +436,7 @@ def c_text(program: IntegerProgram, *, shares: bool = False, c99: bool = False) 
     places = _shared(program, body) if shares else {}
     names = {name: places[name].name if name in places else name for name in program.arrays}
     prefix = APART if c99 else PREFIX
-    printer = (_PairPrinter if c99 else C99Printer)(
+    printer = (_CorePrinter if c99 else C99Printer)(
         FLOAT32,
         {name: f"{prefix[array.kind]}{names[name]}" for name, array in program.arrays.items()},
         {name: element_type(array) for name, array in program.arrays.items()},
@@ -375,6 +459,8 @@ def c_text(program: IntegerProgram, *, shares: bool = False, c99: bool = False) 
             if HELPERS[f"limit{bits}"] in helpers
         ]
         helpers += counted
+        if _LIMITED_31 in helpers:
+            helpers.append(_COUNTED_31)
     return CText(
         helpers,
         [array for array in arrays if array.kind == "table"],
