@@ -115,7 +115,7 @@ def read_bytes(path: Path, *, most: int) -> bytes:
 
 
 def read_text(path: Path, *, most: int) -> str:
-    """Return the text of a regular file in UTF-8 of a limited size.
+    """Return the text of a regular file in UTF-8 of a limited size, without a byte-order mark.
 
     Raises
     ------
@@ -124,7 +124,7 @@ def read_text(path: Path, *, most: int) -> str:
     UnicodeDecodeError
         If it is not UTF-8.
     """
-    return read_bytes(path, most=most).decode("utf-8")
+    return read_bytes(path, most=most).decode("utf-8-sig")
 
 
 def _refuse_pointer(content: bytes) -> None:

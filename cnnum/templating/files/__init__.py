@@ -1,5 +1,6 @@
 """Template files: read and written by suffix, one module per format."""
 
+import re
 from collections.abc import Iterable
 from os import PathLike
 from pathlib import Path
@@ -128,7 +129,14 @@ def load_templates(path: str | PathLike[str]) -> tuple[Template, ...]:
 
 
 def _content(source: Path) -> str:
-    """Return the text of a file; old ones, which end in ^Z, are in a code page of Windows."""
+    """Return the text of a file, its lines ended by a line feed as a comment's value needs it.
+
+    Old files, which end in ^Z, are in a code page of Windows.
+    """
+    return re.sub(r"\r\n?", "\n", _decoded(source))
+
+
+def _decoded(source: Path) -> str:
     try:
         return read_text(source, most=LARGEST)
     except UnicodeDecodeError as error:

@@ -8,6 +8,7 @@ argument is neighbour less centre.
 """
 
 import re
+from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
@@ -38,7 +39,6 @@ _OTHERWISE = re.compile(
 )
 """Assignments to parts of matrices, or by operators: `A(2, 2) += 1`, `A{1} = 2`, `A.b = 2`,
 `[A, B] = f()`."""
-_BLOCK = re.compile(r"^[ \t]*[%#]\{[ \t]*$.*?^[ \t]*[%#]\}[ \t]*$", re.MULTILINE | re.DOTALL)
 _CONTINUED = re.compile(r"\.\.\.[^\n]*\n")
 _NAMED = re.compile(_FIELD)
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d{1,3})?"
@@ -78,7 +78,7 @@ def read_fields(
     TemplateError
         Names the file, the line, and the expected text.
     """
-    code = _CONTINUED.sub("\f", _COMMENT.sub("", _BLOCK.sub(_blank, content)))
+    code = _CONTINUED.sub("\f", _COMMENT.sub("", _without_blocks(content)))
     for match in _CONTROL.finditer(code):
         line = _line(code, match.start())
         raise TemplateError(
@@ -118,9 +118,15 @@ def _line(code: str, at: int) -> int:
     return code.count("\n", 0, at) + code.count("\f", 0, at) + 1
 
 
-def _blank(match: re.Match[str]) -> str:
-    """Return as many empty lines as a block comment has, so that lines keep their numbers."""
-    return "\n" * match[0].count("\n")
+def _without_blocks(content: str) -> str:
+    """Empty the lines of block comments, which nest, so that the other lines keep their numbers."""
+    lines, depth = list[str](), 0
+    for line in content.split("\n"):
+        mark = line.strip()
+        depth += mark in ("%{", "#{")
+        lines.append("" if depth else line)
+        depth -= bool(depth) and mark in ("%}", "#}")
+    return "\n".join(lines)
 
 
 def _set_element(match: re.Match[str], records: dict[str, Fields], file: str, line: int) -> None:
@@ -238,7 +244,7 @@ def _template(name: str, parts: Fields, file: str, lines: Lines) -> Template:
             boundary="zero-flux",
             initial="input",
             duration=5.0,
-            source="imported from MatCNN's temlib.m",
+            source=f"imported from {Path(file).name}, a file of MatCNN",
             **given,
         )
     except (TemplateError, ArrayError) as error:

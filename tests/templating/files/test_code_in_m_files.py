@@ -45,6 +45,25 @@ def test_comments_hold_no_values(tmp_path):
         read(tmp_path, EDGE + block + "EDGE_B = [1 2; 3];\n")
 
 
+def test_what_stands_after_an_inner_block_is_still_a_comment(tmp_path):
+    block = "%{\n%{\nEDGE_I = -6;\n%}\nEDGE_I = -7;\n%}\n"
+    assert read(tmp_path, EDGE + block).z.tolist() == [-1.0]
+    assert read(tmp_path, EDGE + block + "EDGE_I = -2;\n", "after.m").z.tolist() == [-2.0]
+
+
+@pytest.mark.parametrize("end", ["\r\n", "\r"])
+@pytest.mark.parametrize("suffix", [".tem", ".m", ".cnnsim", ".toml"])
+def test_an_editor_of_windows_changes_no_template(tmp_path, suffix, end):
+    """Such an editor writes a mark at the start of the file and other ends of lines."""
+    path, edited = tmp_path / f"plain{suffix}", tmp_path / f"edited{suffix}"
+    cnnum.save_template("HOLE", path)
+    text = path.read_text(encoding="utf-8")
+    if suffix == ".m":
+        text += "%{\nHOLE_I = -7;\n%}\n"
+    edited.write_bytes(text.replace("\n", end).encode("utf-8-sig"))
+    assert load_entry(edited) == load_entry(path)
+
+
 @pytest.mark.parametrize(
     ("line", "part", "place", "value"),
     [

@@ -135,7 +135,7 @@ def test_every_key_of_the_couplings_reaches_the_template(tmp_path: Path) -> None
         (
             "weights = [[1]]",
             "weights = [[1, 2]]",
-            r"'nonlinear\[1\]' is wrong: .* must be \(k, k\)",
+            r"'nonlinear\[1\]' is wrong: .* must have the shape \(k, k\)",
         ),
         ("times_argument = true", "times_argument = 1", "times_argument' must be true or false"),
         ("to = 1", "to = -1", r"the key 'nonlinear\[1\].to' must be a whole number from 0 up"),
