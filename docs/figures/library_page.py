@@ -15,12 +15,11 @@ PAGE = Path(__file__).parents[1] / "template-library.md"
 
 HEAD = """# The template library
 
-The library has {count} templates: those of the CNN Software Library, MatCNN, CNNSim and other
-sources with their published numbers (except for one sign each in HORSKELR and VERSKELB), and those
-of this project. `cnnum templates show NAME` prints the definition of a template, its source, the
-meaning of its input and state, its check, the settling time on the check's pictures, and how much
-the bias may change before a cell is wrong. The table lists the other commands of
-`cnnum templates`:
+The library has {count} templates, from the CNN Software Library, MatCNN, CNNSim, other sources and
+this project. Published numbers are unchanged, except for one sign each in HORSKELR and VERSKELB.
+`cnnum templates show NAME` prints the definition of a template, its source, the meaning of its
+input and state, its check, the settling time on the check's pictures, and how much the bias may
+change before a cell is wrong. The table lists the other commands of `cnnum templates`:
 
 | command | what it does |
 |---|---|
@@ -30,16 +29,16 @@ the bias may change before a cell is wrong. The table lists the other commands o
 | `audit` | counts the wrong cells of every template with the boundaries 0, -1 and zero-flux |
 | `design NAME --weights` | shows how far each weight may change |
 
-A check tests what a template computes, and also its mean final state, margin and settling time.
-The function alone would be a weak test: of 1,272 variants of black-and-white templates with one
-number multiplied by 1.2, 992 still compute the same function, but only 68 also keep the final
-state, margin and settling time (`python -m docs.figures.changed_weights --digital`).
+A check tests not only what a template computes, but also its mean final state, margin and settling
+time. The function by itself would be a weak test: of 1,272 variants of black-and-white templates
+with one number multiplied by 1.2, 992 still compute the same function, but only 68 also keep the
+final state, margin and settling time (`python -m docs.figures.changed_weights --digital`).
 
 ## Experimental templates
 
-For {experimental} templates ({share:.1f} %), no check shows that they do what their name promises.
-For most of them, the check only shows that their equation is integrated correctly. `cnnum templates
-show NAME` says what is missing.
+For {experimental} templates ({share:.1f} %), no check shows that they do what their name promises;
+most of their checks show only that the equation is integrated correctly. `cnnum templates show
+NAME` says what is missing.
 
 {doubtful}
 """
