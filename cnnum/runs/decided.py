@@ -335,9 +335,11 @@ def _read(
         start = np.array(state).reshape(u.shape)  # its caller may change it later
     size = float(np.abs(signs.weights).sum()) * max(1.0, abs(rim[1]))
     size += abs(signs.constant) + signs.level
-    margin = SPARE * (len(signs.weights) + 4) * float(np.finfo(u.dtype).eps) * size
+    numbers = np.finfo(u.dtype)
+    margin = SPARE * (len(signs.weights) + 4) * float(numbers.eps) * size
     levels = (signs.constant, signs.level + margin, -signs.level - margin)
-    if not size < float(np.finfo(u.dtype).max) / 4.0:
+    # sums of nothing, or of less than the type has, are no signs
+    if not (margin > float(numbers.tiny) and size < float(numbers.max) / 4.0):
         return None
     result = one_pass.signs(u, start, signs.places, signs.weights.astype(u.dtype), levels, rim)
     if result is None:

@@ -163,6 +163,17 @@ def test_a_state_that_is_given_is_the_start_whatever_the_template_has(initial):
         np.testing.assert_allclose(found.output, np.clip(far, -1.0, 1.0), atol=2e-4)
 
 
+def test_cells_without_a_drive_stay_where_they_begin():
+    """Also where the drive is so small that single precision has no such number."""
+    engine, start = cnnum.Engine("numba"), GRAY.astype(np.float32)
+    for control, maps in ((None, {"state": start}), ([[0.0]], {"input": start})):
+        still = cnnum.Template("still", [[1.0]], control, initial="input")
+        np.testing.assert_array_equal(engine.run(still, **maps).output, start)
+    weak = cnnum.Template("weak", [[1.0]], [[1e-50]], initial=0.0)
+    with pytest.raises(MethodError, match="too close to tell"):
+        engine.run(weak, input=start, method="decision")
+
+
 def pulled(seed):
     """Return a template whose cells neighbours pull by steps, and a picture."""
     rng = np.random.default_rng((8, seed))
