@@ -37,7 +37,7 @@ ROWS = [
 ]
 ASKED = {
     "programs": (), "shapes": (), "precisions": (), "methods": (), "cores": (), "quick": False,
-    "clock": "168MHz", "max_error": None, "ram": None, "flash": None, "rate": None,
+    "costs": False, "clock": "168MHz", "max_error": None, "ram": None, "flash": None, "rate": None,
 }  # fmt: skip
 
 

@@ -65,6 +65,12 @@ embedded_options = together(
         help="Power of the core, mW/MHz, for the energy of a frame.",
     ),
     click.option("--quick", is_flag=True, help="Measure q15 and q7 only, and score no scenes."),
+    click.option(
+        "--costs",
+        is_flag=True,
+        help="Count the costs of q15 alone, with and without DSP instructions, and write them as "
+        "the table of the documentation.",
+    ),
     results_option,
     force_option,
     json_option,
@@ -112,9 +118,10 @@ class Wanted:
         def names(key: str, usual: tuple[str, ...]) -> tuple[str, ...]:
             return cast("tuple[str, ...]", options[key]) or usual
 
-        quick = bool(options["quick"])
+        quick, costs = bool(options["quick"]), bool(options["costs"])
         programs = names("programs", USUAL)
-        precisions = names("precisions", PRECISIONS[:2] if quick else PRECISIONS)
+        measured = PRECISIONS[:1] if costs else PRECISIONS[:2] if quick else PRECISIONS
+        precisions = names("precisions", measured)
         methods, cores = names("methods", ("auto",)), names("cores", ("m4",))
         for program in programs:
             for part in program.split(","):
@@ -134,7 +141,7 @@ class Wanted:
         )
         clock = _amount("clock", options, SUFFIXES, "hz")
         some_cases = cases(programs, shapes, precisions, methods, cores)
-        return cls(some_cases, clock, 0 if quick else SCENES, bounds)
+        return cls(some_cases, clock, 0 if quick or costs else SCENES, bounds)
 
     @property
     def label(self) -> str:
@@ -359,6 +366,7 @@ SPARE = (
 SPARES = {
     "embedded": (
         "wrong", "clock_hz", "stack_bytes", "gnu_flash_bytes", "gnu_instructions",
+        "plain_instructions",
         "reports_differ", "false_reports", "twist_recall", "slip_recall", "flags_differ", "core",
         "output", "cycles_least", "cycles_most", "frames_per_s", "flash_bytes",
     )
@@ -560,7 +568,13 @@ def embedded(**options: Any) -> int:
     bounds, the command names the cheapest configuration within them, or the nearest one. With
     --rate it says whether frames fit: yes, no, or unsure.
     """
-    from cnnum.lab.embedded.costs import CostRow, answers, fit_sentence, measure_costs
+    from cnnum.lab.embedded.costs import (
+        CostRow,
+        answers,
+        fit_sentence,
+        measure_costs,
+        page_table,
+    )
 
     for key in ("power", "max_error"):
         if options[key] is not None and not isfinite(options[key]):
@@ -573,7 +587,14 @@ def embedded(**options: Any) -> int:
     names = None if needs is None else tuple(name.strip() for name in needs.split(","))
 
     def rows() -> Iterator[CostRow | str]:
-        for row in measure_costs(wanted.cases, wanted.clock, wanted.scenes, names, wait_states):
+        for row in measure_costs(
+            wanted.cases,
+            wanted.clock,
+            wanted.scenes,
+            names,
+            wait_states,
+            only_costs=bool(options["costs"]),
+        ):
             if isinstance(row, CostRow):
                 kept.append(row)
             yield row
@@ -590,6 +611,8 @@ def embedded(**options: Any) -> int:
     if sentences:
         output.record({"kind": "answer", "answers": sentences})
         output.show(*sentences)
+    if options["costs"] and kept and not as_json:
+        click.echo("\n".join(page_table(kept, (200.0, rate or 1000.0))))
     return code
 
 

@@ -197,6 +197,7 @@ def _false_twists(trial: Trial, answer: Mapping[str, Floats]) -> int:
 PRECISIONS = ("q15", "q7", "q23", "float32")
 USUAL = ("slip", "twist")
 SHAPES: tuple[Shape, ...] = ((4, 4), (8, 8), (16, 16))
+WITHOUT_DSP = ("-DCNNUM_PAIRS=0",)
 COUNTED = 4
 """Frames that are counted: in the middle of a slip, where loops are longest."""
 
@@ -243,6 +244,8 @@ class CostRow:
         Numbers that differ from the emulator's: 0.
     gnu_instructions, gnu_flash_bytes : int or None
         The same by GCC for Arm and QEMU, where they are installed; flash of the program alone.
+    plain_instructions : int or None
+        Instructions without those for DSP, where they were counted.
     """
 
     case: str
@@ -268,6 +271,7 @@ class CostRow:
     gnu_flash_bytes: int | None = None
     cycles_least: float = 0.0
     cycles_most: float = inf
+    plain_instructions: int | None = None
 
 
 def cases(
@@ -294,6 +298,8 @@ def measure_costs(
     scenes: int,
     needs: Sequence[str] | None = None,
     wait_states: int = 0,
+    *,
+    only_costs: bool = False,
 ) -> Iterator[CostRow | str]:
     """Yield one row per configuration, or a sentence of one that is left out.
 
@@ -308,6 +314,8 @@ def measure_costs(
         Outputs; all by default.
     wait_states : int
         Of the flash.
+    only_costs : bool
+        Whether to count by Unicorn alone, without DSP instructions too, and to measure no error.
     """
     known: dict[tuple[str, Shape, str, str], tuple[object, ...]] = {}
     for program, shape, precision, method, core in some:
@@ -317,8 +325,9 @@ def measure_costs(
                 known.clear()
                 export = made(program, shape, precision, method, needs)
                 scored = events(export, shape, scenes, program) if scenes else NO_EVENTS
-                known[key] = (export, loss(export, shape, program), scored)
-            yield _row(key, core, clock, known[key], wait_states)
+                lost = Loss(nan, "", nan) if only_costs else loss(export, shape, program)
+                known[key] = (export, lost, scored)
+            yield _row(key, core, clock, known[key], wait_states, only_costs=only_costs)
         except NotSupportedError as error:
             yield f"{program} on {shape[0]}×{shape[1]} in {precision} by {method}: {error}"
         except CnnumError as error:
@@ -333,6 +342,8 @@ def _row(
     clock: float,
     known: tuple[object, ...],
     wait_states: int,
+    *,
+    only_costs: bool,
 ) -> CostRow:
     from cnnum.embedded.making import Made
     from cnnum.lab.embedded.costs import Events, Loss
@@ -344,8 +355,10 @@ def _row(
     program, shape, precision, method = key
     frames = vector_frames(shape, COUNTED)
     counted = Board.built(counts, frames[:1], core).run(frames, wait_states)
-    gnu = None
-    if counts.precision.integer and not missing_gnu_tools():
+    gnu, plain = None, None
+    if only_costs and counts.precision.integer:
+        plain = Board.built(counts, frames[:1], core, WITHOUT_DSP).run(frames)
+    elif counts.precision.integer and not missing_gnu_tools():
         gnu = gnu_counted(counts, frames, core)
     return CostRow(
         case=program,
@@ -361,11 +374,12 @@ def _row(
         frames_per_s=counted.frames_per_second(clock),
         clock_hz=clock,
         stack_bytes=counted.stack_bytes,
-        wrong=counted.wrong + (0 if gnu is None else gnu.wrong),
+        wrong=sum(count.wrong for count in (counted, gnu, plain) if count is not None),
         gnu_instructions=None if gnu is None else max(gnu.instructions),
         gnu_flash_bytes=None if gnu is None else gnu.flash_bytes,
         cycles_least=counted.cycles[0],
         cycles_most=counted.cycles[1],
+        plain_instructions=None if plain is None else plain.worst,
     )
 
 
@@ -452,6 +466,26 @@ def fit_sentence(row: CostRow, rate: float, power: float | None = None) -> str:
         f"MHz: {fits(row, rate)} ({span(1.0, ',.0f')} cycles, {span(100.0 / budget, '.3g')} % of a "
         f"frame{energy})."
     )
+
+
+def page_table(rows: Sequence[CostRow], rates: Sequence[float]) -> list[str]:
+    """Return the lines of the documentation's table of costs, and whether frames fit each rate."""
+    asked = ", ".join(f"{rate:g} Hz" if rate < 1e3 else f"{rate / 1e3:g} kHz" for rate in rates)
+    lines = [
+        "| program | instructions (without DSP) | cycles | RAM, bytes | flash, bytes | fits "
+        f"{asked} |",
+        "|---|---|---|---|---|---|",
+    ]
+    for row in rows:
+        name = ", ".join(f"`{part}`" for part in row.case.split(","))
+        plain = row.plain_instructions
+        other = "" if plain in (None, row.instructions) else f" ({plain:,})"
+        fit = ", ".join(fits(row, rate) for rate in rates)
+        lines.append(
+            f"| {name} | {row.instructions:,}{other} | {row.cycles_least:,.0f} to "
+            f"{row.cycles_most:,.0f} | {row.ram_bytes:,} | {row.flash_bytes:,} | {fit} |"
+        )
+    return lines
 
 
 def _words(row: CostRow) -> str:
