@@ -20,7 +20,7 @@ QUICK := $(addprefix tests/,cli/commands/test_devices.py cli/commands/test_run.p
     scenes/test_scene.py)
 SITUATION := sh -c '$(BIN)/cnnum devices --no-measure && $(BIN)/cnnum demo --out cnnum-demo.html --force && $(PYTEST) $(QUICK)'
 
-.PHONY: demo test test-full situations faults arrays embedded gpu portability fuzz mutate platforms docs lint style mypy pyright bench lock audit clean
+.PHONY: demo test test-full situations faults arrays embedded costs gpu portability fuzz mutate platforms docs lint style mypy pyright bench lock audit clean
 
 demo: $(VENV)/run.stamp
 	$(BIN)/cnnum demo --out cnnum-demo.html --force
@@ -62,7 +62,8 @@ fuzz: $(VENV)/dev.stamp
 
 # programs as C99: 10,000 random frames of each against the emulator under sanitizers, then what slip
 # and twist cost on Cortex-M; compiler and emulated cores of that come with pip, and need no root. With
-# GCC for Arm and QEMU, which are optional, a second count stands next to the first
+# GCC for Arm and QEMU, which are optional, a second count stands next to the first. Half an hour on
+# two cores, of which the benchmark takes some minutes
 embedded: $(VENV)/dev.stamp
 	command -v cc >/dev/null || { [ "$$(id -u)" = 0 ] && apt-get install --yes gcc libc6-dev; } || \
 	    { echo "Install a C compiler that is called by 'cc', such as GCC with its sanitizers." >&2; exit 1; }
@@ -71,8 +72,17 @@ embedded: $(VENV)/dev.stamp
 	    echo "Install gcc-arm-none-eabi and qemu-system-arm for their counts, too." >&2
 	CNNUM_FRAMES=10000 $(PYTEST) tests/embedded tests/fuzz/test_programs.py \
 	    tests/cli/commands/test_bench_embedded.py
-	$(BIN)/cnnum bench embedded --shape 4x4x3 --shape 8x8x3 --shape 16x16x3 --method auto --method euler \
+	$(BIN)/cnnum bench embedded --quick --shape 4x4x3 --shape 8x8x3 --method auto --method euler \
 	    --force --out bench-results
+
+# the table of costs in docs/microcontrollers.md: the row of each program takes one or two minutes
+COUNTED = active_contour contact edges grasp_code halfspace_equilibrium halfspace_layers \
+    halfspace_strain halfspace_stress localize mindlin_slip motion_direction on_off slip \
+    surface_load tactile tactile_flow texture twist slip,twist slip,twist,contact
+costs: $(VENV)/dev.stamp
+	$(BIN)/cnnum bench embedded --costs $(COUNTED:%=--program %)
+	$(BIN)/cnnum bench embedded --costs --program receptors --needs "sa2_x,sa2_y,stretch_x,stretch_y$(foreach \
+	    f,sa1 ra1 pc sa2,,$(f),$(f)_active,$(f)_strength,$(f)_row,$(f)_column)"
 
 # the engine on a graphics processor, in at most five minutes: `make gpu`, or `make gpu GPU=NAME`
 gpu: $(VENV)/dev.stamp

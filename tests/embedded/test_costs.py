@@ -14,7 +14,7 @@ from cnnum.lab.bench.records import as_row
 from cnnum.lab.commands.bench import Wanted
 from cnnum.lab.embedded import costs
 from cnnum.lab.embedded.cortex_m import missing_tools
-from cnnum.lab.embedded.costs import Bounds, CostRow, Loss, answers, front
+from cnnum.lab.embedded.costs import Bounds, CostRow, answers, front, page_table
 from tests.embedded.conftest import made, streams, too_long
 
 ROW = CostRow(
@@ -105,17 +105,31 @@ def test_both_methods_of_a_precision_have_its_colour():
 
 @pytest.mark.skipif(bool(missing_tools()), reason="needs the extra 'embedded'")
 def test_a_program_is_counted_and_scored(monkeypatch):
-    """On short streams, with the loss given; `make embedded` runs the whole way."""
+    """On short streams, and the costs alone; `make embedded` runs the whole way."""
     monkeypatch.setattr(costs, "made", lambda name, shape, *how: made(name, how[0], shape, how[1]))
     monkeypatch.setattr(costs, "vector_frames", lambda shape, count: streams(shape, count)[:, 0])
-    monkeypatch.setattr(costs, "loss", lambda *given: Loss(0.25, "twist_strength", 0.0))
-    (row,) = costs.measure_costs([("twist", (8, 8), "q15", "auto", "m4")], 48e6, 0)
+    case = ("twist", (8, 8), "q15", "auto", "m4")
+    (row,) = costs.measure_costs([case], 48e6, 0, only_costs=True)
     assert isinstance(row, CostRow)
     assert row.wrong == 0
     assert row.frames_per_s == 48e6 / row.instructions
+    assert row.instructions < row.plain_instructions < 1.2 * row.instructions
     # one kHz at 168 MHz, and 24 KiB, are aims of slip and twist together
     assert row.instructions < 168_000
     assert row.ram_bytes < 24 * 1024
+
+
+def test_costs_are_rows_of_the_documentation():
+    both = replace(
+        ROW, case="slip,twist", plain_instructions=70_000, cycles_least=6e4, cycles_most=9e4
+    )
+    slow = replace(both, case="slip", plain_instructions=ROW.instructions, cycles_most=2e5)
+    head, _, *rows = page_table([both, slow], (200.0, 1000.0))
+    assert head.endswith("| fits 200 Hz, 1 kHz |")
+    assert rows == [
+        "| `slip`, `twist` | 65,000 (70,000) | 60,000 to 90,000 | 8,000 | 17,000 | yes, yes |",
+        "| `slip` | 65,000 | 60,000 to 200,000 | 8,000 | 17,000 | yes, unsure |",
+    ]
 
 
 def test_what_has_no_form_is_left_out_with_the_reason(monkeypatch):
