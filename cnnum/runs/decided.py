@@ -34,7 +34,7 @@ from numpy.typing import NDArray
 from cnnum.arrays import Floats
 from cnnum.errors import MethodError
 from cnnum.integrators.schemes import DECISION
-from cnnum.runs.request import Ask
+from cnnum.runs.request import Ask, look_at_pictures
 from cnnum.runs.result import Decided, Later, Result
 from cnnum.runs.wavefront import SPARE, rim_of
 from cnnum.templating.functions import Table
@@ -268,7 +268,8 @@ def _trouble(ask: Ask) -> str:
     radius = max(ask.template.radius, 1)
     if len(shape) < 2 or 0 in shape or radius > min(shape[-2:]):
         return f"its neighbourhood is wider than the array of {shape}"
-    if given is not None and not ask.template.inputs and ask.template.initial != "input":
+    starts = ask.template.initial == "input" and state is None
+    if given is not None and not (ask.template.inputs or starts):
         return "it has no control template"
     return ""
 
@@ -282,6 +283,10 @@ def _found(ask: Ask) -> tuple[Floats, tuple[Any, ...], str] | None:
     if result is None:
         return None
     output, seen, start, reason = result
+    maps: dict[str, Any] = {"input": given, "state": state}
+    if not ask.template.inputs:
+        maps = {"state": seen.inner}
+    look_at_pictures(ask.template, {role: x for role, x in maps.items() if x is not None})
     return output, _as_read(ask, seen, start), reason
 
 

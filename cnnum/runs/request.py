@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from threading import RLock
 from typing import TYPE_CHECKING, Any
 
@@ -63,6 +63,9 @@ def refuse_grey_levels(template: Template, role: str, array: NDArray[np.floating
         With the function that makes a picture of them.
     """
     if template.output.linear or not array.size:
+        return
+    first_row = array[(0,) * (array.ndim - 1)]  # of most pictures this is enough
+    if first_row.min() < 0.0:
         return
     low, high = float(array.min()), float(array.max())
     if low >= 0.0 and PIXELS / 2 < high <= PIXELS:
@@ -144,6 +147,16 @@ def _refusal(template: Template, role: str, got: str) -> ArrayError:
     )
 
 
+def look_at_pictures(template: Template, given: Mapping[str, NDArray[np.floating]]) -> None:
+    """Say what is unusual about the maps of a run by role; errors are those for grey levels."""
+    if template.needs_state and "state" not in given:
+        say_once(template.without_state())
+    for role in given.keys() & set(ROLES):
+        refuse_grey_levels(template, role, given[role])
+        own = template.layers if role == "state" else template.inputs
+        _say_of_colours(template, role, given[role], own if own > 1 else 0)
+
+
 MANY_CELLS = 256 * 256
 """Cells from which an engine may look at maps while it takes them."""
 
@@ -180,12 +193,7 @@ def maps_by_role(
         if (value := values[role]) is not None:
             refuse_pixels(template, role, value)
     given = {role: real_numbers(role, v) for role, v in values.items() if v is not None}
-    if template.needs_state and values["state"] is None:
-        say_once(template.without_state())
-    for role in given.keys() & set(ROLES):
-        refuse_grey_levels(template, role, given[role])
-        own = template.layers if role == "state" else template.inputs
-        _say_of_colours(template, role, given[role], own if own > 1 else 0)
+    look_at_pictures(template, given)
     if "mask" in given:
         refuse_signed_mask(given["mask"])
     shape = _common_shape(list(given.values()))

@@ -174,6 +174,21 @@ def test_cells_without_a_drive_stay_where_they_begin():
         engine.run(weak, input=start, method="decision")
 
 
+def test_pictures_that_look_unusual_are_spoken_of(caplog):
+    """As where a run takes its way."""
+    engine, black = cnnum.Engine("numba"), BLOBS > 0.0
+    engine.run("LOGAND", input=BLOBS)
+    engine.run("MEDIAN", input=black.astype(float))
+    engine.run("EDGE", input=np.repeat(BLOBS[..., np.newaxis], 3, axis=-1))
+    for said, record in zip(
+        ("no state is given", "holds only 0 and 1", "has the shape"), caplog.records, strict=True
+    ):
+        assert said in record.getMessage()
+    still = cnnum.Template("still", [[2.0]], initial="input")
+    with pytest.raises(ArrayError, match="leave out the input"):
+        engine.run(still, input=BLOBS, state=BLOBS)
+
+
 def pulled(seed):
     """Return a template whose cells neighbours pull by steps, and a picture."""
     rng = np.random.default_rng((8, seed))
