@@ -60,8 +60,8 @@ class Recording(ByContent):
     channels : sequence of str, optional
         Names of the channels in order: "x", "y" and "z" are the shear to the right, the shear
         downwards and the normal load. These are the default for three channels, and "z" for one.
-    times : (frames,) float, s, optional
-        By default, frame n is at n / rate.
+    times : (frames,) float, s, or dates or durations of NumPy or pandas, optional
+        By default, frame n is at n / rate. Dates become seconds since the first.
     truth : mapping of str to (frames,) float, optional
         Ground truth of every frame, by name.
     quality : (frames,) int, optional
@@ -130,6 +130,7 @@ class Recording(ByContent):
             raise ArrayError(
                 f"'pads' must divide the {array.shape[2]} columns equally, got {shown(pads)}."
             )
+        times = None if times is None else _seconds(times)
         stated = rate is not None
         if rate is None:
             rate = _rate(times, len(array))
@@ -341,6 +342,14 @@ class Recording(ByContent):
         ArrayError
             If a taxel is missing, a column is unknown, or the parts do not fit together.
         """
+        listed = [str(name) for name in getattr(frame, "columns", ())]
+        twice = [name for name in dict.fromkeys(listed) if listed.count(name) > 1]
+        if not hasattr(frame, "columns") or not len(frame) or twice:
+            what = f"two columns '{twice[0]}'" if twice else f"{type(frame).__name__} without rows"
+            raise ArrayError(
+                "A recording comes from a pandas.DataFrame of at least one row, with each column "
+                f"once, got {what}."
+            )
         columns = {str(name): frame[name] for name in frame.columns}
         cells = {name: match for name in columns if (match := CELL.fullmatch(name))}
         names = list(dict.fromkeys(cell[1] for cell in cells.values()))
@@ -359,7 +368,7 @@ class Recording(ByContent):
                 f"The column {shown(min(others))} is not part of a recording: give truths names "
                 f"such as '{TRUTH}slip', and drop other columns."
             )
-        values = np.stack([np.asarray(columns[name], dtype=np.float64) for name in wanted], axis=1)
+        values = np.stack([_column(name, columns[name]) for name in wanted], axis=1)
         marks = None
         if "saturated" in columns:
             marks = np.zeros((len(frame), rows, cols), dtype=np.bool_)
@@ -373,9 +382,9 @@ class Recording(ByContent):
             rate=said.get("rate (Hz)") if rate is None else rate,
             unit=str(said.get("unit", "count")) if unit is None else unit,
             channels=names,
-            times=np.asarray(columns["time"]) if "time" in columns else None,
+            times=columns.get("time"),
             truth={
-                name.removeprefix(TRUTH): np.asarray(column, dtype=np.float64)
+                name.removeprefix(TRUTH): _column(name, column)
                 for name, column in columns.items()
                 if name.startswith(TRUTH)
             },
@@ -595,6 +604,27 @@ def _whole(name: str, values: ArrayLike, frames: int) -> NDArray[np.int64]:
     if array.shape != (frames,):
         raise ArrayError(f"{name!r} must be one number per frame, ({frames},), got {array.shape}.")
     return read_only(array.astype(np.int64))
+
+
+def _seconds(times: ArrayLike) -> ArrayLike:
+    """Return dates as seconds since the first, durations as seconds, and numbers as they are."""
+    given = cast(Any, times)
+    zoned = getattr(getattr(given, "dtype", None), "tz", None) is not None  # pandas, else objects
+    array: NDArray[Any] = given.to_numpy("datetime64[ns]") if zoned else np.asarray(given)
+    if array.dtype.kind not in "mM" or not array.size:
+        return times
+    array = array - array.ravel()[0] if array.dtype.kind == "M" else array
+    return array / np.timedelta64(1, "s")
+
+
+def _column(name: str, column: Any) -> Floats:
+    values: NDArray[Any] = np.asarray(column)
+    try:
+        return numbers(name, values if values.dtype.kind == "c" else np.asarray(column, float))
+    except (TypeError, ValueError):
+        raise ArrayError(
+            f"The column '{name}' must hold real numbers, got {values.dtype}."
+        ) from None
 
 
 def _rate(times: ArrayLike | None, frames: int) -> float:

@@ -314,6 +314,7 @@ def test_from_an_idea_to_a_checked_template_in_the_page(address: str, tmp_path: 
         _a_drag_changes_the_bias(browser, hand)
         _a_picture_is_loaded(browser, tmp_path)
         _a_stroke_draws(browser, hand)
+        _a_rule_that_cannot_be_read_is_said(browser)
         _a_cell_obeys_its_equation(browser, hand)
         _corners_that_point_up(browser, hand, tmp_path)
         browser.size(400, dark=True)
@@ -464,6 +465,20 @@ def _a_picture_is_loaded(browser: Browser, tmp_path: Path) -> None:
     np.testing.assert_allclose(np.clip(np.reshape(held["last"], levels.shape), -1, 1), output,
                                atol=1e-3)  # fmt: skip
     browser.value("at('undo').click()")
+
+
+def _a_rule_that_cannot_be_read_is_said(browser: Browser) -> None:
+    """It leaves no count of wrong cells, and the next film does not take the sentence back."""
+    write = "at('rule').value = '{}'; at('rule').dispatchEvent(new Event('change'))"
+    browser.value(write.format("foo(c)"))
+    browser.until("!view.due && !view.asked.facts.id && !view.facts")
+    browser.value("askFilms(false)")
+    browser.until("!view.asked.run.id")
+    assert "foo(c)" in browser.value("at('said').textContent")
+    assert browser.value("at('facts').textContent") == ""
+    browser.value(write.format(""))
+    numbers(browser)
+    assert browser.value("at('said').textContent") == ""
 
 
 def _a_stroke_draws(browser: Browser, hand: Hand) -> None:

@@ -53,6 +53,56 @@ def test_a_dataset_gives_the_same_recording(seed):
         np.testing.assert_array_equal(found.saturated, recording.saturated)
 
 
+@pytest.mark.parametrize("zone", [None, "Europe/Budapest"])
+@pytest.mark.parametrize("unit", ["ns", "us", "ms"])
+def test_dates_and_durations_are_seconds(unit, zone):
+    """As pandas and xarray hold times: read as numbers, they made 60 Hz of 6e-05 Hz."""
+    steps = np.arange(30) * 16
+    dates = pd.DatetimeIndex(pd.Timestamp("2024-10-27T00:59:59.9") + pd.to_timedelta(steps, "ms"))
+    dates = (
+        dates.tz_localize("UTC").tz_convert(zone) if zone else dates
+    )  # the hour that comes twice
+    values = np.zeros((30, 2, 2))
+    wanted = cnnum.Recording(values, times=steps / 1e3)
+    frame = wanted.to_dataframe().drop(columns="rate (Hz)").assign(time=dates.as_unit(unit))
+    dataset = wanted.to_xarray()
+    del dataset.attrs["rate"]
+    plain = dates.tz_convert(None) if zone else dates
+    for found in (
+        cnnum.Recording(values, times=dates.as_unit(unit)),
+        cnnum.Recording(values, times=(dates - dates[0]).to_numpy()),
+        cnnum.Recording.from_dataframe(frame),
+        cnnum.Recording.from_xarray(dataset.assign_coords(time=plain)),
+    ):
+        np.testing.assert_allclose(found.times, wanted.times, atol=1e-9)
+        assert found.rate == pytest.approx(62.5)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda frame: frame.iloc[:0], "DataFrame without rows"),
+        (lambda frame: list(frame), "got list"),
+        (
+            lambda frame: pd.concat([frame, frame["shear_y[0, 0]"]], axis=1),
+            "two columns 'shear_y.0, 0.'",
+        ),
+        (
+            lambda frame: frame.assign(**{"shear_y[0, 0]": "high"}),
+            "'shear_y.0, 0.' must hold real numbers",
+        ),
+        (
+            lambda frame: frame.assign(**{"shear_y[0, 0]": 1.0j}),
+            "'shear_y.0, 0.' must hold real numbers",
+        ),
+    ],
+)
+def test_a_data_frame_of_something_else_is_refused(change, message):
+    frame = cnnum.Recording(np.ones((5, 2, 2, 2)), rate=50.0, channels=("y", "z")).to_dataframe()
+    with pytest.raises(ArrayError, match=message):
+        cnnum.Recording.from_dataframe(change(frame))
+
+
 def test_times_give_the_rate():
     values = np.zeros((40, 2, 2))
     times = np.arange(40) / 60.0

@@ -80,7 +80,11 @@ function countFlips() {
   ask("flips", () => ({ ...drawn(), mismatch: Number(at("mismatch").value) / 100, bits: bits() }));
 }
 
-function say(text) { at("said").textContent = text; }
+const saying = {};
+function say(text, kind = "run") { // a run that went well does not take back what the facts said
+  saying[kind] = text;
+  at("said").textContent = saying.run || saying.facts || "";
+}
 
 function answered(message) {
   if (message.kind === "hello") { greet(message); return; }
@@ -89,6 +93,7 @@ function answered(message) {
   if (message.error) {
     if (kind === "design") at("ruled").textContent = message.error;
     else if (kind === "flips") { at("flips").textContent = "–"; at("of").textContent = message.error; }
+    else if (kind === "facts") { view.facts = null; at("facts").replaceChildren(); say(message.error, kind); }
     else say(message.error);
   } else if (kind === "facts") showFacts(message);
   else if (kind === "flips") showFlips(message);
@@ -122,7 +127,7 @@ function filmed(buffer) {
 }
 
 function greet(hello) {
-  at("said").textContent = "";
+  say("");
   const list = hello.names.map((name) => Object.assign(document.createElement("option"), { textContent: name }));
   at("library").replaceChildren(...list.map((item) => item.cloneNode(true)));
   at("second").replaceChildren(Object.assign(document.createElement("option"), { textContent: "none", value: "" }), ...list);
@@ -291,6 +296,7 @@ function settled() {
 }
 
 function showFacts(message) {
+  say("", "facts");
   view.facts = message;
   if (!view.film) return; // they are shown with it
   const time = settled(), moving = time === view.film.times[view.film.times.length - 1];
@@ -561,6 +567,7 @@ function begin() {
   at("slider").addEventListener("pointerdown", keep);
   at("slider").addEventListener("input", () => { put(view.chosen, Number(at("slider").value)); filled(); });
   at("duration").addEventListener("input", () => { const v = Number(at("duration").value); if (v > 0) { keep(); view.template.duration = v; filled(); } });
+  at("duration").addEventListener("blur", filled);
   for (const key of Object.keys(CHOICES)) at(CHOICES[key]).addEventListener("change", () => {
     keep();
     const kind = at(CHOICES[key]).value;
