@@ -44,6 +44,9 @@ from cnnum.templating.template import Template
 LEAST_CELLS = 4096
 """Minimum number of cells in all frames: fewer run in full in the time of this check."""
 
+TYPES = (np.dtype(np.float32), np.dtype(np.float64))
+"""Number types of maps that are taken as they are."""
+
 Begins = Literal["own", "first", "apart"]
 
 EXACTLY = "of cells that see no other cell the output is known without their states"
@@ -263,7 +266,7 @@ def _trouble(ask: Ask) -> str:
         return "it needs an input"
     kinds = [(getattr(values, "dtype", None), np.shape(values)) for values in maps]
     dtype, shape = kinds[0]
-    if str(dtype) not in ("float32", "float64") or len(set(kinds)) > 1:
+    if dtype is None or dtype not in TYPES or len(set(kinds)) > 1:
         return "its maps must be arrays of float32 or float64, of one type and shape"
     radius = max(ask.template.radius, 1)
     if len(shape) < 2 or 0 in shape or radius > min(shape[-2:]):

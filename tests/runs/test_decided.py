@@ -290,6 +290,21 @@ def test_a_sorting_network_keeps_what_its_ranks_need(count):
                 np.testing.assert_array_equal(near[:, rank], np.sort(given)[:, rank])
 
 
+def test_the_middle_of_eight_is_so_for_all_zeros_and_ones():
+    """A network of minima and maxima is right if it is for these (zero-one principle, Knuth 3)."""
+    from cnnum.engines.numba import one_pass
+
+    bits = np.arange(256)[:, None] >> np.arange(8) & 1
+    places = np.array([(r, c) for r in (-1, 0, 1) for c in (-1, 0, 1) if r or c])
+    pictures = np.zeros((256, 3, 3))
+    pictures[:, places[:, 0] + 1, places[:, 1] + 1] = 2.0 * bits - 1.0
+    fourth, fifth = np.sort(pictures.reshape(256, 9)[:, [0, 1, 2, 3, 5, 6, 7, 8]])[:, 3:5].T
+    for kind in (np.float32, np.float64):
+        found = one_pass.ranks(pictures.astype(kind), 0.25, places, (3, 4), 0.0, (1, 0.0))
+        assert found is not None
+        np.testing.assert_array_equal(found[0][:, 1, 1], np.clip(0.25, fourth, fifth))
+
+
 BLOBS = np.where(np.random.default_rng(3).random((70, 80)) < 0.5, 1.0, -1.0)
 GRAY = np.random.default_rng(4).uniform(-1.0, 1.0, (70, 80))
 
