@@ -234,6 +234,11 @@ class Backend(Protocol):
         """One of "float32", "float64", "q15", "q7" and so on."""
         ...
 
+    @property
+    def in_host_memory(self) -> bool:
+        """Whether it is known to compute in the host's memory, so that nothing is transferred."""
+        ...
+
     def explained(self, template: Template, solver: Solver) -> Solver:
         """Return the solver, its reason extended by this engine's own method, if any."""
         ...

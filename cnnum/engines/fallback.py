@@ -57,6 +57,11 @@ class FallbackBackend:
         """One of "float32" and "float64"."""
         return self.first.precision
 
+    @property
+    def in_host_memory(self) -> bool:
+        """Whether the device computes in the host's memory."""
+        return self.first.in_host_memory
+
     def host(self) -> Backend:
         """Return the host's engine."""
         with self._turn:

@@ -293,7 +293,9 @@ def _found(ask: Ask) -> tuple[Floats, tuple[Any, ...], str] | None:
     return output, _as_read(ask, seen, start), reason
 
 
-def output_of(template: Template, duration: float, maps: Mapping[str, Floats]) -> Floats | None:
+def output_of(
+    template: Template, duration: float, maps: Mapping[str, NDArray[np.floating]]
+) -> Floats | None:
     """Return the proven outputs of uncoupled cells or of ranks; None where they are not known.
 
     Parameters

@@ -31,7 +31,10 @@ from cnnum.safety.values import host_bytes, refuse_beyond
 LEAST_CELLS = 257
 """Smaller arrays are one launch, and a second one would cost more than it saves."""
 
-Maps = Mapping[str, Floats]
+LEAST_APART = 128 * 128
+"""Cells from which the host takes the closed form in half a kernel's time; at 64² a third more."""
+
+Maps = Mapping[str, NDArray[np.floating]]
 
 Build = Callable[[Schedule], Executable]
 
@@ -54,7 +57,7 @@ class Answer:
 
     @classmethod
     def of(
-        cls, operation: Transient, spec: RunSpec, shape: Shape, *, on_device: bool
+        cls, operation: Transient, spec: RunSpec, shape: Shape, *, closed: bool
     ) -> "Answer | None":
         """Return the answer for a template, or None if there is none.
 
@@ -63,9 +66,9 @@ class Answer:
         operation : Transient
         spec : RunSpec
         shape : (rows, cols)
-        on_device : bool
-            Whether the program runs on a device: its kernels have the closed form of cells that see
-            no other cell, which costs less than to leave it.
+        closed : bool
+            Whether kernels compute the closed form of cells that see no other cell in less time
+            than it takes to leave them.
         """
         template, has_state = operation.template, operation.has_state
         if spec.method != "auto" or spec.dt is not None or spec.force or spec.estimate:
@@ -78,8 +81,9 @@ class Answer:
             return cls(operation, WAVEFRONT, partial(end_of, template, spec, shape))
         duration = template.duration if spec.duration is None else spec.duration
         time = np.inf if duration == "settle" else float(duration)
-        closed = on_device and not template.nonlinear
-        if operation.has_bias or operation.has_mask or time <= 0.0 or closed:
+        if operation.has_bias or operation.has_mask or time <= 0.0:
+            return None
+        if closed and not template.nonlinear:
             return None
         if not is_decided(template, time, has_input=template.inputs > 0, has_state=has_state):
             return None
@@ -100,7 +104,8 @@ def in_stages(plan: Plan, overrides: Mapping[str, object]) -> Plan:
     in_steps = record.takes_steps and not is_integer(backend.precision)
     if not in_steps or isinstance(plan.executable, FallbackExecutable):
         return plan
-    answers = answers_in(plan.schedule, overrides, on_device=record.devices)
+    few = plan.schedule.cells < LEAST_APART or not backend.in_host_memory
+    answers = answers_in(plan.schedule, overrides, closed=record.devices and few)
     if not answers:
         return plan
 
@@ -114,7 +119,7 @@ def in_stages(plan: Plan, overrides: Mapping[str, object]) -> Plan:
 
 
 def answers_in(
-    schedule: Schedule, overrides: Mapping[str, object], *, on_device: bool
+    schedule: Schedule, overrides: Mapping[str, object], *, closed: bool
 ) -> dict[int, Answer]:
     """Return the answers for templates of which a program reads the output alone, by their node.
 
@@ -128,7 +133,7 @@ def answers_in(
         if not isinstance(operation, Transient):
             continue
         spec = replace(operation.spec, **overrides)  # type: ignore[arg-type]
-        answer = Answer.of(operation, spec, schedule.shape, on_device=on_device)
+        answer = Answer.of(operation, spec, schedule.shape, closed=closed)
         picks = picks_of(node, schedule.nodes)
         if answer is not None and all(pick.what == "output" for _, pick in picks):
             result[node.index] = answer
@@ -351,23 +356,29 @@ class StagedExecutable:
             self._warm_up()
         read = [_of_frame(channel) for channel in self.schedule.channels_read]
         values = {name: frames[..., at] for at, name in enumerate(read)}
+        own = dict[str, Floats]()
         for stage in self._stages:
             if stage.executable is not None:
                 given = np.zeros((batch, len(stage.channels), *self.schedule.shape), self.dtype)
                 for at, name in enumerate(stage.channels):
                     given[:, at] = values[name]
-                own = stage.executable.new_memory(batch)
-                values |= stage.executable.run(np.moveaxis(given, 1, -1), own, first=first)
+                memory = stage.executable.new_memory(batch)
+                values |= stage.executable.run(np.moveaxis(given, 1, -1), memory, first=first)
             for name, (answer, arguments) in stage.answers.items():
                 maps = [self._maps(values[argument]) for argument in arguments]
                 outputs = [_output(answer, [m[k] for m in maps]) for k in range(batch)]
                 known &= [output is not None for output in outputs]
                 if not known.all():
                     return self._partly(frames, known, first=first)
-                values[name] = np.stack([o for o in outputs if o is not None])
-        return {
-            name: np.array(values[own], np.float64, order="C") for name, own in self._names.items()
-        }
+                proven = [output for output in outputs if output is not None]
+                # to copy a large array takes longer than to find it
+                own[name] = proven[0][np.newaxis] if batch == 1 else np.stack(proven)
+                values[name] = own[name]
+        result = dict[str, Floats]()
+        for name, value in self._names.items():
+            array = own.pop(value, None)  # once: each output is an array of its own
+            result[name] = np.array(values[value], np.float64) if array is None else array
+        return result
 
     def _warm_up(self) -> None:
         """Run all parts and the whole program on an empty frame, so that all kernels are built."""
@@ -379,11 +390,11 @@ class StagedExecutable:
                 with suppress(MethodError):  # loops of an empty frame may not end
                     executable.run(given, executable.new_memory(1), first=True)
 
-    def _maps(self, values: NDArray[np.floating]) -> Floats:
+    def _maps(self, values: NDArray[np.floating]) -> NDArray[np.floating]:
         """Return an argument as maps; a number stands for the same in every cell."""
         maps = values if values.ndim == 3 else values[:, np.newaxis, np.newaxis]
         shape = (len(values), *self.schedule.shape)
-        return np.ascontiguousarray(np.broadcast_to(maps, shape), np.float64)
+        return np.ascontiguousarray(np.broadcast_to(maps, shape), self.dtype)
 
     def _partly(
         self, frames: NDArray[np.floating], known: NDArray[np.bool_], *, first: bool
@@ -401,7 +412,7 @@ class StagedExecutable:
         return result
 
 
-def _output(answer: Answer, maps: Sequence[Floats]) -> Floats | None:
+def _output(answer: Answer, maps: Sequence[NDArray[np.floating]]) -> Floats | None:
     """Return the output of a template for its arguments."""
     given = answer.operation.by_role(maps)
     return answer.output({role: values[0] for role, values in given.items() if values})

@@ -88,19 +88,37 @@ def edge_of(**options):
 
 
 def test_uncoupled_cells_are_decided_on_the_host_alone_and_not_where_more_is_read():
-    picture = np.where(np.random.default_rng(1).random((40, 30)) < 0.5, 1.0, -1.0)
-    eroded = ndimage.binary_erosion(picture > 0.0, SQUARE, border_value=1)
-    for engine, options, named in (
-        ("numba", {}, True),
-        ("opencl", {}, False),
-        ("numba", {"settled": True}, False),
-        ("reference", {}, False),
+    large = np.where(np.random.default_rng(1).random((128, 130)) < 0.5, 1.0, -1.0)
+    for engine, options, picture, named in (
+        ("numba", {}, large[:40, :30], True),
+        ("opencl", {}, large[:40, :30], False),
+        ("opencl", {}, large, True),
+        ("numba", {"settled": True}, large[:40, :30], False),
+        ("reference", {}, large[:40, :30], False),
     ):
+        eroded = ndimage.binary_erosion(picture > 0.0, SQUARE, border_value=1)
         plan = cnnum.Engine(engine).compile(
             edge_of(**options), picture.shape, channels=("picture",)
         )
         assert ("found by decision" in str(plan.explain())) is named
         np.testing.assert_array_equal(plan(picture)["edge"], (picture > 0.0) & ~eroded)
+
+
+def test_outputs_are_arrays_of_their_own():
+    @cnnum.program
+    def program(frame):
+        picture = frame.channel("picture")
+        edge = apply(cnnum.get_template("EDGE"), input=picture)
+        return {"first": edge, "second": edge, "picture": picture}
+
+    given = np.where(np.random.default_rng(1).random(SHAPE) < 0.5, 1.0, -1.0)
+    for precision in ("float32", "float64"):
+        engine = cnnum.Engine("numba", precision=precision)
+        got = engine.compile(program, SHAPE, channels=("picture",))(given)
+        arrays = [*got.values(), given]
+        for at, array in enumerate(arrays):
+            assert not any(np.shares_memory(array, other) for other in arrays[:at])
+            array += 1.0
 
 
 @pytest.mark.parametrize(

@@ -26,6 +26,8 @@ _TYPES: dict[str, Real] = {
 class NumbaBackend:
     """Runs on all cores of the host."""
 
+    in_host_memory = True
+
     def __init__(self, record: EngineRecord, device: None, precision: str) -> None:
         self.record, self.precision = record, precision
 

@@ -399,7 +399,7 @@ def _in_order(near: NDArray[Real], i: int, j: int, kept: int, count: int) -> Non
 
 
 @inlined
-def _rising(a: Real, b: Real, c: Real, d: Real) -> tuple[Real, Real, Real, Real]:
+def _rising(a: Any, b: Any, c: Any, d: Any) -> Any:
     """Return four numbers in rising order."""
     a, b = (a, b) if a < b else (b, a)
     c, d = (c, d) if c < d else (d, c)

@@ -6,6 +6,7 @@ import pyopencl as cl
 from cnnum.engines.backend import EngineRecord
 from cnnum.engines.devices.listing import partner_of
 from cnnum.engines.devices.selection import choose_device
+from cnnum.engines.devices.shared_arrays import shares_memory
 from cnnum.engines.forks import refuse_after_fork
 from cnnum.engines.opencl.executable import OpenCLExecutable
 from cnnum.errors import DeviceError
@@ -38,6 +39,11 @@ class OpenCLBackend:
     def device(self) -> str:
         """Description of the device."""
         return self._device.label
+
+    @property
+    def in_host_memory(self) -> bool:
+        """Whether the device shares the host's memory, as a processor does."""
+        return shares_memory(self._device.handle)
 
     def explained(self, template: Template, solver: Solver) -> Solver:
         """Return the solver unchanged: its scheme runs."""

@@ -228,6 +228,7 @@ class ReferenceBackend:
     """
 
     device = "NumPy and SciPy on the host"
+    in_host_memory = True
 
     def __init__(
         self,

@@ -48,6 +48,11 @@ class WholeBackend:
     like: Floats | None = None
 
     @property
+    def in_host_memory(self) -> bool:
+        """Not known of its runner."""
+        return False
+
+    @property
     def precision(self) -> str:
         """As the user says it."""
         return self.kind.name
