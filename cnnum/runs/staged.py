@@ -377,7 +377,9 @@ class StagedExecutable:
         result = dict[str, Floats]()
         for name, value in self._names.items():
             array = own.pop(value, None)  # once: each output is an array of its own
-            result[name] = np.array(values[value], np.float64) if array is None else array
+            result[name] = (
+                np.array(values[value], np.float64, order="C") if array is None else array
+            )
         return result
 
     def _warm_up(self) -> None:
