@@ -119,7 +119,8 @@ def delayed_rates(template: Template, shape: Shape) -> DelayedRates | None:
     now, late = _few_modes(all_now, all_late)
     own = now + _lambert(now, late, delayed.delay)
     decays = own.real <= 1e-10 * max(float(np.abs(now).max(initial=0.0)), reach)
-    known = template.output.linear and len(now) > 0
+    # a mode has many rates with a delay: where its first grows, others decay, and may be too fast
+    known = template.output.linear and len(now) > 0 and bool(decays.all())
     exact = known and len(now) == len(all_now)
     around = None if known else discs(Network(template, shape))
     growth = around_growth = 0.0
