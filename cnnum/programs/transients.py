@@ -12,6 +12,7 @@ from cnnum.programs.fields import Field, as_field, graph_of, maximum, minimum
 from cnnum.renamed import renamed
 from cnnum.safety.values import expect
 from cnnum.templating.library import as_template
+from cnnum.templating.network import last_change
 from cnnum.templating.template import Duration, Template
 
 
@@ -81,9 +82,36 @@ def transient(
     Raises
     ------
     ProgramError
-        If the number of maps does not fit the template, or an argument has the wrong type.
+        If the number of maps does not fit the template, an argument has the wrong type, or a
+        template whose gains change in time is to run to equilibrium.
     """
     template = _template(template)
+    if spec is not None:
+        expect("spec", spec, RunSpec, ProgramError)
+    duration = template.duration if spec is None or spec.duration is None else spec.duration
+    if isinstance(duration, str) and last_change(template) > 0.0:
+        raise ProgramError(
+            f"Template '{template.name}' has a gain in time, so that a state that does not move "
+            "may move later: give it a duration, as in spec=RunSpec(duration=10.0)."
+        )
+    return added(
+        template, input=input, previous=previous, state=state, bias=bias, mask=mask,
+        weights=weights, spec=spec,
+    )  # fmt: skip
+
+
+def added(
+    template: Template,
+    *,
+    input: Field | Sequence[Field] | None = None,
+    previous: Field | Sequence[Field] | None = None,
+    state: Field | Sequence[Field] | None = None,
+    bias: Field | Sequence[Field] | None = None,
+    mask: Field | None = None,
+    weights: Sequence[Field] = (),
+    spec: RunSpec | None = None,
+) -> Applied:
+    """Add a transient to a graph, as `transient` does, whose end the caller looks at."""
     if template.inputs == 0 and template.initial == "input" and state is None:
         state, input = input, None
     if template.needs_state and state is None:
@@ -108,8 +136,6 @@ def transient(
             raise ProgramError("A mask is a logic map: compare the values first.")
         given.append(mask)
     given += _fields("weights", weights)
-    if spec is not None:
-        expect("spec", spec, RunSpec, ProgramError)
     graph = graph_of(given)
     if any(item.maps > 1 for item in given):
         raise ProgramError(f"Template '{template.name}' runs on single maps, not on a stack.")

@@ -20,7 +20,7 @@ from cnnum.integrators.solver import Solver
 from cnnum.plan import Plan
 from cnnum.programs.fields import Field
 from cnnum.programs.machine import FrameFields
-from cnnum.programs.transients import Applied, transient
+from cnnum.programs.transients import Applied, added
 from cnnum.safety.values import refuse_on_host
 from cnnum.templating.template import Template
 
@@ -214,7 +214,7 @@ def _applied(frame: FrameFields, template: Template, spec: RunSpec) -> Applied:
         return [frame.channel(c) for c in frame.channels if c.startswith(name)] or None
 
     mask = role("mask")
-    return transient(
+    return added(
         template,
         input=role("input"),
         previous=role("previous"),

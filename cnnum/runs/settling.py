@@ -12,6 +12,7 @@ from cnnum.errors import MethodError
 from cnnum.graph.nodes import RunSpec
 from cnnum.runs.request import Request
 from cnnum.runs.result import Result
+from cnnum.templating.network import last_change
 from cnnum.templating.template import Template
 
 STRETCH = 32.0
@@ -85,7 +86,7 @@ def at_rest(
         states as far off as the run may be come to it. Frames that were run for longer have a later
         time and more steps.
     """
-    last = _last_change(template)
+    last = last_change(template)
     if template.output.discrete or not result.settled.any():
         settled = result.settled & (result.time >= last)
         return replace(result, settled=settled, error=np.where(settled, result.error, np.inf))
@@ -152,17 +153,6 @@ def at_rest(
     return frames.result()
 
 
-def _last_change(template: Template) -> float:
-    """Return the time from which on no gain changes."""
-    last = 0.0
-    for gain in template.gains:
-        places = [place for place, _ in gain.table.points]
-        if gain.table.interpolation == "constant":
-            places = places[:-1]  # its last value begins at the point before
-        last = max(last, *places[-1:], 0.0)
-    return last
-
-
 def _after_gains(template: Template) -> Template:
     """Return the template as it is once no gain changes any more."""
     if not template.gains:
@@ -226,7 +216,7 @@ def lanes_at_rest(result: Result, template: Template, rtol: float, atol: float) 
     rtol, atol : float
     """
     error = np.full(result.error.shape, np.inf)
-    result = replace(result, settled=result.settled & (result.time >= _last_change(template)))
+    result = replace(result, settled=result.settled & (result.time >= last_change(template)))
     if template.output.name == "standard" and template.plain:
         sizes = np.abs(result.state).reshape(len(error), -1)
         off, spare = atol + rtol * sizes.max(axis=1), sizes.min(axis=1) - 1.0

@@ -87,6 +87,17 @@ def turning_points(template: Template, duration: float) -> tuple[float, ...]:
     return tuple(sorted(place for place in places if 0.0 < place < duration))
 
 
+def last_change(template: Template) -> float:
+    """Return the time from which on no gain changes."""
+    last = 0.0
+    for gain in template.gains:
+        places = [place for place, _ in gain.table.points]
+        if gain.table.interpolation == "constant":
+            places = places[:-1]  # its last value begins at the point before
+        last = max(last, *places[-1:], 0.0)
+    return last
+
+
 def gains_jump(template: Template) -> bool:
     """Return whether a gain in time is piecewise constant, so that it jumps."""
     return any(gain.table.interpolation == "constant" for gain in template.gains)

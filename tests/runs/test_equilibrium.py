@@ -234,3 +234,26 @@ def test_an_array_whose_gains_change_later_than_it_may_run_does_not_rest(engine)
     found = engine.run(template, input=[[0.05]], duration="settle")
     assert not bool(found.settled)
     assert np.isinf(found.error)
+
+
+def test_a_program_wants_a_duration_for_gains_that_change():
+    """Its transients stop at small rates, which come before the gain changes."""
+    gain = cnnum.Gain(0, 0, Table("constant", ((50.0, 0.0), (51.0, 3.0))))
+    template = Template("late", [[0.3]], [[1.0]], 0.1, output="linear", gains=[gain])
+
+    def run(frame, spec=None):
+        return {"x": cnnum.transient(template, input=frame.normal, spec=spec).states[0]}
+
+    @cnnum.program
+    def refused(frame):
+        return run(frame)
+
+    @cnnum.program
+    def timed(frame):
+        return run(frame, cnnum.RunSpec(duration=300.0))
+
+    engine = cnnum.Engine("numba", precision="float64")
+    with pytest.raises(cnnum.errors.ProgramError, match="give it a duration"):
+        engine.compile(refused, (1, 1))
+    found = engine.compile(timed, (1, 1))(np.full((1, 1, 1, 3), 0.05))
+    assert found["x"].item() == pytest.approx(1.5, rel=1e-4)
