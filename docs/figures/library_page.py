@@ -1,6 +1,6 @@
-"""The page of the template library; `python docs/figures/library_page.py` writes it.
+"""Write the page of the template library: `python docs/figures/library_page.py`.
 
-It writes `docs/template-library.md` from the template files. A test holds the page to them.
+`docs/template-library.md` is written from the template files; a test compares the two.
 """
 
 import re
