@@ -3,7 +3,7 @@
 from __future__ import annotations  # signatures that `help` shows as they are written
 
 import logging
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from math import ceil
 from typing import Any, cast
@@ -154,9 +154,43 @@ class Engine(OfThisProcess):
                 f"Expected a program to compile, got {type(program).__name__}: decorate the "
                 "function with @cnnum.program; templates are run with engine.run."
             )
-        options: dict[str, Any] = {"method": method, "rtol": rtol, "atol": atol, "dt": dt}
-        options = {name: value for name, value in options.items() if value is not None}
+        given: dict[str, Any] = {"method": method, "rtol": rtol, "atol": atol, "dt": dt}
+        options = {name: value for name, value in given.items() if value is not None}
+        given = {"channels": channels, "like": like, "chip": chip}
         graph = program.trace(shape, channels)
+        plan = self.compile_traced(program, graph, needs, options=options, **given)
+        if not graph.timed or graph.rate is not None:
+            return plan
+        known = program
+
+        def at_rate(rate: float) -> Plan:
+            return self.compile(known.bind(rate=rate), shape, needs, **given, **options)
+
+        return replace(plan, at_rate=at_rate)
+
+    def compile_traced(
+        self,
+        program: Program,
+        graph: Graph,
+        needs: Sequence[str] | None = None,
+        *,
+        channels: Sequence[str] = FORCE_AXES,
+        options: Mapping[str, object] | None = None,
+        like: ArrayLike | None = None,
+        chip: Chip | None = None,
+    ) -> Plan:
+        """Compile the graph of a program; for other parameters and errors see `compile`.
+
+        Parameters
+        ----------
+        program : Program
+        graph : Graph
+            As `Program.trace` returns it.
+        needs, channels, like, chip : optional
+        options : mapping of str to any, optional
+            Method, tolerances and step for every transient.
+        """
+        options = dict(options or {})
         _say_too_slow(program.name, graph, graph.outputs if needs is None else needs)
         backend = self._open.backend
         if chip is not None:
@@ -167,16 +201,7 @@ class Engine(OfThisProcess):
             backend = measuring(backend, like, (*graph.shape, len(channels)))
         parts = (program.name, graph, channels, needs)
         plan = plan_of(*parts, self._open.backend, backend=backend, overrides=options)
-        plan = in_stages(plan, options)
-        if not graph.timed or graph.rate is not None:
-            return replace(plan, rate=graph.rate)
-        known = program
-        given: dict[str, Any] = {"channels": channels, "like": like, "chip": chip, **options}
-
-        def at_rate(rate: float) -> Plan:
-            return self.compile(known.bind(rate=rate), shape, needs, **given)
-
-        return replace(plan, at_rate=at_rate)
+        return replace(in_stages(plan, options), rate=graph.rate)
 
     def run(
         self,

@@ -338,8 +338,8 @@ class Scene(OfThisProcess):
             plan = next((x.plan for x in beside if compiled and x.compiled == compiled), None)
             if plan is None:
                 like = like_frames(spec, used.precision, driver, conversion, dead, at_ends, grid)
-                plan = used.compile(program, shape, needs, channels=channels, like=like)
-            if plan.at_rate is not None:
+                plan = used.compile_traced(program, graph, needs, channels=channels, like=like)
+            if graph.timed and graph.rate is None:
                 raise SceneError(
                     f"Scene '{spec.name}': the program '{spec.program}' contains times in "
                     "seconds, but the array does not state its frame rate: set "

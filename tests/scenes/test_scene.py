@@ -90,3 +90,16 @@ def test_missing_scene_names_those_that_there_are():
 def test_change_that_is_no_table_is_refused(tmp_path):
     with pytest.raises(SceneError, match="not a table"):
         read_scene(written(tmp_path, GOOD), changes={"name.x": 1})
+
+
+def test_the_program_of_a_scene_is_traced_once():
+    traces = []
+
+    @cnnum.program
+    def counted(frame):
+        traces.append(frame)
+        return {"shear": frame.channel("shear_x") * 2.0}
+
+    scene = cnnum.load_scene("demo", engine=cnnum.Engine("numba"), program=counted)
+    assert len(traces) == 1
+    assert scene.plan.schedule.channels_read == ("shear_x",)

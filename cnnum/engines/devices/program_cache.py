@@ -103,8 +103,10 @@ def _built(program: cl.Program, options: Sequence[str]) -> cl.Program:
 
 def _name(device: cl.Device, source: str, options: Sequence[str]) -> str:
     here = processor()
-    origin = [__version__, source, *options, device.platform.version, device.name, device.version]
-    origin += [device.driver_version, here.name, here.family, here.model, *sorted(here.flags)]
+    # PoCL's names for programs depend on where it is installed
+    origin = [__version__, cl.__file__, source, *options, device.platform.version, device.name]
+    origin += [device.version, device.driver_version]
+    origin += [here.name, here.family, here.model, *sorted(here.flags)]
     return hashlib.sha256(json.dumps([str(part) for part in origin]).encode()).hexdigest()[:32]
 
 

@@ -55,3 +55,12 @@ def test_the_timer_passes_over_old_programs_and_the_end_does_not(tmp_path, monke
     program_cache.keep_programs()
     assert kept == ["young", "old"]
     assert laid["old"].kept == {"old/plan/plan.so"}
+
+
+def test_an_entry_is_for_the_place_where_the_driver_is_installed(monkeypatch):
+    """PoCL names its programs by it: entries of many places together would grow with each."""
+    (device, *_) = [d for p in program_cache.cl.get_platforms() for d in p.get_devices()]
+    here = program_cache._name(device, "kernel", ["-w"])
+    assert here == program_cache._name(device, "kernel", ["-w"])
+    monkeypatch.setattr(program_cache.cl, "__file__", "/elsewhere/pyopencl/__init__.py")
+    assert here != program_cache._name(device, "kernel", ["-w"])
