@@ -455,16 +455,12 @@ def fit_sentence(row: CostRow, rate: float, power: float | None = None) -> str:
     power : float, optional
         mW/MHz, which is nJ a cycle.
     """
-    both, budget = (row.cycles_least, row.cycles_most), row.clock_hz / rate
-
-    def span(scale: float, form: str) -> str:
-        return " to ".join(format(end * scale, form) if isfinite(end) else "more" for end in both)
-
-    energy = "" if power is None else f", {span(1e-3 * power, '.3g')} µJ a frame"
+    budget = row.clock_hz / rate
+    energy = "" if power is None else f", {_span(row, 1e-3 * power, '.3g')} µJ a frame"
     return (
         f"{row.case} in {row.precision} on {row.core} fits {rate:g} Hz at {row.clock_hz / 1e6:g} "
-        f"MHz: {fits(row, rate)} ({span(1.0, ',.0f')} cycles, {span(100.0 / budget, '.3g')} % of a "
-        f"frame{energy})."
+        f"MHz: {fits(row, rate)} ({_span(row, 1.0, ',.0f')} cycles, "
+        f"{_span(row, 100.0 / budget, '.3g')} % of a frame{energy})."
     )
 
 
@@ -476,16 +472,30 @@ def page_table(rows: Sequence[CostRow], rates: Sequence[float]) -> list[str]:
         f"{asked} |",
         "|---|---|---|---|---|---|",
     ]
+    kinds = [{_kind(row)[n] for row in rows} for n in range(4)]
     for row in rows:
         name = ", ".join(f"`{part}`" for part in row.case.split(","))
+        name += "".join(
+            f", {what}" for what, of in zip(_kind(row), kinds, strict=True) if of - {what}
+        )
         plain = row.plain_instructions
         other = "" if plain in (None, row.instructions) else f" ({plain:,})"
         fit = ", ".join(fits(row, rate) for rate in rates)
         lines.append(
-            f"| {name} | {row.instructions:,}{other} | {row.cycles_least:,.0f} to "
-            f"{row.cycles_most:,.0f} | {row.ram_bytes:,} | {row.flash_bytes:,} | {fit} |"
+            f"| {name} | {row.instructions:,}{other} | {_span(row, 1.0, ',.0f')} | "
+            f"{row.ram_bytes:,} | {row.flash_bytes:,} | {fit} |"
         )
     return lines
+
+
+def _kind(row: CostRow) -> tuple[str, ...]:
+    return f"{row.shape[0]}×{row.shape[1]}", row.precision, row.method, row.core
+
+
+def _span(row: CostRow, scale: float, form: str) -> str:
+    """Return the least and the most cycles times a number, in words."""
+    both = row.cycles_least, row.cycles_most
+    return " to ".join(format(end * scale, form) if isfinite(end) else "more" for end in both)
 
 
 def _words(row: CostRow) -> str:
