@@ -200,7 +200,7 @@ def read_states(path: Path) -> dict[str, tuple[Floats, dict[str, Floats]]]:
     values = np.empty((len(rows) - 1, len(names)))
     for place, (number, row) in enumerate(rows[1:]):
         try:
-            values[place] = [float(text) for text in row]
+            values[place] = np.reshape([float(text) for text in row], len(names))  # no less
         except ValueError:
             raise RecordingError(
                 f"Line {number} of '{path}' must have {len(names)} numbers, got "
@@ -269,6 +269,11 @@ def write_lerobot(
         if not episode.task.strip():
             raise RecordingError("The task of an episode must be said in words, got none.")
     old = read_info(folder) if append else None
+    if not append and _is_own(folder):
+        raise RecordingError(
+            f"'{folder}' already exists; choose another name, or give --append (in Python "
+            "append=True)."
+        )
     if folder.parent.is_dir():  # else it is made, and nothing is in the way
         refuse_folder(folder, error=RecordingError, force=append, owns=_is_own)
     if old is not None and old.get("fps") != _plain(fps):

@@ -302,6 +302,9 @@ class Scene(OfThisProcess):
         known = (scene.engine for scene in beside if _same_engine(scene.spec, spec))
         used = engine or next(known, None) or Engine(spec.engine, **how)
         if recording is not None:
+            if not isinstance(cast(object, recording), Recording):
+                kind = type(recording).__name__
+                raise SceneError(f"'recording' must be a cnnum.Recording, got {kind}.")
             spec = replace(spec, driver=MEMORY, driver_options={})
             driver: Driver = RecordingDriver(recording)
         else:

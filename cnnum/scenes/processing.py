@@ -344,7 +344,10 @@ def _within(folder: Path, above: tuple[Path, ...] = ()) -> Iterator[Path]:
         yield folder
         return
     if is_lerobot(folder):
-        yield from episodes_of(folder)
+        try:
+            yield from episodes_of(folder)
+        except RecordingError:
+            yield folder  # its row says why
         return
     above = (*above, folder.resolve())
     for path in sorted(folder.iterdir()):

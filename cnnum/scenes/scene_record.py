@@ -333,7 +333,8 @@ class SceneRecord:
             name: value if value.ndim == 1 else np.abs(value).max(axis=tuple(range(1, value.ndim)))
             for name, value in values.items()
         }
-        labels = ("time (s)", "value; of maps, the largest magnitude")
+        maps = any(self[name].ndim > 1 for name in self.names)
+        labels = ("time (s)", "value, or largest of a map" if maps else "value")
         return sharing.lines(self.times, named, ax, labels)
 
     def to_xarray(self) -> Any:

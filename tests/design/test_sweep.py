@@ -447,7 +447,7 @@ def test_a_cluster_loses_a_worker_and_nothing_else(tmp_path):
     experiment = small(draws=12, chunk=6)
     expected = sweep(experiment).results
     killed = threading.Event()
-    options = {"n_workers": 2, "threads_per_worker": 1, "dashboard_address": None}
+    options = {"n_workers": 2, "threads_per_worker": 1, "dashboard_address": ":0"}
     with distributed.LocalCluster(**options, silence_logs=50) as cluster:
         pids = [worker.pid for worker in cluster.workers.values()]
 

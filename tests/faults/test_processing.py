@@ -132,7 +132,7 @@ def test_kills_of_driver_and_workers_leave_the_same_bytes(faults, tmp_path):
     finished(command(tmp_path, "cut", "--workers", "2"))
     assert results(tmp_path, "cut") == whole
     distributed = pytest.importorskip("distributed", reason="the extra 'cluster' is not installed")
-    options = {"n_workers": 2, "threads_per_worker": 1, "dashboard_address": None}
+    options = {"n_workers": 2, "threads_per_worker": 1, "dashboard_address": ":0"}
     kills = 0
     with distributed.LocalCluster(**options, silence_logs=50) as cluster:
         words = ("--scheduler", cluster.scheduler_address)

@@ -95,7 +95,7 @@ def test_a_cluster_that_loses_driver_and_worker_ends_in_the_same_file(faults, tm
     begin = time.monotonic()
     finished(command(tmp_path, "whole.nc"), SECONDS)
     alone = time.monotonic() - begin
-    options = {"n_workers": 2, "threads_per_worker": 1, "dashboard_address": None}
+    options = {"n_workers": 2, "threads_per_worker": 1, "dashboard_address": ":0"}
     with distributed.LocalCluster(**options, silence_logs=50) as cluster:
         words = ("--scheduler", cluster.scheduler_address)
         driver = command(tmp_path, "spread.nc", *words)

@@ -78,7 +78,7 @@ if __name__ == "__main__":
         from dask.distributed import LocalCluster
     except ModuleNotFoundError:
         sweep(experiment, "a.zarr", scheduler="tcp://127.0.0.1:9")
-    with LocalCluster(n_workers=1, processes=False, dashboard_address=None) as cluster:
+    with LocalCluster(n_workers=1, processes=False, dashboard_address=":0") as cluster:
         found = sweep(experiment, "a.zarr", scheduler=cluster.scheduler_address)
     assert found.results["error"].size == 2
 """,

@@ -6,7 +6,7 @@ import pytest
 import cnnum
 from cnnum.drivers import open_driver
 from cnnum.drivers.recording_file import RecordingDriver, array_of
-from cnnum.errors import ArrayError, RecordingWarning
+from cnnum.errors import ArrayError, RecordingWarning, SceneError
 from cnnum.recordings.checking import checked
 from cnnum.scenes.arrangement import bound, program_of
 from cnnum.scenes.scene_file import read_scene
@@ -266,6 +266,10 @@ def test_a_record_draws_itself():
         record = scene.collect()
     axes = record.plot()
     assert axes.get_xlabel() == "time (s)"
+    axes.figure.canvas.draw()  # the label is within the picture
+    assert axes.yaxis.label.get_window_extent().height < axes.figure.bbox.height
+    with pytest.raises(SceneError, match=r"must be a cnnum\.Recording, got ndarray"):
+        cnnum.load_scene("contact", recording=np.zeros((9, 4, 4, 3)))
     assert len(axes.get_lines()) == len(record.names) > 1
     many = SceneRecord([f"field_{number}" for number in range(90)])
     assert "field_5 and 84 more" in repr(many)

@@ -466,13 +466,13 @@ def test_the_shell_runs_a_hand_and_records_each_skin(place, hand, tmp_path):
     assert [(r["skin"], r["kind"], r["frame"]) for r in events] == want
     assert {name: of["frames"] for name, of in summary["skins"].items()} == dict.fromkeys(hand, 80)
 
-    recorded = call("record", place, tmp_path / "grasp.npz", "--frames", 40)
+    recorded = call("record", place, tmp_path / "Grasp ä.npz", "--frames", 40)
     assert recorded.exit_code == 0, recorded.stderr
     for name in hand:
         frames = [step[name].values for step in itertools.islice(hand.frames(), 40)]
-        loaded = cnnum.load_recording(tmp_path / f"grasp-{name}.npz")
+        loaded = cnnum.load_recording(tmp_path / f"Grasp ä-{name}.npz")
         np.testing.assert_array_equal(loaded.values, np.array(frames))
-    again = call("record", place, tmp_path / "grasp.npz")
+    again = call("record", place, tmp_path / "Grasp ä.npz")
     assert again.exit_code == 2
     assert "already exists" in again.stderr
 

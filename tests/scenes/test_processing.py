@@ -347,6 +347,17 @@ def test_sources_are_files_folders_and_patterns(folder):
         sources_of([str(folder / "*.bag")])
 
 
+def test_a_damaged_data_set_is_one_row(tmp_path):
+    info = tmp_path / "b" / "meta" / "info.json"
+    info.parent.mkdir(parents=True)
+    info.write_text("{")
+    for name in ("a.npz", "c.npz"):
+        cnnum.Recording(np.zeros((3, 2, 2)), rate=50.0).save(tmp_path / name)
+    assert [file.name for file in sources_of([tmp_path])] == ["a.npz", "b", "c.npz"]
+    with pytest.raises(RecordingError, match="is not JSON"):  # the words of its row
+        cnnum.load_recording(tmp_path / "b")
+
+
 def test_what_cannot_be_done_is_refused_before_the_work(folder, tmp_path, monkeypatch):
     with pytest.raises(UnknownNameError, match=r"kind of table '\.xls'"):
         process(folder, folder / "scene.toml", tmp_path / "e.xls")
@@ -442,7 +453,7 @@ def test_a_task_whose_process_is_killed_runs_again(tmp_path, monkeypatch):
 def test_a_scheduler_that_is_lost_is_said_so():
     """Dask then gives the reason as if it were the result."""
     distributed = pytest.importorskip("distributed", reason="the extra 'cluster' is not installed")
-    options = {"n_workers": 1, "threads_per_worker": 1, "dashboard_address": None}
+    options = {"n_workers": 1, "threads_per_worker": 1, "dashboard_address": ":0"}
     with distributed.LocalCluster(**options, processes=False, silence_logs=50) as cluster:
         naps, address = [0.0, *[0.2] * 5], cluster.scheduler_address
         results = run_tasks(time.sleep, naps, scheduler=address, name="naps")
@@ -456,7 +467,7 @@ def test_a_scheduler_that_is_lost_is_said_so():
 def test_workers_that_die_at_each_task_are_said_so(tmp_path, monkeypatch):
     distributed = pytest.importorskip("distributed", reason="the extra 'cluster' is not installed")
     dask = pytest.importorskip("dask")
-    options = {"n_workers": 1, "threads_per_worker": 1, "dashboard_address": None}
+    options = {"n_workers": 1, "threads_per_worker": 1, "dashboard_address": ":0"}
     with (
         dask.config.set({"distributed.scheduler.allowed-failures": 0}),
         distributed.LocalCluster(**options, silence_logs=50) as cluster,

@@ -236,7 +236,8 @@ def command(
     with load_hand(source, changes=changes, trust=trust) as hand:
         targets: dict[Path, Driver] = {}
         for skin in hand:
-            target = named_after(file.parent, f"{file.stem}-{skin}", file.suffix)
+            own = named_after(file.parent, skin, file.suffix).name
+            target = file.with_name(f"{file.stem}-{own}")
             if target in targets:
                 raise RecordingError(f"Two skins of '{source}' would have the file '{target}'.")
             targets[target] = hand[skin].driver
