@@ -293,3 +293,10 @@ def test_the_commands(tmp_path):
     assert "of 512 neighbourhoods" in said.stdout
     for wrong in ([], ["x", "--input", __file__], ["--input", __file__], ["x", "--programs"]):
         assert run(main, ["templates", "find", *wrong]).exit_code == 2
+
+
+def test_couplings_are_compared_in_words():
+    said = CliRunner().invoke(main, ["templates", "compare", "EXTREME", "EDGE"])
+    assert "straight lines through (-3, -2)" in said.output
+    assert "none" in said.output
+    assert "NonlinearCoupling" not in said.output

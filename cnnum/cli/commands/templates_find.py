@@ -1,5 +1,6 @@
 """`cnnum templates list`, `find` and `compare`: the library, searched by words or an example."""
 
+import re
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
@@ -188,7 +189,15 @@ def compare(first: str, second: str, picture: Path | None, force: bool, as_json:
 
     this, other = _template(first), _template(second)
     comparison, output = compared(this, other), Output(as_json)
-    numbers = {name: [_plain(value) for value in pair] for name, pair in comparison.differs.items()}
+    both = this, other
+    differs = {
+        name: [_of_field(template, name, value) for template, value in zip(both, pair, strict=True)]
+        for name, pair in comparison.differs.items()
+    }
+    numbers = {
+        name: [_plain(value) for value in (pair if isinstance(pair[0], np.ndarray) else parts)]
+        for (name, pair), parts in zip(comparison.differs.items(), differs.values(), strict=True)
+    }
     output.record(
         {
             "kind": "comparison",
@@ -204,7 +213,7 @@ def compare(first: str, second: str, picture: Path | None, force: bool, as_json:
         }
     )
     shown = table("", this.name, other.name)
-    for name, pair in comparison.differs.items():
+    for name, pair in differs.items():
         shown.add_row(name, *(_written(value) for value in pair))
     for row in comparison_rows(comparison):
         shown.add_row(*row)
@@ -229,11 +238,37 @@ def _template(name: str) -> "Template":
     return load_template(name) if is_place(name) else get_template(name)
 
 
+LABELS = {
+    "A": r"A(\[.*\])?$",
+    "B": r"B(\[.*\])?$",
+    "delayed": r".* ago",
+    "nonlinear": r"coupling|f\d",
+    "gains": r"gain",
+}
+"""The fields of a template that hold several matrices or functions, and how their labels begin."""
+
+
+def _of_field(template: "Template", field: str, value: object) -> object:
+    """Return a field's only matrix, its matrices and functions by their labels, or its value."""
+    from cnnum.templating.numbers import functions, matrices
+
+    if field not in LABELS:
+        return value
+    labelled: list[tuple[str, object]] = [*matrices(template), *functions(template)]
+    parts = {label: part for label, part in labelled if re.match(LABELS[field], label)}
+    return parts.get(field, parts) if len(parts) == 1 else parts
+
+
 def _plain(value: object) -> object:
+    if isinstance(value, dict):
+        return {label: _plain(part) for label, part in cast("dict[str, object]", value).items()}
     return cast("Floats", value).tolist() if isinstance(value, np.ndarray) else str(value)
 
 
 def _written(given: object) -> str:
+    if isinstance(given, dict):
+        parts = cast("dict[str, object]", given).items()
+        return "\n".join(f"{label}:\n{_written(part)}" for label, part in parts) or "none"
     if isinstance(given, np.ndarray):
         value = cast("Floats", given)
         rows = value.reshape(-1, value.shape[-1]) if value.ndim > 1 else value.reshape(1, -1)
