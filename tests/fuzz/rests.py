@@ -5,13 +5,13 @@ Limited states and delays are followed by Heun's steps, whose fixed points are t
 """
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.integrate import solve_ivp
 
 import cnnum
-from cnnum.templating.couplings import DelayedCoupling, NonlinearCoupling
+from cnnum.templating.couplings import DelayedCoupling, Gain, NonlinearCoupling
 from cnnum.templating.functions import OutputFunction, Table
 
 SOFT = OutputFunction(
@@ -42,6 +42,9 @@ class Case:
     held: np.ndarray = field(default_factory=lambda: np.zeros(0, bool))
     start: np.ndarray = field(default_factory=lambda: np.zeros(0))
     pairs: list = field(default_factory=list)
+    gain: tuple = ()
+    """Matrix and rim of the couplings that it multiplies, its times and values, and whether it
+    steps."""
 
     def output(self, x):
         name = getattr(self.template.output, "name", "")
@@ -81,7 +84,7 @@ class Case:
             return None
         if self.limits or self.delay:
             return self.by_steps(0.1)
-        x, stretch, time, slowest = self.start, 50.0, 0.0, float(self.tau.max())
+        x, stretch, time, slowest = self.through_gains(), 50.0, 0.0, float(self.tau.max())
         while time < LONGEST:
             way = solve_ivp(
                 lambda _, v: self.rate(v), (0.0, stretch * slowest), x, method="DOP853",
@@ -94,6 +97,29 @@ class Case:
             if np.abs(self.rate(x)).max() * slowest < STILL and moved < 10.0 * STILL:
                 return x
         return None
+
+    def through_gains(self):
+        """Return the state once the gain keeps its last value, which the matrix then has."""
+        if not self.gain:
+            return self.start
+        matrix, rim, times, values, steps = self.gain
+        plain, drive, x, begin = self.matrix, self.drive, self.start, 0.0
+
+        def take(value):
+            self.matrix, self.drive = plain + (value - 1.0) * matrix, drive + (value - 1.0) * rim
+
+        for n, end in enumerate(times[:-1] if steps else times):
+            low, high = values[n if steps else max(0, n - 1)], values[n]
+
+            def moving(t, v, begin=begin, end=end, low=low, high=high):
+                take(low + (high - low) * (t - begin) / (end - begin))
+                return self.rate(v)
+
+            x = solve_ivp(moving, (begin, end), x, method="DOP853", rtol=1e-11, atol=1e-14).y[:, -1]
+            begin = end
+        take(values[-1])
+        self.gain = ()  # the rest has no gain
+        return x
 
     def by_steps(self, share):
         fastest, slowest = float(self.tau.min()), float(self.tau.max())
@@ -230,7 +256,27 @@ def case_of(seed, number):
     template = cnnum.Template(
         "random", A, B if inputs else None, z.tolist(), tau=tau.tolist(), boundary=boundary,
         output=output, nonlinear=nonlinear, delayed=delayed)  # fmt: skip
-    return by_hand(kind, template, maps, A, B, z, tau, boundary, shape, nonlinear, delayed)
+    case = by_hand(kind, template, maps, A, B, z, tau, boundary, shape, nonlinear, delayed)
+    if number % 6 == 4 and delayed is None and output not in ("sign", "full-range"):
+        with_gain(case, np.random.default_rng([seed, number, 1]), A, boundary, shape)
+    return case
+
+
+def with_gain(case, rng, A, boundary, shape):
+    """Let a weight of a case change in time, before the rest that it had or after it."""
+    to, source = (int(n) for n in rng.integers(len(A), size=2))
+    times = np.cumsum(rng.uniform(0.1, 1.0, int(rng.integers(2, 5)))) * float(case.tau.max())
+    times, values = times * rng.choice([0.5, 3.0, 12.0]), rng.uniform(-0.5, 1.5, len(times))
+    steps = bool(rng.random() < 0.5)
+    points = tuple((float(t), float(v)) for t, v in zip(times, values, strict=True))
+    part = np.zeros_like(A)
+    part[to, source] = A[to, source]
+    fixed = boundary if not isinstance(boundary, str) else 0.0
+    case.gain = (*spread(part, boundary, shape, float(case.output(np.array(fixed)))), times, values,
+                 steps)  # fmt: skip
+    gain = Gain(to, source, Table("constant" if steps else "linear", points))
+    case.template = replace(case.template, gains=(gain,))
+    case.kind = f"{case.kind}, gain"
 
 
 def fold_of(rng):
