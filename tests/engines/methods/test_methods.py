@@ -37,8 +37,9 @@ def exponential_steps(template, method, given, step, count):
     equation = StateEquation(template, given.inputs.shape[1:], given)
     drive, x = equation.drive(), equation.start()
 
-    def coupled(x):
-        return tau * equation.rate(drive, x, None, 0.0) + x
+    def coupled(x, within=False):
+        # a cell that comes to its limit within a step is there at its end: its rate counts in full
+        return tau * equation.rate(drive, x, None, 0.0, outwards=within) + x
 
     def limited(x):
         return np.clip(x, -1.0, 1.0) if template.output.limited else x
@@ -47,7 +48,7 @@ def exponential_steps(template, method, given, step, count):
         start = coupled(x)
         x = limited(kept * x + first * start)
         if method.order == 2:
-            x = limited(x + second * (coupled(x) - start))
+            x = limited(x + second * (coupled(x, within=True) - start))
     return x
 
 
