@@ -24,9 +24,9 @@ DELAYED = cnnum.Template(
 )  # fmt: skip
 GROWING = cnnum.Template("growing", np.full((3, 3), 0.6), output="tanh", duration=8.0)
 ALIKE = np.add.outer(*2 * (np.array([0.3, 0.1, 0.2, 0.2, 0.1, 0.3]),))
-MIRRORED = cnnum.Template(  # what is symmetric decays, and what is not grows by e^{20}
-    "mirrored", [[0.0, -10.0, 0.0], [-10.0, -19.5, -10.0], [0.0, -10.0, 0.0]],
-    boundary="zero-flux", output="linear", duration=3.0,
+MIRRORED = cnnum.Template(  # what is symmetric decays, and what is not grows by e^{14}
+    "mirrored", [[0.0, -10.0, 0.0], [-10.0, -10.0, -10.0], [0.0, -10.0, 0.0]],
+    boundary="zero-flux", output="linear", duration=0.6,
 )  # fmt: skip
 CORNER = cnnum.get_template("CORNER")
 BATCH = TemplateBatch.of([CORNER, replace(CORNER, z=-4.0)])
