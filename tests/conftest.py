@@ -65,7 +65,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         elif mark is not None:
             spared = seen[test] % mark.args[0]
         else:  # drawn by name, so that no value of a crossed parameter is always left out
-            often = 48 if cases[test] >= MANY else 32 if cases[test] >= SOME else 8
+            often = 64 if cases[test] >= MANY else 40 if cases[test] >= SOME else 12
             spared = seen[test] and crc32(item.nodeid.encode()) % often
         (left if spared else kept).append(item)
         seen[test] += 1

@@ -16,7 +16,7 @@ class Cell:
     sub : str
         A second line, smaller.
     style : str
-        CSS class: "text" for text that may wrap, "yes" or "no" for verdicts.
+        CSS class: "text" for text and "names" for a list that may wrap, "yes" or "no" for verdicts.
     strong : bool
     """
 

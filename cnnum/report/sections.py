@@ -88,7 +88,7 @@ def left_out_table(plan: PlanCost) -> str:
         (False, (Cell(x.what, style="text"), Cell(x.why, style="text"), Cell(x.saves)))
         for x in grouped(plan.explanation.left_out)
     )
-    return table(("what", "why", "saves a frame"), rows, style="fold")
+    return table(("what", "why", "saves per frame"), rows, style="fold")
 
 
 def _event_row(verdict: Verdict) -> Row:
@@ -160,7 +160,7 @@ def _plan_row(plan: PlanCost) -> Row:
         Cell(si(known.flops, "flops"), f"at most {si(known.flops_most, 'flops')}"),
         Cell(f"{known.bytes_in} B"),
         Cell(f"{known.bytes_out} B", ", ".join(known.maps_read_back)),
-        Cell(", ".join(known.channels_read) or "none"),
+        Cell(", ".join(known.channels_read) or "none", style="names"),
     )
     return False, cells
 
@@ -249,10 +249,10 @@ def story(number: int, data: ReportData) -> str:
     """Return the scene as a timeline."""
     record, verdicts = data.record, data.verdicts
     words = (
-        "The events on the array, and the program's reports. The program sees the taxels' "
-        "frames only; the curves and the coloured bars are the ground truth."
+        "The events on the array and the reports of the program. The program sees only the frames "
+        "of the taxels; the curves and the coloured bars are the ground truth."
         if record.truth
-        else "The program's reports; there is no truth to compare them with."
+        else "The reports of the program; there is no ground truth to compare them with."
     )
     key = legend(
         (
@@ -271,13 +271,13 @@ def frames(number: int, data: ReportData) -> str:
     record = data.record
     scale = MapScale.of(record)
     calibrated = (
-        "the strain at the taxels, a push being positive and arrows going with the pull"
+        "the strain at the taxels: compression is positive, and arrows point along the pull"
         if record.unit == "strain"
         else "the array's own values"
     )
     words = (
-        "Frames as the program gets them, seen from above: x runs to the right along the "
-        f"columns, y down along the rows. They are {calibrated}. All pictures share one scale."
+        "Frames as the program receives them, seen from above, with x to the right and y "
+        f"downwards. They show {calibrated}. All pictures have the same scale."
     )
     items = [
         colour_bar(record, scale),
@@ -322,11 +322,11 @@ def events(number: int, data: ReportData) -> str:
         listed = report_table(data.record.events)
         return section(number, "events", "Events", paragraph(words), listed)
     words = (
-        f"A report is right if it comes within {MAX_DELAY} frames of the truth. It must "
-        f"point within {np.degrees(MAX_TURN):.0f}° of it, and turn the same way. A gross slip may "
-        "come up to 0.3 s after the truth. For a twist the moment is that at which half of the "
-        "contact slips: it may come from 0.5 s before to 0.3 s after. Directions run from x "
-        "(right) towards y (down). A report of something that did not happen is listed as false."
+        f"A report is right if it comes within {MAX_DELAY} frames of the truth, points within "
+        f"{np.degrees(MAX_TURN):.0f}° of it and turns the same way. A gross slip may be reported "
+        "up to 0.3 s after the truth, and a twist from 0.5 s before to 0.3 s after half of the "
+        "contact slips. Directions are angles from x (right) towards y (down). A report of "
+        "something that did not happen is listed as false."
     )
     return section(number, "events", title, paragraph(words), event_table(data.verdicts))
 
@@ -353,7 +353,7 @@ def _checks(data: ReportData) -> list[str]:
     if not all(c.passed for c in checks):
         items.append(f"{symbol('wrong')}outside its tolerance")
     pictures = both(check_chart(checks, WIDE), check_chart(checks, NARROW))
-    note = "Sorted by how much of its tolerance each one uses. Time: median of one run of the case."
+    note = "Sorted by error as a share of the tolerance. The time is the median of one run."
     table = check_table(checks)
     return [paragraph(words), legend(items), pictures, paragraph(note, "note"), table]
 
@@ -363,9 +363,9 @@ def _ladders(data: ReportData) -> list[str]:
     if not points:
         return []
     words = (
-        "The same template by other methods, at a ladder of tolerances or steps, against the "
-        "float64 reference: lower and further left is better. Times are those of one picture in a "
-        f"batch of {max(p.pictures for p in points)}."
+        "The same templates with other methods, tolerances and steps, compared with the float64 "
+        "reference: further down and to the left is better. Times are per picture in a batch of "
+        f"{max(p.pictures for p in points)}."
     )
     methods = dict.fromkeys(p.method for p in points)
     items = [f"{symbol(f'm-{method}')}{escape(method)}" for method in methods]
@@ -374,16 +374,16 @@ def _ladders(data: ReportData) -> list[str]:
     cases = dict.fromkeys(p.case for p in points)
     charts = "".join(f"{_ladder(points, case)}" for case in cases)
     panels = f'<div class="panels">{charts}</div>'
-    return ["<h3>Up the ladder of methods</h3>", paragraph(words), legend(items), panels]
+    return ["<h3>Other methods</h3>", paragraph(words), legend(items), panels]
 
 
 def plans(number: int, data: ReportData) -> str:
     """Return the operations left out of each plan, and the cost of a frame."""
     words = (
-        "A scene names the events it wants; operations that nothing wanted reaches do not run. "
-        "Channels that nothing reads are neither decoded nor copied. Equal operations run once."
-        " Operations and arithmetic are a frame's with every loop's body counted once; “at most” "
-        "is with every loop at its limit."
+        "A scene names the events it wants. Operations that do not contribute to them are left "
+        "out, channels that are not read are neither decoded nor copied, and equal operations run "
+        "only once. The numbers of operations are per frame, with the body of each loop counted "
+        "once; “at most” counts every loop up to its limit."
     )
     if not data.plans:
         note = paragraph("No plan was timed in this run.", "note")
@@ -404,9 +404,9 @@ def latency(number: int, data: ReportData) -> str:
         none = paragraph("No frame ran.", "note")
         return section(number, "latency", "Latency of one frame", none)
     words = (
-        "From a frame in host memory to its events: conversion, copy to the device, one run of the "
-        f"program, copy back. Half of the frames took at most {micros(summary.p50_us)}, 99 % at "
-        f"most {micros(summary.p99_us)}."
+        "The time from a frame in host memory to its events: conversion, copy to the device, one "
+        "run of the program, and copy back. Half of the frames took at most "
+        f"{micros(summary.p50_us)}, 99 % at most {micros(summary.p99_us)}."
     )
     pictures = both(latency_chart(seconds, WIDE), latency_chart(seconds, NARROW))
     return section(number, "latency", "Latency of one frame", paragraph(words), pictures)
@@ -419,9 +419,9 @@ def _ladder(points: Sequence[WorkPrecision], case: str) -> str:
 
 COMMANDS = (
     ("cnnum demo", "this page again, measured anew"),
-    ("cnnum plan contact", "the operations of a scene that wants contacts alone"),
-    ("cnnum run my_scene.toml", "a scene of your own: its array, its wants, its program"),
-    ("cnnum templates list", "the library; show NAME prints one, check compares all"),
+    ("cnnum plan contact", "the operations of a scene that wants only contacts"),
+    ("cnnum run my_scene.toml", "your own scene: its array, its program and the events it wants"),
+    ("cnnum templates list", "the template library; show NAME prints a template, check checks all"),
     ("cnnum devices", "platforms and devices, with their measured peak"),
 )
 
@@ -433,8 +433,8 @@ def further(number: int, data: ReportData) -> str:
         f"{escape(command.ljust(width))}  <i>{escape(words)}</i>" for command, words in COMMANDS
     )
     words = (
-        "Each command takes --json and --help. All data behind this page is inside it, as JSON in "
-        "the element with the id “data”: series with seven digits, maps as 16-bit integers."
+        "Each command has the options --json and --help. The page contains its data as JSON, in "
+        "the element with the id “data”: series with seven digits, and maps as 16-bit integers."
     )
     return section(number, "further", "How to go on", f"<pre>{rows}</pre>", paragraph(words))
 

@@ -15,7 +15,7 @@ from random_networks import OPPOSITE, SYMMETRIC, Account, Network, Truth, judged
 
 import cnnum
 
-FEW = 30
+FEW = 20
 """Networks of a short run; their truth takes most of its seconds."""
 
 SECONDS = float(os.environ.get("CNNUM_FUZZ", "0"))

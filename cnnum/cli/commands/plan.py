@@ -133,7 +133,7 @@ def _show(output: Output, scene: str, wants: tuple[str, ...], plan: "Explanation
     runs = table("Templates that run")
     for text in plan.transients:
         runs.add_row(text)
-    gone = table("Left out", "why", "saves a frame")
+    gone = table("Left out", "why", "saves per frame")
     for item in grouped(plan.left_out):
         gone.add_row(item.what, item.why, item.saves)
     output.show(*(part for part in (runs, gone) if part.row_count))
