@@ -68,7 +68,7 @@ class Explanation:
     bytes_in, bytes_out : int
         Traffic to and from the device per frame.
     private_bytes, local_bytes, scratch_bytes : int
-        Private memory of a work item, and local memory of a work group. Global memory where the
+        Private memory of a work item, local memory of a work group, and global memory where the
         array is too large for private memory.
     left_out : tuple of LeftOut
     """

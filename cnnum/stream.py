@@ -136,7 +136,7 @@ class Stream(OfThisProcess):
             return outputs
 
     def ordinary(self, size: float) -> bool:
-        """Return whether the next frame needs no care: one of such magnitudes has come before."""
+        """Return whether the next frame is not examined, because it is no larger than usual."""
         return self.frames > 0 and not self._watch and size <= self._usual
 
     def _open(self) -> None:

@@ -383,10 +383,10 @@ def stability_bound(
     a linear array, the bound keeps |R| ≤ 1 for all other eigenvalues or, if these are not known,
     for a box around the field of values, in which Euler's and Heun's methods may have no stable
     step.
-    The rates of an array that saturates change with the cells: the bound lets no mode grow faster
+    The rates of an array that saturates change with the cells. The bound lets no mode grow faster
     than the array itself could, e^{max(Re λ, 0) h}, without saturation or, by Gershgorin's discs,
-    with any. With a delay, a mode also depends on its past. The step then divides the delay, and
-    only methods whose stages lie at the ends of steps have a bound.
+    whichever cells saturate. With a delay, a mode also depends on its past. The step then divides
+    the delay, and only methods whose stages lie at the ends of steps have a bound.
     """
     if isinstance(shape, Template | str):  # the order of version 0.1
         warn_of("stability_bound(method, template, shape)", "(template, shape, method)")

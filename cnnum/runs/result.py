@@ -344,16 +344,16 @@ class Result(ByContent):
     def certified(self) -> NDArray[np.str_]:
         """How the `error` of each frame is known, (...): "proven", "estimated" or "unknown".
 
-        * "proven": in exact arithmetic, the array comes from this initial state to within `error`
-          of `state` at the end, or to an equilibrium that lies so near. An enclosure of its
-          trajectory, independent of the run, shows this.
+        * "proven": in exact arithmetic, an array with this initial state is within `error` of
+          `state` at the end, or reaches an equilibrium that is. An enclosure of its trajectory,
+          independent of the run, shows this.
         * "estimated": `error` is finite, but no proof was found. For a run to equilibrium, it is
           proven that all states within the estimated error lead to one equilibrium, and how far
           away that is.
         * "unknown": `error` is infinite.
 
         The value is computed on first use, which takes from a tenth of a second per frame of a
-        small array to a minute. Runs `at` times, of template batches and in whole numbers are not
+        small array to a minute. Runs with `at`, of template batches or in whole numbers are never
         proven.
         """
         if self.proof is None:

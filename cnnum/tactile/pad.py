@@ -37,12 +37,13 @@ class Pad:
         Row and column of S1, S2, S3, S4 of each bump: (−x, +y), (+x, +y), (−x, −y), (+x, −y)
         of its centre, as in Fig. 6.13, whose y points up.
     shear_gain, normal_gain : float
-        Factors of the components; a bump's normal response is about four times its shear one.
+        Factors of the components; the normal response of a bump is about four times its shear
+        response.
 
     References
     ----------
     Vásárhelyi 2007, (6.1), (6.2). The printed T_y, S1 − S2 − S3 − S4, gives shear under a
-    uniform load; turning (6.1) by 45° gives S1 + S2 − S3 − S4.
+    uniform load; rotating (6.1) by 45° gives S1 + S2 − S3 − S4.
     """
 
     shape: tuple[int, int]
@@ -183,7 +184,7 @@ class Pad:
         Raises
         ------
         ArrayError
-            If the frame is not the pad's.
+            If the frame does not have the shape of the pad.
         PhysicsError
             If a value is not finite.
         UnknownNameError

@@ -1,4 +1,4 @@
-"""Closed forms of the receptor channels: gain by frequency, ramp and hold, latency of a spike.
+"""Closed forms of the receptor channels: gain at a frequency, ramp and hold, latency of a spike.
 
 A channel is a chain of leaky cells: `stages` high-passes with the time constant `slow`, then a
 low-pass with `quick`. Its response is (s·slow / (1 + s·slow))^stages / (1 + s·quick).
@@ -11,13 +11,13 @@ from cnnum.arrays import Floats
 
 
 def response(hertz: ArrayLike, *, stages: int, slow: float, quick: float) -> NDArray[np.complex128]:
-    """Return the response to a sine: its size is the gain, its angle the phase.
+    """Return the response to a sine: its magnitude is the gain, its angle the phase.
 
     Parameters
     ----------
     hertz : (...) float
     stages : int
-        High-passes.
+        Number of high-passes.
     slow, quick : float, s
         Time constants of a high-pass and of the low-pass.
     """
@@ -28,15 +28,15 @@ def response(hertz: ArrayLike, *, stages: int, slow: float, quick: float) -> NDA
 def ramp(time: ArrayLike, *, stages: int, slow: float, quick: float) -> Floats:
     """Return the response to a ramp of slope 1 that begins at time 0, s; 0 before.
 
-    That of a ramp and hold is the difference of two. With one high-pass it comes to rest at `slow`:
-    v · slow for a ramp of slope v. With two it fades.
+    The response to a ramp and hold is the difference of two such responses. With one high-pass, the
+    response settles at `slow` (v · slow for a ramp of slope v); with two, it fades to 0.
 
     Parameters
     ----------
     time : (...) float, s
     stages : 0, 1 or 2
     slow, quick : float, s
-        They differ.
+        They must differ.
     """
     t = np.maximum(np.asarray(time, dtype=np.float64), 0.0)
     b, falls = 1.0 / quick, np.exp(-t / quick)
@@ -49,9 +49,10 @@ def ramp(time: ArrayLike, *, stages: int, slow: float, quick: float) -> Floats:
 
 
 def held_plateau(speed: ArrayLike, time_step: float, time_constant: float) -> Floats:
-    """Return what a leaky cell lags behind a ramp that it gets in steps: v dt q / (1 − q).
+    """Return how far a leaky cell lags behind a ramp given in steps: v dt q / (1 − q).
 
-    Each step is held until the next one; q = exp(−dt/τ). With dt far below τ it is v τ − v dt/2.
+    Each step is held until the next one; q = exp(−dt/τ). If dt is far below τ, the lag is
+    v τ − v dt/2.
 
     Parameters
     ----------

@@ -23,16 +23,17 @@ class Texture:
     friction : (...) float
         Mean of |T_shear|/|S_n|, (6.3); 0 where not valid.
     roughness : (...) float
-        100 times its standard deviation over its mean, (6.4); 0 where not valid.
+        100 times its standard deviation divided by its mean, (6.4); 0 where not valid.
     count : (...) int
-        Points in contact among those of the window.
+        Number of points of the window that are in contact.
     valid : (...) bool
         Whether there were two points or more, and some friction.
 
     References
     ----------
-    Vásárhelyi 2007, (6.3), (6.4). The mean is over all T + 1 points from t − T to t (the print has
-    a sum). The deviation is its unbiased estimate (over the points less one).
+    Vásárhelyi 2007, (6.3), (6.4). The mean is over all T + 1 points from t − T to t (the printed
+    formula has a sum). The deviation is the unbiased estimate (division by one less
+    than the number of points).
     """
 
     friction: Array
@@ -43,14 +44,14 @@ class Texture:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TextureState:
-    """The last frames, for `stream`: passed in and returned, never changed.
+    """The last frames, for `stream`: passed in and returned, never modified.
 
     Attributes
     ----------
     ratios : (frames, ...) float
         Friction of each frame, oldest first, at most T + 1 of them.
     touching : (frames, ...) bool
-        Where it counts.
+        Where that friction counts.
     window : int
         T.
     threshold : float
@@ -71,9 +72,9 @@ def texture(signals: ArrayLike, *, window: int = WINDOW, threshold: float = 0.0)
     signals : (frames, ..., 3) float
         T_x, T_y and S_n of one taxel or of an array, of any unit; time runs along the first axis.
     window : int
-        T: the last T + 1 frames count, at the start those there are.
+        T: the last T + 1 frames count, or fewer at the start.
     threshold : float
-        A frame counts where |S_n| is above this: below, there is no contact to rub.
+        A frame counts where |S_n| is above this; otherwise, there is no contact.
 
     Returns
     -------
@@ -130,7 +131,7 @@ def stream(state: TextureState, signals: ArrayLike) -> tuple[TextureState, Textu
     Parameters
     ----------
     state : TextureState
-        From `start` or the call before.
+        From `start` or the previous call.
     signals : (..., 3) float
         T_x, T_y, S_n of one frame.
 
@@ -143,7 +144,7 @@ def stream(state: TextureState, signals: ArrayLike) -> tuple[TextureState, Textu
     Raises
     ------
     ArrayError
-        If the frame has another shape than those before.
+        If the frame does not have the shape of the previous ones.
     PhysicsError
         If a value is not finite.
     """

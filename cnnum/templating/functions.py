@@ -19,7 +19,7 @@ Interpolation = Literal["constant", "linear"]
 class Table:
     """Function given by points (v_k, f_k), as in the CNN Software Library.
 
-    * "constant": f_k for v_{k−1} < v ≤ v_k, f_1 before the first point, the last value beyond it.
+    * "constant": f_k for v_{k−1} < v ≤ v_k, constant before the first and after the last point.
     * "linear": straight lines between the points, constant beyond the first and the last.
 
     Attributes

@@ -1,13 +1,13 @@
 """An active contour that follows the outline of the body on which it started.
 
     seed             where a contact begins: the taxel with the largest pressure
-    force            the contact's taxels draw black over them, the others white
-    front            contour_wave, for the time of a frame: it goes on from the frame before
-    contour          the cells of the region at its rim
+    force            taxels in contact draw the cells above them to black, the others to white
+    front            contour_wave, for the time of a frame, from its state after the last frame
+    contour          the cells at the rim of the region
 
 The region can grow and shrink only at its front, by one cell per `CELL_TIME`. It therefore stays
 with its body when another one touches elsewhere, and follows it as long as the body is no faster
-than the front. A faulty frame moves it by no more than a front moves in that time.
+than the front. A faulty frame moves it by no more than a front moves in one frame.
 
 References
 ----------
@@ -113,10 +113,10 @@ def active_contour(
     Returns
     -------
     mapping
-        `contour` (logic map: the region's cells at its rim), `contour_inside` (logic map),
-        `contour_area` (cells), `contour_row`, `contour_column` (centroid, cells; after
-        the contact, its last value), `contour_holds` (flag: there is a region), `contour_rests`
-        (flag: its front has stopped).
+        `contour` (logic map: the cells at the rim of the region), `contour_inside` (logic map),
+        `contour_area` (cells), `contour_row`, `contour_column` (centroid, cells; after the contact,
+        its last value), `contour_holds` (flag: there is a region), `contour_rests` (flag: its front
+        has stopped).
 
     Raises
     ------

@@ -1,7 +1,7 @@
 """Contacts of a rigid body with the cover: pressure, partial slip, twist, and their maps.
 
-Loads grow monotonically from zero; pressure and tractions act on the cover, z into it.
-On maps, columns run along x and rows along y, the origin in the middle.
+Loads grow monotonically from zero; pressure and tractions act on the cover, and z points into it.
+On maps, columns run along x and rows along y, with the origin in the middle.
 """
 
 from cnnum.tactile.contact.cells import (

@@ -35,7 +35,7 @@ def root_average(grid: Grid, centre: tuple[float, float], radius: float) -> Arra
     centre : (x, y) float, m
         Centre of the contact.
     radius : float, m
-        Its radius a.
+        Radius a of the contact.
 
     Returns
     -------
@@ -48,9 +48,9 @@ def root_average(grid: Grid, centre: tuple[float, float], radius: float) -> Arra
 
 
 def inverse_average(grid: Grid, centre: tuple[float, float], radius: float) -> Array:
-    """Return the averages of 1/√(a² - ρ²), 1/m: the flat punch's and the stuck shear profile.
+    """Return the averages of 1/√(a² - ρ²), 1/m: the profile of a flat punch or of stuck shear.
 
-    Parameters and shape are those of `root_average`.
+    Parameters and the shape of the result are those of `root_average`.
     """
     x, y = _corners(grid, centre)
     total = _difference(np.sign(x) * np.sign(y) * _inverse(abs(x), abs(y), radius))
@@ -58,7 +58,7 @@ def inverse_average(grid: Grid, centre: tuple[float, float], radius: float) -> A
 
 
 def twist_average(grid: Grid, centre: tuple[float, float], radius: float) -> Array:
-    """Return the averages of (-y, x)/√(a² - ρ²), no unit: the twisted stuck disc's profile.
+    """Return the averages of (-y, x)/√(a² - ρ²) (dimensionless), as for a twisted stuck disc.
 
     Parameters are those of `root_average`; the result is (rows, cols, 2).
     """
@@ -134,19 +134,19 @@ def cell_average(
     centre: tuple[float, float] = (0.0, 0.0),
     nodes: int = 12,
 ) -> Array:
-    """Return the averages over the cells of a field that lives inside a circle.
+    """Return the averages over the cells of a field that is 0 outside a circle.
 
-    The circle cuts each cell, whose sides are set to x = a sin φ, y = √(a² - x²) sin θ. This takes
-    a root (or its inverse) at the rim out of the integrand. The rest is summed by Gauss points
-    between the places where the circle crosses the cell. A field that is smooth inside comes back
-    to about 1e-8 of its peak, and so does the total load. A kink inside leaves some 1e-3 in the
-    cells that it crosses.
+    The circle cuts each cell, whose sides are set to x = a sin φ, y = √(a² - x²) sin θ. This
+    removes a root (or its inverse) at the rim from the integrand. The rest is summed over Gauss
+    points between the places where the circle crosses the cell. For a field that is smooth inside,
+    the averages and the total load are accurate to about 1e-8 of its peak. A kink inside causes
+    errors of about 1e-3 in the cells that it crosses.
 
     Parameters
     ----------
     profile : callable
-        Takes x and y, m, relative to the centre, and gives the field there. They are arrays of one
-        shape, inside the circle.
+        Returns the field at x and y, m, relative to the centre: arrays of one shape with points
+        inside the circle.
     grid : Grid
         The cells.
     radius : float, m
@@ -240,7 +240,7 @@ def swirl_average(
     centre : (x, y) float, m
         Centre of the contact.
     radii : tuple of float, m
-        Where Φ is not smooth: the rim, and the stick radius.
+        Radii at which Φ is not smooth: that of the rim, and the stick radius.
 
     Returns
     -------

@@ -21,7 +21,7 @@ def contact_modulus(youngs_modulus: ArrayLike, poisson: ArrayLike = 0.5) -> Arra
     Returns
     -------
     (...) float, Pa
-        Contact modulus; for two elastic bodies 1/E* is the sum of theirs.
+        Contact modulus; for two elastic bodies, their values of 1/E* add.
 
     Raises
     ------
@@ -35,7 +35,7 @@ def contact_modulus(youngs_modulus: ArrayLike, poisson: ArrayLike = 0.5) -> Arra
 def shear_compliance(youngs_modulus: ArrayLike, poisson: ArrayLike = 0.5) -> Array:
     """Return (2 - ν)/G = 2 (1 + ν)(2 - ν)/E, 1/Pa, of an elastic half-space under a rigid body.
 
-    Parameters and errors are those of `contact_modulus`; two elastic bodies' compliances add.
+    Parameters and errors are those of `contact_modulus`; the compliances of two elastic bodies add.
     """
     ratio = checks.poisson_ratio(poisson)
     return 2 * (1 + ratio) * (2 - ratio) / checks.positive("youngs_modulus", youngs_modulus)
@@ -140,7 +140,7 @@ def punch_pressure(rho: ArrayLike, load: ArrayLike, radius: ArrayLike) -> Array:
 
 @broadcasting
 def punch_indentation(load: ArrayLike, radius: ArrayLike, modulus: ArrayLike) -> Array:
-    """Return how deep a rigid flat circular punch goes, P / (2 a E*), m.
+    """Return the indentation by a rigid flat circular punch, P / (2 a E*), m.
 
     Parameters
     ----------
@@ -176,23 +176,23 @@ def inverse_root(a: Array, rho: Array) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class PartialSlip:
-    """Stick zone and traction of a sphere, under a tangential force that only grew.
+    """Stick zone and traction of a sphere under a tangential force that has only grown.
 
-    The traction points along the force everywhere (Cattaneo, Mindlin). That is exact for ν = 0 and
-    the field's usual approximation else. Normal and tangential loads do not couple, which is exact
-    at ν = 0.5 against a rigid body.
+    The traction points along the force everywhere (Cattaneo, Mindlin). This is exact for ν = 0 and
+    the usual approximation otherwise. Normal and tangential loads do not couple, which is exact at
+    ν = 0.5 against a rigid body.
 
     Parameters
     ----------
     contact_radius : (...) float, m
         Radius a of the contact.
     stick_radius : (...) float, m
-        Radius c of the part that sticks; 0 when all slides.
+        Radius c of the part that sticks; 0 if everything slides.
     peak_traction : (...) float, Pa
         Friction times peak pressure, μp₀.
     slip_width : (...) float, m, optional
-        Width a − c of the ring that slips, for a small force far below the roundings of a; their
-        difference unless given.
+        Width a − c of the ring that slips. It is given for small forces, where it is below the
+        rounding of a; otherwise, it is computed.
     """
 
     contact_radius: Array
@@ -201,7 +201,7 @@ class PartialSlip:
     slip_width: Array | None = None
 
     def traction(self, rho: ArrayLike) -> Array:
-        """Return the shear traction's size, Pa, at the distance `rho` (...) float, m."""
+        """Return the magnitude of the shear traction, Pa, at the distance `rho` (...) float, m."""
         distance = checks.not_negative("rho", rho)
         a, c, ring = self.contact_radius, self.stick_radius, self.slip_width
         ring = a - c if ring is None else ring
@@ -226,20 +226,19 @@ def partial_slip(
     load : (...) float, N
         Normal load P, above 0.
     tangential : (...) float, N
-        Size Q of the tangential force; from μP on everything slides and carries μP.
+        Magnitude Q of the tangential force; from μP on, everything slides and carries μP.
     friction : (...) float
         Coefficient of friction μ, above 0.
 
     Returns
     -------
     PartialSlip
-        Stick radius c = a (1 - Q/(μP))^(1/3), and the traction
-        q = μ (p of the load - p of the load less Q/μ).
+        Stick radius c = a (1 - Q/(μP))^(1/3), and the traction q = μ (p under P - p under P - Q/μ).
 
     Raises
     ------
     PhysicsError
-        If the load or friction is not positive or the tangential force negative.
+        If the load or friction is not positive, or the tangential force is negative.
 
     References
     ----------
@@ -276,7 +275,7 @@ def tangential_displacement(
     Returns
     -------
     (...) float, m
-        δ = 3μP/(16a) (2 - ν)/G [1 - (1 - Q/(μP))^(2/3)]; at Q >= μP the value where sliding
+        δ = 3μP/(16a) (2 - ν)/G [1 - (1 - Q/(μP))^(2/3)]; for Q >= μP, the value at which sliding
         begins.
 
     Raises
@@ -307,7 +306,7 @@ def stuck_traction(rho: ArrayLike, tangential: ArrayLike, radius: ArrayLike) -> 
     rho : (...) float, m
         Distance from the axis.
     tangential : (...) float, N
-        Size Q of the tangential force.
+        Magnitude Q of the tangential force.
     radius : (...) float, m
         Radius a of the contact.
 

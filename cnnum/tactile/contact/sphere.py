@@ -109,15 +109,15 @@ Regime = Literal["none", "stick", "partial", "sliding"]
 
 @dataclass(frozen=True, slots=True)
 class ContactState:
-    """The figures of a sphere's contact.
+    """Radii, pressure and regime of the contact of a sphere.
 
     Parameters
     ----------
     contact_radius : float, m
         Radius a of the contact, 0 without load.
     stick_radius : float, m
-        Radius c of the stick zone. Under force and torque together it is the smaller of the two
-        taken alone, an upper bound.
+        Radius c of the stick zone. Under force and torque together, it is the smaller of the radii
+        for each alone, an upper bound.
     peak_pressure : float, Pa
         Pressure at the centre.
     regime : str
@@ -162,19 +162,19 @@ def sphere_traction(
     tangential: tuple[float, float] = (0.0, 0.0),
     torque: float = 0.0,
 ) -> tuple[Array, ContactState]:
-    """Return the tractions that a sphere leaves on the cells of a map, and its state.
+    """Return the tractions of a sphere on the cells of a map, and the state of its contact.
 
-    The loads are taken to have grown together from zero with the normal load held (no history).
-    Under a force alone the cells hold the exact averages of the Cattaneo-Mindlin traction. Under a
-    torque alone they hold those of the Lubkin traction. *Under both, the result is an
-    approximation*: the two tractions are scaled, added and cut to friction times pressure cell by
-    cell. So both loads are carried. When the contact slides, friction points along the motion about
-    the pole that the ratio of the loads asks for.
+    Force and torque are assumed to have grown together from zero under a constant normal load.
+    Under a force alone, the cells hold the exact averages of the Cattaneo-Mindlin traction; under a
+    torque alone, those of the Lubkin traction. *Under both, the result is an approximation*: the
+    two tractions are scaled, added and limited to friction times pressure cell by cell, such that
+    both loads are carried. If the contact slides, friction points along a rotation about the pole
+    that gives the ratio of the loads.
 
     Parameters
     ----------
     shape : (rows, cols) int
-        Cells of the map; columns along x, rows along y, the origin in its middle.
+        Cells of the map; columns run along x and rows along y, with the origin in the middle.
     spacing : float or (dy, dx) float, m
         Size of a cell.
     load : float, N
@@ -188,10 +188,10 @@ def sphere_traction(
     centre : (x, y) float, m
         Where the sphere touches; parts outside the map are left out.
     tangential : (Q_x, Q_y) float, N
-        Tangential force on the surface; from μP on the contact slides and carries μP.
+        Tangential force on the surface; from μP on, the contact slides and carries μP.
     torque : float, N m
-        Torque on the surface about z, turning x towards y; from 3πμPa/16 on the contact slides
-        and carries that.
+        Torque on the surface about z, turning x towards y; from 3πμPa/16 on, the contact slides and
+        carries this torque.
 
     Returns
     -------
@@ -203,8 +203,8 @@ def sphere_traction(
     Raises
     ------
     PhysicsError
-        If the load or friction is negative, or a radius, modulus or spacing not positive. Or if a
-        number is not finite (friction aside).
+        If the load or friction is negative, a radius, modulus or spacing is not positive, or a
+        number other than the friction is not finite.
     ArrayError
         If the shape, centre or force has the wrong number of entries.
 

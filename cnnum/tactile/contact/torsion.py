@@ -64,7 +64,7 @@ def stuck_torsion_traction(rho: ArrayLike, torque: ArrayLike, radius: ArrayLike)
 
 @broadcasting
 def stuck_twist(torque: ArrayLike, radius: ArrayLike, shear_modulus: ArrayLike) -> Array:
-    """Return the angle that a stuck disc turns by, β = 3T / (16 G a³), rad.
+    """Return the angle by which a stuck disc turns, β = 3T / (16 G a³), rad.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ def stuck_twist(torque: ArrayLike, radius: ArrayLike, shear_modulus: ArrayLike) 
     Raises
     ------
     PhysicsError
-        If the radius or modulus is not positive or the torque not finite.
+        If the radius or modulus is not positive, or the torque is not finite.
 
     References
     ----------
@@ -114,19 +114,19 @@ def sliding_torque(load: ArrayLike, radius: ArrayLike, friction: ArrayLike) -> A
 
 @dataclass(frozen=True, slots=True)
 class TorsionSlip:
-    """A twisted Hertz contact whose inner disc sticks, under a torque that only grew.
+    """A twisted Hertz contact whose inner disc sticks, under a torque that has only grown.
 
     Parameters
     ----------
     contact_radius : float, m
         Radius a of the contact.
     stick_radius : float, m
-        Radius c of the part that sticks, 0 when all slides.
+        Radius c of the part that sticks; 0 if everything slides.
     peak_traction : float, Pa
         Friction times peak pressure, μp₀.
     slip_width : float, m, optional
-        Width a − c of the ring that slips, for a small torque far below the roundings of a; their
-        difference unless given.
+        Width a − c of the ring that slips. It is given for small torques, where it is below the
+        rounding of a; otherwise, it is computed.
     """
 
     contact_radius: float
@@ -238,21 +238,21 @@ def torsion_slip(load: float, radius: float, torque: float, friction: float) -> 
     load : float, N
         Normal load P, above 0.
     radius : float, m
-        Contact radius a under it.
+        Contact radius a under this load.
     torque : float, N m
-        Size T of the torque, 0 or more; from 3πμPa/16 on everything slides.
+        Magnitude T of the torque, 0 or more; from 3πμPa/16 on, everything slides.
     friction : float
         Coefficient of friction μ, above 0.
 
     Returns
     -------
     TorsionSlip
-        The stick radius is found from T = (8μp₀/3) ∫ t² E(√(1 - t²/a²)) dt from c to a.
+        The stick radius follows from T = (8μp₀/3) ∫ t² E(√(1 - t²/a²)) dt from c to a.
 
     Raises
     ------
     PhysicsError
-        If the load, radius or friction is not positive or the torque negative.
+        If the load, radius or friction is not positive, or the torque is negative.
 
     References
     ----------

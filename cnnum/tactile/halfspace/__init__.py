@@ -1,7 +1,7 @@
 """The elastic half-space: an infinitely thick flat cover, loaded on its surface.
 
-x and y lie in the surface, z points into the material. Forces and pressures are positive into the
-material, stress is positive in tension. On maps, columns run along x and rows along y.
+x and y lie in the surface, and z points into the material. Forces and pressures are positive into
+the material; stress is positive in tension. On maps, columns run along x and rows along y.
 """
 
 from cnnum.tactile.halfspace.influence import strain_from_stress

@@ -30,7 +30,7 @@ from cnnum.tactile.checks import Array, broadcasting
 def strain_from_stress(
     stress: ArrayLike, *, youngs_modulus: ArrayLike, poisson: ArrayLike = 0.5
 ) -> Array:
-    """Return the strain that belongs to a stress.
+    """Return the strain that corresponds to a stress.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ def strain_from_stress(
     Returns
     -------
     (..., 3, 3) float
-        Strain tensor, tensor shear strains.
+        Strain tensor; its shear components are half the engineering ones.
 
     Raises
     ------

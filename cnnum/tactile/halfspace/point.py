@@ -51,7 +51,7 @@ def displacement(
     Parameters
     ----------
     x, y : (...) float, m
-        Place on the plane of the surface, relative to the load.
+        Place in the plane of the surface, relative to the load.
     z : (...) float, m
         Depth into the material, 0 on the surface.
     force : (..., 3) float, N
@@ -69,8 +69,7 @@ def displacement(
     Raises
     ------
     PhysicsError
-        If E <= 0, z < 0 or ν is out of range. Or if a number is not finite, or a point is the
-        load's own.
+        If E <= 0, z < 0, ν is out of range, a number is not finite, or a point is that of the load.
 
     References
     ----------
@@ -137,7 +136,7 @@ def strain(
     Returns
     -------
     (..., 3, 3) float
-        Strain tensor; its shear components are the tensor's, half the engineering ones.
+        Strain tensor; its shear components are half the engineering ones.
 
     Raises
     ------
@@ -242,7 +241,7 @@ def line_load_stress(
     Parameters
     ----------
     x : (...) float, m
-        Distance from the line on the plane of the surface.
+        Distance from the line in the plane of the surface.
     z : (...) float, m
         Depth, 0 or more.
     force_per_length : (..., 3) float, N/m

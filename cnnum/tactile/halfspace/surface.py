@@ -48,9 +48,9 @@ def harmonic_extension(k: ArrayLike, depth: ArrayLike) -> Array:
 
 @broadcasting
 def low_pass(k: ArrayLike, depth: ArrayLike) -> Array:
-    """Return (1 + kz) e^{-kz}: normal stress at depth over the pressure on the surface, times -1.
+    """Return (1 + kz) e^{-kz}: normal stress at depth divided by surface pressure, times -1.
 
-    Parameters and errors are those of `harmonic_extension`; any ν.
+    Parameters and errors are those of `harmonic_extension`; valid for any ν.
     """
     reach = _reach(k, depth)
     return np.asarray((1 + reach) * np.exp(-reach))
@@ -58,10 +58,10 @@ def low_pass(k: ArrayLike, depth: ArrayLike) -> Array:
 
 @broadcasting
 def band_pass(k: ArrayLike, depth: ArrayLike) -> Array:
-    """Return kz e^{-kz}: normal strain at depth over the pressure, times -2E/3, at ν = 0.5.
+    """Return kz e^{-kz}: normal strain at depth divided by pressure, times -2E/3, for ν = 0.5.
 
-    Parameters and errors are those of `harmonic_extension`. It peaks at k = 1/z and passes no
-    mean: the "Mexican hat" of Vásárhelyi's dissertation (2007), 4.2.4.
+    Parameters and errors are those of `harmonic_extension`. The filter peaks at k = 1/z and removes
+    the mean: the "Mexican hat" of Vásárhelyi's dissertation (2007), 4.2.4.
     """
     reach = _reach(k, depth)
     return np.asarray(reach * np.exp(-reach))
@@ -69,7 +69,7 @@ def band_pass(k: ArrayLike, depth: ArrayLike) -> Array:
 
 @broadcasting
 def stress_transfer(kx: ArrayLike, ky: ArrayLike, depth: ArrayLike) -> Complex:
-    """Return the factors from surface traction to the stress that taxels see.
+    """Return the factors from surface traction to the stress that taxels measure.
 
     Parameters
     ----------
@@ -81,7 +81,7 @@ def stress_transfer(kx: ArrayLike, ky: ArrayLike, depth: ArrayLike) -> Complex:
     Returns
     -------
     (..., 3, 3) complex
-        Rows σ_xz, σ_yz, σ_zz; columns q_x, q_y, p. The same for every Poisson ratio.
+        Rows σ_xz, σ_yz, σ_zz; columns q_x, q_y, p. They are the same for every Poisson ratio.
 
     Raises
     ------
@@ -114,7 +114,7 @@ def strain_transfer(
     youngs_modulus: ArrayLike,
     poisson: ArrayLike = 0.5,
 ) -> Complex:
-    """Return the factors from surface traction to the strain that taxels see.
+    """Return the factors from surface traction to the strain that taxels measure.
 
     Parameters
     ----------
@@ -126,8 +126,8 @@ def strain_transfer(
     Returns
     -------
     (..., 3, 3) complex, 1/Pa
-        Rows ε_xz, ε_yz, ε_zz (tensor strains); columns q_x, q_y, p. At k = 0 and ν < 0.5 it is the
-        mean over all directions of a vanishing wave vector. So it is for a very large loaded disc.
+        Rows ε_xz, ε_yz, ε_zz (tensor strains); columns q_x, q_y, p. At k = 0 and ν < 0.5, they are
+        means over all directions of a vanishing wave vector, as for a very large loaded disc.
 
     Raises
     ------
@@ -171,11 +171,11 @@ _CHUNK_BYTES = 1e6  # the working set stays in the cache
 
 @dataclass(frozen=True, slots=True)
 class SurfaceToDepth:
-    """The map from surface tractions to stress or strain at one depth, kernels computed once.
+    """The map from surface tractions to stress or strain at one depth; computes its kernels once.
 
     Every cell carries a uniform traction. A zero-padded FFT sums its exact influence (Love,
-    Cerruti) on the point below each cell's centre. So the surface around the map is free, and
-    nothing wraps around.
+    Cerruti) on the point below each cell's centre. The surface around the map is therefore free of
+    load, and nothing wraps around.
 
     Parameters
     ----------
@@ -184,13 +184,13 @@ class SurfaceToDepth:
     spacing : float or (dy, dx) float, m
         Size of a cell.
     depth : float, m
-        Depth of the plane that is looked at, 0 or more.
+        Depth of the plane, 0 or more.
     poisson : float
-        Poisson's ratio, above -1 and at most 0.5. It does not enter σ_xz, σ_yz, σ_zz.
+        Poisson's ratio, above -1 and at most 0.5. σ_xz, σ_yz and σ_zz do not depend on it.
     components : sequence of str
         Which of "xx", "yy", "zz", "yz", "xz", "xy" to compute, in the order of the result.
     youngs_modulus : float, Pa, or None
-        None for stress; a number for the tensor strain of a solid of that modulus.
+        None for stress; a number for the tensor strain of a solid with that modulus.
 
     Raises
     ------
@@ -363,7 +363,7 @@ def surface_load_strain(
     Returns
     -------
     (..., rows, cols, 3, 3) float
-        Strain below the centre of each cell, tensor shear strains.
+        Strain below the centre of each cell; its shear components are half the engineering ones.
 
     Raises
     ------

@@ -1,7 +1,7 @@
-"""The way back from strain at taxels to the load on the cover (dissertation, chapter 5).
+"""From the strain at taxels back to the load on the cover (dissertation, chapter 5).
 
-One taxel: `locate` (strain), `locate_stress`, `locate_signals` (bridge signals). Several:
-`locate_load`, a load in three directions. A whole frame: `LoadMap`, tractions all over.
+From one taxel: `locate` (strain), `locate_stress`, `locate_signals` (bridge signals). From several:
+`locate_load`, a load in three directions. From a whole frame: `LoadMap`, a map of tractions.
 """
 
 from cnnum.tactile.inverse.load_map import LoadMap, SurfaceLoad

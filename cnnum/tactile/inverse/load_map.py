@@ -68,13 +68,13 @@ class SurfaceLoad:
     Attributes
     ----------
     traction : (..., rows, cols, loads) float, Pa
-        The wanted ones of (q_x, q_y, p).
+        The requested components of (q_x, q_y, p).
     regularisation : (...) float, Pa
-        RMS traction that was taken as likely before looking: detail finer or weaker than
-        noise / regularisation was left out.
+        RMS traction that was assumed beforehand: detail finer or weaker than noise / regularisation
+        was left out.
     residual : (...) float
-        RMS of the unexplained signal, in units of the noise. Well above 1, the frame is not that of
-        tractions on this map.
+        RMS of the unexplained signal, in units of the noise. If it is well above 1, the frame does
+        not come from tractions on this map.
     """
 
     traction: Array
@@ -84,12 +84,12 @@ class SurfaceLoad:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LoadMap:
-    """Inverse of the cover, for one array; factored once, then applied to many frames.
+    """Inverse of the cover for one array, factored once and then applied to many frames.
 
     Attributes
     ----------
     taxels : (n, 2) float, m
-        Places of the taxels, in the frame of the grid: its middle is the origin.
+        Places of the taxels, relative to the middle of the grid.
     shape : (rows, cols) int
         Cells of the map.
     spacing : float or (dy, dx) float, m
@@ -97,16 +97,16 @@ class LoadMap:
     depth : float, m
     youngs_modulus : float, Pa
     noise : float or (float, float)
-        RMS of the shear and the normal strain; above 0, for it sets the resolution.
+        RMS noise of the shear and the normal strain; above 0, because it sets the resolution.
     loads : sequence of str
-        Tractions to look for: "shear_x", "shear_y", "normal".
+        Tractions to find: "shear_x", "shear_y", "normal".
     channels : sequence of str
         Strains that are measured.
 
     Notes
     -----
-    A uniform pressure makes no strain in an incompressible half-space: the total of a map is
-    seen by its edges only; see `push_only`.
+    A uniform pressure causes no strain in an incompressible half-space, so the total of a map shows
+    only at its edges; see `push_only`.
     """
 
     taxels: Array
@@ -138,10 +138,10 @@ class LoadMap:
 
     @property
     def condition(self) -> float:
-        """The best over the worst seen pattern of tractions, in signal over noise.
+        """Signal-to-noise ratio of the best measured pattern of tractions over that of the worst.
 
-        By how much noise counts more in the worst pattern without `regularisation`. It is infinite
-        where a pattern is not seen at all.
+        Without `regularisation`, the worst pattern is noisier by this factor. It is infinite if a
+        pattern is not measured at all.
         """
         best, worst = float(self._sizes[0]), float(self._sizes[-1])
         unseen = (
@@ -162,7 +162,7 @@ class LoadMap:
         *,
         push_only: bool = False,
     ) -> SurfaceLoad:
-        """Return the likeliest traction behind the strain, for a likely size of tractions.
+        """Return the likeliest traction behind the strain, given a likely size of tractions.
 
         Parameters
         ----------
@@ -224,9 +224,9 @@ class LoadMap:
         return self.shape[0] * self.shape[1]
 
     def noise_error(self, regularisation: float) -> Array:
-        """Return the half-width that holds the noise of each cell in 95 % of cases.
+        """Return the half-width that contains the noise of each cell in 95 % of cases.
 
-        Detail that the regularisation smooths away is not in it: see `resolution`.
+        It does not include the detail that the regularisation smooths away; see `resolution`.
 
         Parameters
         ----------
@@ -250,8 +250,8 @@ class LoadMap:
         Returns
         -------
         (rows, cols, loads) float, m
-            Side of the square that shares the answer to a load on one cell: the cell's own side
-            where the map is sharp, infinite where the taxels see nothing.
+            Side of the square over which the answer to a load on one cell is spread: the side of
+            the cell where the map is sharp, infinite where the taxels measure nothing.
         """
         kept = self._kept(np.array([float(regularisation)]))[0]
         own = np.sum(kept[:, np.newaxis] * self._right**2, axis=0)

@@ -70,13 +70,13 @@ def force_from_moments(offsets: ArrayLike, moments: ArrayLike, *, depth: float) 
     Returns
     -------
     (..., 3) float, N
-        The solution (5.13) for three taxels, least squares for more. Taxels on one line leave a
-        direction open: then the smallest load that fits.
+        The solution (5.13) for three taxels, least squares for more. If all taxels are on one line,
+        a direction is undetermined, and the smallest load that fits is returned.
 
     Raises
     ------
     ArrayError
-        If the shapes do not belong together.
+        If the shapes do not match.
     PhysicsError
         If the depth is not positive or a value is not finite.
 
@@ -98,7 +98,7 @@ def force_from_moments(offsets: ArrayLike, moments: ArrayLike, *, depth: float) 
 
 
 def largest_spacing(depth: ArrayLike) -> Array:
-    """Return the pitch of a square array below which three taxels always see a load inside √2 z.
+    """Return the pitch of a square array below which any load is within √2 z of three taxels.
 
     Parameters
     ----------
@@ -125,7 +125,7 @@ def largest_spacing(depth: ArrayLike) -> Array:
 def sliding_force(
     moment: ArrayLike, offset: ArrayLike, *, depth: float, friction: ArrayLike, direction: ArrayLike
 ) -> Array:
-    """Return the load (Q, R, F) that one taxel sees, if it is known to slide.
+    """Return the load (Q, R, F) on the cover from one taxel, if the load is known to slide.
 
     Parameters
     ----------
@@ -199,10 +199,10 @@ def resolution_limit(
     quantity: str = "strain",
     pitch: ArrayLike = 0.0,
 ) -> Array:
-    """Return the smallest half period of a pressure pattern that taxels under a cover can see.
+    """Return the smallest half period of a pressure pattern that taxels under a cover can resolve.
 
-    Under a pressure wave of wave number k the normal strain falls as kz e^{−kz}. The stress falls
-    as (1 + kz) e^{−kz}. Where that is below the noise, nothing is left of the wave. A wave shorter
+    Under a pressure wave of wave number k, the normal strain falls as kz e^{−kz}, and the stress as
+    (1 + kz) e^{−kz}. Where this is below the noise, nothing is left of the wave. A wave shorter
     than twice the pitch of the taxels is mistaken for a longer one.
 
     Parameters
@@ -210,8 +210,8 @@ def resolution_limit(
     depth : (...) float, m
         Thickness z of the cover.
     signal_to_noise : (...) float
-        Of the amplitude of the wave that the cover hands on best: kz = 1 for strain, uniform for
-        stress. All n taxels know it √(n/2) better than one does; above 1.
+        For the amplitude of the wave that the cover transmits best: kz = 1 for strain, uniform for
+        stress. It is √(n/2) times as high for n taxels as for one; above 1.
     quantity : {"strain", "stress"}
         The measured quantity.
     pitch : (...) float, m

@@ -21,24 +21,26 @@ _DIRECTIONS = ((1.0, 0.0), (0.0, 1.0), (0.5**0.5, 0.5**0.5), (0.5**0.5, -(0.5**0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PointLoad:
-    """A point load on the cover, as one taxel sees it.
+    """A point load on the cover, as measured by one taxel.
 
     Attributes
     ----------
     x, y : (...) float, m
-        Place of the load; 0 relative to the taxel where it sees nothing.
+        Place of the load; that of the taxel where it measures nothing.
     force : (...) float, N
         F, if the load is normal.
     moment : (...) float, N m
-        Qx + Ry + Fz (5.8), all that one taxel can see of a load in three directions.
+        Qx + Ry + Fz (5.8), all that one taxel can measure of a load in three directions.
     inside : (...) bool
-        Nearer than √2 z, where the normal strain is negative (always true for stress).
+        Whether the load is nearer than √2 z, where the normal strain is negative (always true for
+        stress).
     seen : (...) bool
         Whether there is a load that explains the signal.
     position_error : (...) float, m
-        Radius that holds the true place in 95 % of cases, for the given noise.
+        Radius that contains the true place in 95 % of cases, for the given noise.
     force_error : (...) float, N
-        Half-width that holds the true force in 95 % of cases; both infinite where not seen.
+        Half-width that contains the true force in 95 % of cases; both errors are infinite where no
+        load is seen.
     """
 
     x: Array
@@ -59,12 +61,12 @@ def locate(
     taxel: ArrayLike = (0.0, 0.0),
     noise: Noise = 0.0,
 ) -> PointLoad:
-    """Return the point load that makes the strain at one taxel; it pushes, it does not pull.
+    """Return the point load that causes the strain at one taxel, assuming that it is a push.
 
-    The dissertation squares ε_zz/|ε_shear|. So it needs one formula inside √2 z (5.4), another
-    outside (5.5), and has none on the ring. Kept signed, its (5.2) is s ρ² + 3 z n ρ − 2 z² s = 0
-    with one root ρ ≥ 0 anywhere. Here s = |ε_shear| and n = −ε_zz. The force from both components
-    at once has no singular ring either.
+    The dissertation squares ε_zz/|ε_shear|. It therefore needs one formula inside √2 z (5.4) and
+    another outside (5.5), and has none on the ring. With its sign kept, (5.2) becomes
+    s ρ² + 3 z n ρ − 2 z² s = 0, with s = |ε_shear| and n = −ε_zz, which always has one root ρ ≥ 0.
+    The force is computed from both components, so it has no singular ring either.
 
     Parameters
     ----------
@@ -76,7 +78,7 @@ def locate(
     taxel : (..., 2) float, m
         Place of the taxel.
     noise : float or (float, float)
-        RMS of the shear and the normal strain; 0 for exact data.
+        RMS noise of the shear and the normal strain; 0 for exact data.
 
     Returns
     -------
@@ -136,9 +138,10 @@ def locate_signals(
     beta_ns : float
         α_s/α_n.
     noise : float, V
-        RMS of one bridge: √2 of it in T_x and T_y, as much in S_n (4.14).
+        RMS noise of one bridge; that of T_x and T_y is √2 times as large, that of S_n the same
+        (4.14).
 
-    It raises as `locate`.
+    Errors are those of `locate`.
 
     References
     ----------
@@ -160,7 +163,7 @@ def locate_signals(
 def locate_stress(
     stress: ArrayLike, *, depth: float, taxel: ArrayLike = (0.0, 0.0), noise: Noise = 0.0
 ) -> PointLoad:
-    """Return the point load that makes the stress at one taxel; it may pull as well.
+    """Return the point load, a push or a pull, that causes the stress at one taxel.
 
     Parameters
     ----------
@@ -169,14 +172,15 @@ def locate_stress(
     depth, taxel
         As in `locate`.
     noise : float or (float, float), Pa
-        RMS of the shear and the normal stress.
+        RMS noise of the shear and the normal stress.
 
     Returns
     -------
     PointLoad
-        Without singular ring; unseen only where σ_zz is negligible against the shear. Its errors
-        hold in 95 % of cases or more, for noise of any size: they are the farthest place and force
-        of all stresses within 95 % of the noise. Where that reaches σ_zz = 0 they are infinite.
+        It has no singular ring; a load is unseen only where σ_zz is negligible compared with the
+        shear. The errors hold in at least 95 % of cases, for noise of any size: they span the
+        places and forces of all stresses within 95 % of the noise, and are infinite if these
+        include σ_zz = 0.
 
     Raises
     ------

@@ -145,16 +145,18 @@ class SpatialLoad:
     Attributes
     ----------
     x, y : (...) float, m
-        Place on the cover, in the frame of the taxels.
+        Place on the cover, in the coordinates of the taxels.
     force : (..., 3) float, N
         (Q, R, F).
     position_error : (...) float, m
-        Radius that holds the true place in 95 % of cases, for the given noise.
+        Radius that contains the true place in 95 % of cases, for the given noise.
     force_error : (..., 3) float, N
-        Half-width that holds each component in 95 % of cases. Where the taxels leave a direction
-        open (all on one line), it also spans the friction cone. It is infinite if that allows any.
+        Half-width that contains each component in 95 % of cases. If the taxels leave a direction
+        undetermined (all on one line), it also spans the friction cone, and is infinite if the cone
+        sets no limit.
     residual : (...) float
-        RMS strain that the load does not explain: far above the noise, it is not one point load.
+        RMS strain that the load does not explain; if it is far above the noise, the load is not a
+        single point load.
     determined : bool
         Whether the taxels determine all three components.
     seen : (...) bool
@@ -180,11 +182,11 @@ def locate_load(
     noise: Noise = 0.0,
     friction: float = 1.0,
 ) -> SpatialLoad:
-    """Return place and three components of the point load that an array of taxels sees.
+    """Return the place and the three components of the point load on an array of taxels.
 
     The dissertation takes the place from one taxel and the force from three by (5.13). It divides
-    by ε_zz at each, which fails on the ring ρ = √2 z. Here its answers are only starts. Then place
-    and force are fitted to the three components at all taxels at once.
+    by ε_zz at each taxel, which fails on the ring ρ = √2 z. Here its answers are only initial
+    values; place and force are then fitted to the three components at all taxels at once.
 
     Parameters
     ----------
@@ -194,9 +196,9 @@ def locate_load(
     depth : float, m
     youngs_modulus : float, Pa
     noise : float or (float, float)
-        RMS of the shear and the normal strain; 0 for exact data.
+        RMS noise of the shear and the normal strain; 0 for exact data.
     friction : float
-        Largest |(Q, R)|/F that can be; used only for taxels on one line.
+        Largest possible |(Q, R)|/F; used only for taxels on one line.
 
     Returns
     -------
@@ -205,7 +207,7 @@ def locate_load(
     Raises
     ------
     ArrayError
-        If there are fewer than two taxels, or the shapes do not belong together.
+        If there are fewer than two taxels, or the shapes do not match.
     PhysicsError
         If a parameter is out of range or a value is not finite.
 

@@ -56,7 +56,7 @@ class Piezoresistor:
         longitudinal, transversal : (...) float, Pa
             Stress along and across the current; tension is positive.
         exact : bool
-            Keep π11 and π12 (3.5), instead of π44 alone (3.7).
+            Whether to use π11 and π12, too (3.5), instead of π44 alone (3.7).
 
         Returns
         -------
@@ -83,7 +83,7 @@ def von_mises(principal: ArrayLike) -> Floats:
     Raises
     ------
     ArrayError
-        If the last axis does not hold three stresses.
+        If the last axis does not have three stresses.
 
     References
     ----------
@@ -153,8 +153,8 @@ _TABLE_FORCE = 10e-3  # N, the load of Table 3.I
 class Bridge:
     """Four piezoresistive bridges in half-bridge circuits.
 
-    The defaults are Table 3.I: stresses at 10 mN, per newton. A positive normal force pushes
-    into the silicon and shortens all four bridges. A positive shear shortens the one in front of
+    The defaults are the stresses of Table 3.I at 10 mN, per newton. A positive normal force pushes
+    into the silicon and shortens all four bridges. A positive shear shortens the bridge in front of
     it.
 
     Attributes
@@ -164,18 +164,18 @@ class Bridge:
     shear : float, Pa/N
         α_ls: σ_l − σ_t in the bridges along a shear force.
     transversal : float, Pa/N
-        α_ts: the same in the bridges across it; the dissertation neglects it.
+        α_ts: the same in the bridges across the force; the dissertation neglects it.
     supply : float, V
         Bias of the half bridges.
     piezoresistor : Piezoresistor
     linear : bool
-        ΔV = (V/4) ΔR/R; otherwise the half bridge's own (V/4) δ/(1 + δ/2).
+        Whether ΔV = (V/4) ΔR/R; otherwise, as for a half bridge, (V/4) δ/(1 + δ/2).
     von_mises_normal, von_mises_shear : float, Pa/N
         Largest equivalent stress of a normal and of a shear force.
     yield_stress : float, Pa
         Yield stress of silicon.
     largest_force : float, N
-        On bare silicon; sensors broke at 5 to 10 mN, below the limit of their yield stress.
+        On bare silicon; sensors broke at 5 to 10 mN, before they reached the yield stress.
 
     References
     ----------
@@ -230,7 +230,7 @@ class Bridge:
         Raises
         ------
         ArrayError
-            If the last axis does not hold three components.
+            If the last axis does not have three components.
         """
         load = trailing("force", finite("force", force), 3, "(F_x, F_y, F_z)")
         return apply_matrix(self.matrix, load)
@@ -251,7 +251,7 @@ class Bridge:
         ----------
         voltages : (..., 4) float, V
             Before the amplifier. A part that no force explains (a mismatch of opposite pairs) is
-            left out in the least-squares sense.
+            left out by least squares.
 
         Returns
         -------
@@ -260,7 +260,7 @@ class Bridge:
         Raises
         ------
         ArrayError
-            If the last axis does not hold four bridges.
+            If the last axis does not have four bridges.
         """
         volts = trailing("voltages", finite("voltages", voltages), 4, f"bridges {SIDES}")
         change = 4.0 * volts / self.supply
@@ -271,16 +271,16 @@ class Bridge:
     def von_mises_bound(self, force: ArrayLike) -> Floats:
         """Return an upper bound of the von Mises stress, (...) Pa.
 
-        Equivalent stress is a norm, so normal and shear parts add at most. A shear along a bridge
-        is the worst direction (Table 3.I: 293 against 270 MPa). Parameter and error are those of
-        `resistance_change`.
+        The equivalent stress is a norm, so the sum of normal and shear parts bounds it. A shear
+        along a bridge is the worst direction (Table 3.I: 293 against 270 MPa). Parameter and error
+        are those of `resistance_change`.
         """
         load = trailing("force", finite("force", force), 3, "(F_x, F_y, F_z)")
         sideways = np.hypot(load[..., 0], load[..., 1])
         return self.von_mises_normal * np.abs(load[..., 2]) + self.von_mises_shear * sideways
 
     def overloaded(self, force: ArrayLike) -> NDArray[np.bool_]:
-        """Return where (...) a force may break the bridges: by its stress bound, or by experience.
+        """Return where (...) a force may break the bridges, by its stress bound or `largest_force`.
 
         Parameter and error are those of `resistance_change`.
         """

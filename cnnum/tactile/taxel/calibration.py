@@ -45,20 +45,20 @@ class Calibration:
     alpha_normal : float, 1/V
         α_n: −ε_zz for one volt of S_n.
     beta_ns : float
-        Normal-to-shear sensitivity α_s/α_n (4.19), 1.5 in general.
+        Normal-to-shear sensitivity α_s/α_n (4.19), usually 1.5.
     offsets : (4,) or (rows, cols, 4) float, V
-        Offsets of the bridges without load, warm, at time 0.
+        Offsets of the warm bridges without load at time 0.
     cross : (3, 3) or (rows, cols, 3, 3) float
-        Signals read = cross · signals of an ideal taxel; its diagonal is one taxel's
-        sensitivity over another's.
+        Signals read = cross · signals of an ideal taxel; its diagonal gives the relative
+        sensitivities of the taxels.
     drift : (4,) or (rows, cols, 4) float, V/s
         Drift of the offsets.
     heat : Heat
         Transient after switch-on.
     limit : float, V
-        A voltage at or beyond ± this is saturated.
+        A voltage at or beyond ±`limit` is saturated.
     depth : float or None, m
-        Thickness of the cover that the strain stands for, where it is known.
+        Thickness of the cover under which the strain is measured, if known.
 
     References
     ----------
@@ -85,12 +85,12 @@ class Calibration:
         object.__setattr__(self, "_decoder", frozen(_inverse(self.cross) @ COMBINE))
 
     def bridges(self, wanted: Sequence[str] = FORCE_AXES) -> tuple[str, ...]:
-        """Return the bridges that the wanted channels read; the others need no scanning."""
+        """Return the bridges that the requested channels read; the others need no scanning."""
         used = np.any(self._decoder[..., rows_of(wanted), :].reshape(-1, 4), axis=0).tolist()
         return tuple(side for i, side in enumerate(SIDES) if used[i])
 
     def saturated(self, volts: ArrayLike) -> NDArray[np.bool_]:
-        """Return where a voltage stands at an end of the range.
+        """Return where a voltage is at an end of the range.
 
         Parameters
         ----------
@@ -109,7 +109,7 @@ class Calibration:
         *,
         time: ArrayLike | None = None,
     ) -> Floats:
-        """Return T_x, T_y and S_n (4.14), without offsets, drift, heat and cross sensitivity.
+        """Return T_x, T_y and S_n (4.14), free of offsets, drift, heat and cross sensitivity.
 
         Parameters
         ----------
@@ -118,7 +118,7 @@ class Calibration:
         wanted : sequence of str
             The channels to compute, in that order: "shear_x" (T_x), "shear_y", "normal" (S_n).
         time : (...) float, s, optional
-            Since switch-on, one a frame; without it the sensor is taken as warm and undrifted.
+            Time since switch-on, one per frame; by default, the sensor is warm and has not drifted.
 
         Returns
         -------
@@ -127,7 +127,7 @@ class Calibration:
         Raises
         ------
         ArrayError
-            If the last axis does not hold four bridges, or a value is not finite.
+            If the last axis does not have four bridges, or a value is not finite.
         UnknownNameError
             If a wanted channel is not one of the three.
         """
@@ -152,7 +152,7 @@ class Calibration:
         return self._decode(volts, self.strain_weights(wanted), time)
 
     def strain_weights(self, wanted: Sequence[str] = FORCE_AXES) -> Floats:
-        """Return the share of a volt of each bridge in the wanted strain rows, (4.15).
+        """Return the strain per volt of each bridge, in the requested strain rows (4.15).
 
         Returns
         -------
@@ -173,7 +173,7 @@ class Calibration:
         return bool(self.heat.amplitude != 0.0 or self.drift.any())
 
     def wander(self, time: ArrayLike) -> Floats:
-        """Return the drift of the offsets until then, V.
+        """Return the change of the offsets up to a time, V.
 
         Parameters
         ----------
@@ -198,7 +198,7 @@ class Calibration:
         return -self.alpha_normal * np.array([self.beta_ns, self.beta_ns, 1.0])
 
     def strain_noise(self, volts: float) -> tuple[float, float]:
-        """Return white noise of the bridges as strain, shear and normal.
+        """Return the white noise of the bridges as shear strain and normal strain.
 
         Parameters
         ----------
@@ -208,7 +208,7 @@ class Calibration:
         Returns
         -------
         shear, normal : float
-            RMS; of the least sensitive taxel.
+            RMS for the least sensitive taxel.
         """
         spread = np.linalg.norm(self._decoder, axis=-1) * np.abs(self.strain_per_volt) * volts
         worst = spread.reshape(-1, 3).max(axis=0)
@@ -234,7 +234,7 @@ class Calibration:
         return wander
 
     def save(self, path: str | Path, *, force: bool = False) -> None:
-        """Write the calibration as TOML; the file is whole or not there.
+        """Write the calibration as TOML, completely or not at all.
 
         Parameters
         ----------
@@ -245,7 +245,7 @@ class Calibration:
         Raises
         ------
         CalibrationError
-            If there is such a file, or it cannot be written.
+            If the file exists already or cannot be written.
         """
         save(Path(path), self._values(), force=force)
 
@@ -255,7 +255,7 @@ class Calibration:
 
     @property
     def identity(self) -> str:
-        """Id by which frames and recordings name it."""
+        """Id by which frames and recordings refer to the calibration."""
         return identity_of(self.to_text())
 
     @classmethod

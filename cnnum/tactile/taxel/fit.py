@@ -217,7 +217,7 @@ class CalibrationFit:
     outliers : (n, taxels) bool
         Readings that are off by more than six standard deviations of the noise, in any bridge. The
         noise is that of the middle half of the residuals. They count in the fit as if they were off
-        by three. Taxels are in the order of rows.
+        by three. Taxels are in row order.
     field : ReceptiveField or None
         W, A and β_ns by (4.20), where the scan has a line across a taxel.
     """
@@ -241,12 +241,12 @@ def fit_calibration(
     heat_time: float | None = None,
     limit: float = float("inf"),
 ) -> CalibrationFit:
-    """Return the calibration that explains a scan of point loads best.
+    """Return the calibration that best explains a scan of point loads.
 
-    For one thickness of the cover the voltages are linear in the unknowns: offsets, drift,
-    and a gain for each strain component (4.16). Least squares over all points replaces reading
-    β_ns off two extrema (4.20), and gives the cross sensitivity with it. Where readings are far
-    off the others, as spikes are, the influence of each is bounded (Huber 1964).
+    For one thickness of the cover the voltages are linear in the unknowns: offsets, drift, and a
+    gain for each strain component (4.16). Least squares over all points replaces reading β_ns off
+    two extrema (4.20), and also gives the cross sensitivity. The influence of readings far from the
+    others, such as spikes, is bounded (Huber 1964).
 
     Parameters
     ----------
@@ -261,13 +261,14 @@ def fit_calibration(
     depth : float, m, optional
         Thickness of the cover; fitted if not given.
     taxels : (rows, cols, 2) float, m, optional
-        Places of the taxels; one taxel is at the origin.
+        Places of the taxels; a single taxel is at the origin.
     times : (n,) float, s, optional
-        Since switch-on; with it a linear drift of the offsets is fitted.
+        Time since switch-on; if given, a linear drift of the offsets is fitted.
     heat_time : float, s, optional
-        Time constant of the heat transient; with it (and `times`) its amplitude is fitted.
+        Time constant of the heat transient, whose amplitude is fitted if this and `times` are
+        given.
     limit : float, V
-        Frames of a taxel with a voltage at or beyond ± this are left out.
+        Frames of a taxel with a voltage at or beyond ±`limit` are left out.
 
     Returns
     -------

@@ -12,13 +12,13 @@ from cnnum.tactile.taxel.bridge import SIDES, trailing
 
 @dataclass(frozen=True, slots=True)
 class Heat:
-    """The transient after the current is switched on, alike in all bridges.
+    """The transient after the current is switched on, the same in all bridges.
 
     Attributes
     ----------
     amplitude : float, V
-        At switch-on, after the amplifier. Before it, 1 mV bare and 10 mV under a cover were
-        measured (4.3.2).
+        At switch-on, after the amplifier. Before the amplifier, 1 mV was measured on a bare array
+        and 10 mV under a cover (4.3.2).
     time_constant : float, s
         The dissertation waits a quarter of an hour: five of these.
     """
@@ -39,7 +39,7 @@ class Heat:
         Parameters
         ----------
         time : (...) float, s
-            Since switch-on, one a frame; infinity is warm.
+            Time since switch-on, one per frame; infinity means warm.
 
         Returns
         -------
@@ -79,9 +79,9 @@ class Reading:
     volts : (..., rows, cols, 4) float, V
         Amplified voltages of left, right, top, bottom.
     saturated : (..., rows, cols, 4) bool
-        The converter stood at an end of its range: the voltage is a bound, not a value.
+        Whether the converter was at an end of its range: the voltage is then a bound, not a value.
     overloaded : (..., rows, cols) bool
-        The force may have broken the bridges.
+        Whether the force may have broken the bridges.
     """
 
     volts: Floats
@@ -148,7 +148,7 @@ class Readout:
         time: ArrayLike = np.inf,
         rng: np.random.Generator | None = None,
     ) -> tuple[Floats, NDArray[np.bool_]]:
-        """Return the voltages as read, and where the range cut them.
+        """Return the voltages as read, and where they are limited by the range.
 
         Parameters
         ----------

@@ -16,7 +16,7 @@ from cnnum.tactile.taxel.bridge import Bridge, apply_matrix, trailing
 class Coupling:
     """Linear link from the bottom strain (or stress) of the cover to the force on a taxel.
 
-    The taxel is the body below, so a traction of the cover acts on it with the sign turned:
+    The taxel is the body below, so a traction of the cover acts on it with the opposite sign:
     force = −cross · (shear ε_xz, shear ε_yz, normal ε_zz).
 
     Attributes
@@ -24,7 +24,7 @@ class Coupling:
     shear, normal : float, N (per unit strain; m² for a stress sensor)
         Stiffness of the link.
     cross : (3, 3) or (rows, cols, 3, 3) float
-        Cross sensitivity: how much of each component lands on the others.
+        Cross sensitivity: how much of each component appears in the others.
 
     References
     ----------
@@ -98,7 +98,7 @@ class Coupling:
         Parameters
         ----------
         strain : (..., 3) float
-            ε_xz, ε_yz, ε_zz (or σ, Pa), tension positive; an ArrayError refuses another last axis.
+            ε_xz, ε_yz, ε_zz (or σ, Pa), tension positive; another last axis raises an ArrayError.
         """
         rows = trailing("strain", finite("strain", strain), 3, "(ε_xz, ε_yz, ε_zz)")
         stiffness = np.array([self.shear, self.shear, self.normal])
@@ -114,7 +114,7 @@ _DEGREE = 4  # enough for 1e-3 of the height over that range, and still averages
 
 @dataclass(frozen=True, slots=True)
 class ReceptiveField:
-    """The figures of (4.17)–(4.20).
+    """The quantities of (4.17)–(4.20).
 
     Attributes
     ----------
@@ -123,9 +123,10 @@ class ReceptiveField:
     amplitude : float, V
         A: the largest normal signal S_n.
     width : float, m
-        W: between the zeros of S_n; 2√2 z on a half-space.
+        W: the distance between the zeros of S_n; 2√2 z on a half-space.
     inhibition : float
-        Largest over most negative S_n; 5^{5/2} = 55.9 on a half-space, about 19 measured.
+        Ratio of the largest to the most negative S_n; 5^{5/2} = 55.9 on a half-space, about 19
+        measured.
     shear : float, V
         The largest |T_x|.
     beta_ns : float
@@ -143,7 +144,7 @@ class ReceptiveField:
 def receptive_field(x: ArrayLike, shear: ArrayLike, normal: ArrayLike) -> ReceptiveField:
     """Return the figures of merit of one line scan of a constant normal load.
 
-    No model of the cover enters, but for the ratio of (4.20) behind `beta_ns`.
+    No model of the cover is used, except for the ratio of (4.20) in `beta_ns`.
 
     Parameters
     ----------

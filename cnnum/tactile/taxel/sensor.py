@@ -14,7 +14,7 @@ from cnnum.tactile.taxel.receptive_field import Coupling
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Taxel:
-    """Cover link, silicon and electronics of an array of equal taxels.
+    """Link to the cover, silicon and electronics of an array of identical taxels.
 
     Attributes
     ----------
@@ -41,7 +41,7 @@ class Taxel:
         strain : (..., rows, cols, 3) float
             ε_xz, ε_yz, ε_zz at the taxels (or the stresses, Pa, for a stress coupling).
         time : (...) float, s
-            Since switch-on, one a frame; infinity is warm.
+            Time since switch-on, one per frame; infinity means warm.
         rng : numpy.random.Generator, optional
             Source of the noise; without it there is none.
 
@@ -64,7 +64,7 @@ class Taxel:
         Parameters
         ----------
         depth : float, m, optional
-            Thickness of the cover, to be kept with it.
+            Thickness of the cover, to be stored with the calibration.
         """
         per_force = 0.25 * self.readout.gain * self.bridge.supply
         per_force *= self.bridge.piezoresistor.pi_44
