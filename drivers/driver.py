@@ -107,7 +107,7 @@ class Counters:
     bad : int
         Packets or rows whose check failed.
     dropped : int
-        Scans that never arrived complete according to the device's numbers, including bad ones and
+        Scans that, by the device's numbers, did not arrive complete, including bad ones and
         those that a full queue dropped; in a recording, also rows that one of its files lacks.
     repeated : int
         Scans that arrived again and were marked as repeated.

@@ -53,9 +53,9 @@ class FrameResult(NamedTuple):
 
     @property
     def load_is_bound(self) -> bool:
-        """Whether normal loads are lower bounds, as some taxel stands at an end of its range.
+        """Whether normal loads are lower bounds, because a taxel is at an end of its range.
 
-        Shear may then be off either way, even in its sign.
+        Shear may then be too high or too low, or have the wrong sign.
         """
         return self.saturated is not None
 

@@ -77,7 +77,7 @@ class HandResult:
 
     @property
     def skins(self) -> dict[str, FrameResult]:
-        """The skins that had a frame, with its results; computed when they are read."""
+        """The skins that had a frame, with its results, which are computed when they are read."""
         if self._skins is None:
             made = {
                 names[lane]: moment

@@ -225,25 +225,25 @@ class Scene(OfThisProcess):
     plan : Plan
     rules : tuple of EventRule
     range : FrameRange
-        Conditions on a good frame.
+        Conditions that a good frame meets.
     dead : DeadCells or None
         Taxels whose values come from their neighbours.
     offered : tuple of str
         All outputs of the program, requested or not.
     push : PushWatch
-        Detects motion while the rest is learned, and pushes that read as pulls.
+        Detects motion while the rest is measured, and pushes that read as pulls.
     orders : OrderWatch
         Detects axes in a wrong order or with a wrong sign.
     holds : HeldWatch
-        Detects a stream that begins with the object held; its release tares the scene.
+        Detects a stream that begins with the object held; the object's release tares the scene.
     grid : Grid or None
         Square grid on which the program runs, for taxels that are not on one.
     compiled : Compiled or None
-        What the plan was made of, or None if it is for this array alone.
+        What the plan was compiled from, or None if the plan is for this array alone.
     bad : BadFrames
         Frames skipped so far.
     tared : bool
-        Whether rest is to be learned again from the next frame on.
+        Whether the rest is to be measured again from the next frame on.
     """
 
     spec: SceneSpec
@@ -584,14 +584,14 @@ class Scene(OfThisProcess):
         return replace(frame, values=self.grid.maps(frame.values), saturated=None)
 
     def tare(self) -> None:
-        """Learn rest and noise again, from the next frame on, while nothing touches.
+        """Measure rest and noise again, from the next frame on, while nothing touches the array.
 
         A contact that is held is released. This may be called from any thread.
         """
         self.tared = True
 
     def take_tare(self) -> bool:
-        """Return whether the rest must be learned again, and clear that request."""
+        """Return whether the rest must be measured again, and clear that request."""
         if not self.tared:
             return False
         self.tared = False

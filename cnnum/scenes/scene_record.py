@@ -92,14 +92,14 @@ class Summary:
     masked : int
         Frames with a taxel that had dropped out and was continued from its neighbours.
     dropouts : int
-        Times that a taxel has dropped out.
+        Number of times that a taxel has dropped out.
     longest_gap : float
         Longest time in s between two frames on which the program ran, with a bad or lost frame
         between them; 0 if there was none.
     p50_us, p99_us : float
         Time from a frame in host memory to its events, µs, within 1 %.
     arrival_p50_us, arrival_p99_us : float or None
-        Time from the arrival of a frame at its port to its events, µs; None if none just arrived.
+        Time from the arrival of a frame at its port to its events, µs; None if none came live.
     before : int
         Frames that ran silently before the requested part.
     """
@@ -131,13 +131,13 @@ class Summary:
 
     @property
     def skipped(self) -> int:
-        """Scans that were not wanted: older ones, repeats, those before and after the part."""
+        """Scans that were not used: older ones, repeats, and those outside the requested part."""
         cut_off = self.frames - self.handed_on - self.refused - self.repeated
         return self.counters.skipped + self.repeated + cut_off + self.counters.waiting + self.before
 
     @property
     def sent(self) -> int:
-        """Scans that the array has sent according to its numbers, or otherwise those that came."""
+        """Scans that the array has sent by its numbers or, without numbers, those that arrived."""
         sent = self.counters.sent
         if sent is not None:
             return sent
@@ -294,8 +294,8 @@ class SceneRecord:
         Parameters
         ----------
         channel : str
-            "sa1", "ra1", "pc" or "sa2" of the program `receptors`. The record keeps its `_spikes`,
-            `_spike_time` and `_spike_gap`.
+            "sa1", "ra1", "pc" or "sa2" of the program `receptors`. The record must keep its
+            `_spikes`, `_spike_time` and `_spike_gap`.
 
         Returns
         -------
@@ -350,11 +350,11 @@ class SceneRecord:
         return sharing.data_frame(columns)
 
     def save(self, path: str | Path, *, force: bool = False) -> None:
-        """Write the fields to a file: .npz, .csv or .nc (NetCDF 3), or the spikes of one: .txt.
+        """Write the fields (.npz, .csv or .nc, NetCDF 3), or the spikes of a channel (.txt).
 
-        The latter has one line `t x y p` per spike, as event cameras write them: time in s, column,
-        row, and 1, or 0 for a negative spike (Mueggler et al., Int. J. Robotics Res. 36 (2017)
-        142).
+        A .txt file has one line `t x y p` per spike, as event cameras write them: time in s,
+        column, row, and 1, or 0 for a negative spike (Mueggler et al., Int. J. Robotics Res. 36
+        (2017) 142).
 
         Parameters
         ----------
