@@ -19,7 +19,8 @@ The library has {count} templates, from the CNN Software Library, MatCNN, CNNSim
 this project. Published numbers are unchanged, except for one sign each in HORSKELR and VERSKELB.
 `cnnum templates show NAME` prints the definition of a template, its source, the meaning of its
 input and state, its check, the settling time on the check's pictures, and how much the bias may
-change before a cell is wrong. The table lists the other commands of `cnnum templates`:
+change before a cell is wrong. Lower-case section titles are folders of the library. These are the
+other commands of `cnnum templates`:
 
 | command | what it does |
 |---|---|
@@ -30,7 +31,7 @@ change before a cell is wrong. The table lists the other commands of `cnnum temp
 | `design NAME --weights` | shows how far each weight may change |
 
 A check tests not only what a template computes, but also its mean final state, margin and settling
-time. The function by itself would be a weak test: of 1,272 variants of black-and-white templates
+time. A test of the function alone would be weak: of 1,272 variants of black-and-white templates
 with one number multiplied by 1.2, 992 still compute the same function, but only 68 also keep the
 final state, margin and settling time (`python -m docs.figures.changed_weights --digital`).
 
