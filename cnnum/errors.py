@@ -1,4 +1,4 @@
-"""Errors of cnnum: one sentence that says what was expected, what came and what to do.
+"""Errors of cnnum: one sentence says what was expected, what was given and what to do.
 
 Each class is also the builtin error that a caller would expect, so ``except ValueError`` works.
 """
@@ -82,7 +82,7 @@ class FrameError(ArrayError):
     Attributes
     ----------
     cells : tuple of (row, column)
-        Taxels whose values are to blame, where it is known.
+        Taxels whose values are wrong, if known.
     """
 
     cells: tuple[tuple[int, int], ...] = ()
@@ -97,7 +97,7 @@ class TemplateError(CnnumError, ValueError):
 
 
 class OneColourError(TemplateError):
-    """All right answers of a check have one colour, so that it shows nothing."""
+    """All correct outputs of a check have the same colour, so the check shows nothing."""
 
 
 class TemplateFileError(CnnumError, OSError):
@@ -156,11 +156,11 @@ class CodecError(CnnumError, ValueError):
 
 
 class PortError(CnnumError, OSError):
-    """A port cannot be opened, or went away."""
+    """A port cannot be opened, or has disappeared."""
 
 
 class OtherArrayError(PortError):
-    """Another array answers at a port than before."""
+    """A different array than before answers at a port."""
 
 
 class RecordingError(CnnumError, OSError):
@@ -168,7 +168,7 @@ class RecordingError(CnnumError, OSError):
 
 
 class RecordingWarning(UserWarning):
-    """A recording is read, but not all of it; the sentence counts the lost parts."""
+    """Only part of a recording can be read; the sentence counts the lost parts."""
 
 
 class ReportError(CnnumError, OSError):

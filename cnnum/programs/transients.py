@@ -74,8 +74,8 @@ def transient(
         Fixed-state mask: where it holds, the state keeps its value.
     weights : sequence of Field
         Maps whose cells hold the numbers of a template for each frame, as `cnnum.runs.batches`
-        packs them. The template itself then only determines which weights exist, and how fast the
-        array may be.
+        packs them. The template itself then only determines which weights exist and how fast the
+        array can be.
     spec : RunSpec, optional
         Duration, method and tolerances.
 

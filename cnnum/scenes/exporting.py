@@ -275,17 +275,17 @@ def export(
     needs : sequence of str, optional
         Outputs to export. The default is all.
     channels : sequence of str, optional
-        Channels of a frame, in order. The default is those of `like`; without it "picture" for a
-        program of pictures, and x, y and normal for any other.
+        Channels of a frame, in order. The default is those of `like`; without `like`, "picture" for
+        a program that processes pictures, and x, y and normal for any other.
     rate : float, Hz, optional
-        Frame rate, for a program that has times. The default is that of `like`, or 200.
+        Frame rate, for a program with times. The default is that of `like`, or 200.
     like : Recording, array, path or Scene, optional
         Typical frames, on which the range of every value is measured: a recording, its file, an
         array (frames, rows, cols, channels), or a scene, which is run to its end and calibrated.
         The default is strain of simulated scenes, or random black-and-white pictures.
     share_memory : bool
-        Whether working arrays that are not needed at the same time lie in the same place; those of
-        several programs always do. The answers are the same.
+        Whether working arrays that are not needed at the same time share memory; those of several
+        programs always do. The answers are the same.
 
     Returns
     -------
@@ -295,11 +295,11 @@ def export(
     Raises
     ------
     NotSupportedError
-        If something in the program has no form in this precision.
+        If something in the program cannot be exported in this precision.
     ArrayError
         If the frames do not fit the program.
     ProgramError
-        If it is not a program.
+        If `program` is not a program.
     UnknownNameError
         If there is no such program, output, precision or channel.
     """

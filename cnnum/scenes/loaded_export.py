@@ -105,7 +105,7 @@ class LoadedExport:
     channels : tuple of str
         Channels of a frame, in order.
     rate : float or None
-        Frames per second that the constants of time are for, or None if the program has none.
+        Frames per second for which the time constants hold, or None if the program has none.
     unit : str
         Unit of the inputs, or empty.
     precision : str
@@ -139,13 +139,13 @@ class LoadedExport:
         Parameters
         ----------
         frames : Recording, or (frames, rows, cols, channels) float
-            A recording supplies the channels by their names. An array has those of the program in
-            their order; the last axis may be left out where there is one.
+            A recording supplies the channels by their names. An array contains the program's
+            channels in order; the last axis may be left out if there is only one channel.
 
         Returns
         -------
         dict of str to (frames, rows, cols) or (frames,) float
-            Outputs as real numbers. Those of whole numbers are exact, so that outputs that are
+            Outputs as real numbers. Those of fixed-point outputs are exact, so outputs that are
             equal here are equal to the bit.
 
         Raises
@@ -153,7 +153,7 @@ class LoadedExport:
         ArrayError
             If the frames do not fit the program, or the recording has another rate.
         MethodError
-            If a loop comes to its limit, and the program does not ask whether it did.
+            If a loop reaches its limit and the program does not read whether it finished.
         UnknownNameError
             If the recording has no such channel.
         """
@@ -199,7 +199,7 @@ class ExportStream:
     frames : int
         Frames so far.
     limited : int
-        Input numbers so far that lay beyond their range, and were taken as its end.
+        Number of input values so far that lay beyond their range and were limited to it.
     """
 
     exported: LoadedExport
@@ -218,7 +218,7 @@ class ExportStream:
         Parameters
         ----------
         frame : (rows, cols, channels) float
-            The last axis may be left out where there is one.
+            The last axis may be left out if there is only one channel.
 
         Returns
         -------
