@@ -135,8 +135,9 @@ def range_lines(program: IntegerProgram) -> list[str]:
     return lines
 
 
-Mask = bool | NDArray[np.bool_]
-"""(batch, 1) or (batch, cells); True and False are those of all."""
+Limit = float | Floats
+"""Magnitude from which a value need not be known, (batch, 1) or (batch, cells): 0 where it does not
+count, infinity where it always counts. A number is that of all cells."""
 
 Values = Mapping[str, NDArray[Any]]
 
@@ -156,85 +157,101 @@ def needed_sizes(schedule: Schedule, values: Values) -> dict[str, float]:
         0 where no value counts.
     """
     result: dict[str, float] = {}
-    for name, mask in _masks(schedule, values).items():
-        if mask is True or name not in values:
-            continue
-        size = np.where(mask, np.abs(values[name]), 0.0)
-        result[name] = float(size.max(initial=0.0))
+    for name, limit in _limits(schedule, values).items():
+        if limit is not np.inf and name in values:
+            result[name] = float(np.minimum(np.abs(values[name]), limit).max(initial=0.0))
     return result
 
 
-def _masks(schedule: Schedule, values: Values) -> dict[str, Mask]:
-    """Return the cells that count of every variable of a node."""
+def _limits(schedule: Schedule, values: Values) -> dict[str, Limit]:
+    """Return the magnitudes from which the variables of each node need not be known."""
     ends = [*schedule.outputs.values(), *(memory.store for memory in schedule.memories.values())]
-    need: dict[int, Mask] = {node.index: True for node in ends}
-    inverses: dict[int, Mask] = {}
+    need: dict[int, Limit] = {node.index: np.inf for node in ends}
+    inverses: dict[int, Limit] = {}
     for node in reversed(schedule.nodes):
-        mine = need.get(node.index, False)
-        if mine is False:
+        if node.index not in need:
             continue
-        for argument, mask in _shares(node, mine, values):
-            seen = _spread(mask, node, argument)
-            need[argument.index] = _either(need.get(argument.index, False), seen)
-            if _divides(node) and argument is node.arguments[1]:
-                inverses[argument.index] = _either(inverses.get(argument.index, False), seen)
-    return {f"{kind}{at}": mask for at, mask in need.items() for kind in "nat"} | {
-        f"r{at}": mask for at, mask in inverses.items()
+        mine = need[node.index]
+        for argument, limit in _shares(node, mine, values):
+            _raise_limit(need, argument, _spread(limit, node, argument))
+        if _name(node) == "divide":
+            divisor = node.arguments[1]
+            limit = _of_inverse(mine, _values(node.arguments[0], values))
+            _raise_limit(inverses, divisor, _spread(limit, node, divisor))
+    return {f"{kind}{at}": limit for at, limit in need.items() for kind in "nat"} | {
+        f"r{at}": limit for at, limit in inverses.items()
     }
 
 
-def _shares(node: Node, mine: Mask, values: Values) -> Iterator[tuple[Node, Mask]]:
-    """Yield each argument of a node, and where its values count."""
-    name = node.operation.function.name if isinstance(node.operation, Apply) else ""
-    given = node.arguments
+def _shares(node: Node, mine: Limit, values: Values) -> Iterator[tuple[Node, Limit]]:
+    """Yield each argument of a node, and its limit."""
+    name, given = _name(node), node.arguments
+    whole = mine if mine is np.inf else np.where(np.greater(mine, 0.0), np.inf, 0.0)
     if name == "select":
-        holds = _nonzero(given[0], values)
-        yield given[0], mine
-        yield given[1], _both(mine, holds)
-        yield given[2], _both(mine, True if isinstance(holds, bool) else ~holds)
+        holds = _values(given[0], values)
+        yield given[0], whole
+        yield given[1], mine if holds is None else np.where(holds != 0, mine, 0.0)
+        yield given[2], mine if holds is None else np.where(holds != 0, 0.0, mine)
     elif name in ("multiply", "divide"):
-        yield given[0], _both(mine, _nonzero(given[1], values))
-        yield given[1], _both(mine, _nonzero(given[0], values))
+        for part, factor in (given, given[::-1]):
+            known = None if _constant(factor) is not None else _values(factor, values)
+            yield part, whole if known is None else np.where(known != 0, whole, 0.0)
+    elif name in ("minimum", "maximum"):
+        for part, other in (given, given[::-1]):
+            yield part, _beside(name, part, _constant(other), mine, values)
     else:
         for part in given:
-            yield part, mine
+            yield part, whole
 
 
-def _divides(node: Node) -> bool:
-    return isinstance(node.operation, Apply) and node.operation.function.name == "divide"
+def _beside(name: str, part: Node, bound: float | None, mine: Limit, values: Values) -> Limit:
+    """Return the limit of a value beside a constant bound: it need not be known beyond that."""
+    own = _values(part, values)
+    if bound is None or own is None:
+        return mine
+    beyond = own > bound if name == "minimum" else own < bound
+    return np.where(beyond, np.minimum(mine, abs(bound)), mine)
 
 
-def _nonzero(node: Node, values: Values) -> Mask:
-    """Return where a node is not 0; True of one that is not known."""
-    if isinstance(node.operation, Constant):
-        return True
+def _of_inverse(mine: Limit, dividend: NDArray[Any] | None) -> Limit:
+    """Return the limit of an inverse: times the largest dividend, it is that of the quotient."""
+    if dividend is None:
+        return mine
+    size = np.abs(dividend)
+    largest = np.maximum(size.max(axis=-1, keepdims=True), np.finfo(np.float64).tiny)
+    return np.where(size > 0.0, mine / largest, 0.0)
+
+
+def _name(node: Node) -> str:
+    return node.operation.function.name if isinstance(node.operation, Apply) else ""
+
+
+def _constant(node: Node) -> float | None:
+    return node.operation.value if isinstance(node.operation, Constant) else None
+
+
+def _values(node: Node, values: Values) -> NDArray[Any] | None:
+    """Return the values of a node, (batch, 1 or cells); None where they are not known."""
+    if (constant := _constant(node)) is not None:
+        return np.array([[constant]])
     for kind in "na":
         if (known := values.get(f"{kind}{node.index}")) is not None:
-            return np.atleast_2d(known != 0)
-    return True
+            return np.atleast_2d(known)
+    return None
 
 
-def _spread(mask: Mask, node: Node, argument: Node) -> Mask:
-    """Return a mask of an argument: any cell of a map needs all of a number, or of a template's."""
-    if isinstance(mask, bool) or (isinstance(node.operation, Apply) and not argument.scalar):
-        return mask
-    return np.asarray(mask.any(axis=-1, keepdims=True))
+def _spread(limit: Limit, node: Node, argument: Node) -> Limit:
+    """Return the limit of an argument: any cell of a map needs all of a number, or a template's."""
+    if isinstance(limit, float) or (isinstance(node.operation, Apply) and not argument.scalar):
+        return limit
+    return np.asarray(limit.max(axis=-1, keepdims=True))
 
 
-def _both(a: Mask, b: Mask) -> Mask:
-    if isinstance(a, bool):
-        return b if a else False
-    if isinstance(b, bool):
-        return a if b else False
-    return np.logical_and(a, b)
-
-
-def _either(a: Mask, b: Mask) -> Mask:
-    if isinstance(a, bool):
-        return True if a else b
-    if isinstance(b, bool):
-        return True if b else a
-    return np.logical_or(a, b)
+def _raise_limit(limits: dict[int, Limit], node: Node, limit: Limit) -> None:
+    """Raise the limit of a node to what one more use of it needs."""
+    known = limits.get(node.index, 0.0)
+    whole = known is np.inf or limit is np.inf
+    limits[node.index] = np.inf if whole else np.maximum(known, limit)
 
 
 WARMING = 8

@@ -84,7 +84,8 @@ def mindlin_slip(
     slides = slip.bind(push=push, rest=rest, false_reports=false_reports)(frame)
     gross = slides["gross_slip"]
     pull = length(pressed.pulls)
-    used = where(loads.contact, pull / (friction * maximum(pressed.normal, 1e-30)), 0.0)
+    loaded = loads.contact & (pressed.normal > 0.0)  # without a load, there is no friction to use
+    used = where(loaded, pull / (friction * pressed.normal), 0.0)
     fitted = frame.memory("frames that fit", scalar=True)
     whole = frame.within_range(loads.contact)  # a clipped load has too much pull
     steady = fitted.count(whole & _hertz(loads, pressed)) > STEADY * frame.rate
