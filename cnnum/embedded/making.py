@@ -12,8 +12,8 @@ from cnnum.embedded.emulator import Emulator, Numbers, cleared
 from cnnum.embedded.formats import NoFormats, Precision
 from cnnum.embedded.lowering.builder import solvers_for
 from cnnum.embedded.lowering.schedules import lower
-from cnnum.embedded.measuring import Seen, inputs_of, measured
-from cnnum.embedded.program import Array, IntegerProgram, array_names
+from cnnum.embedded.measuring import REALS, Seen, inputs_of, measured
+from cnnum.embedded.program import Array, IntegerProgram, array_names, real
 from cnnum.graph.schedule import Schedule
 from cnnum.integrators.solver import Solver
 
@@ -105,7 +105,16 @@ class Made:
         streams = frames if frames.ndim == 5 else frames[:, np.newaxis]
         channels = array_names("in", self.schedule.channels)
         inputs = [self.inputs(frame) for frame in streams]
-        return exported(self.program, inputs, remarks, facts, channels, shares=self.shares)
+        return exported(
+            self.program, inputs, remarks, facts, channels, shares=self.shares, reals=self.reals()
+        )
+
+    def reals(self) -> IntegerProgram | None:
+        """Return the same program in floating point; None if it is that one."""
+        if not self.precision.integer:
+            return None
+        solvers = solvers_for(self.schedule, self.method)
+        return lower(self.program.name, self.schedule, solvers, NoFormats(REALS))
 
 
 def quantised(array: Array, values: Floats) -> Numbers:
@@ -114,12 +123,6 @@ def quantised(array: Array, values: Floats) -> Numbers:
         return values.astype(np.float32).astype(np.float64)
     whole = np.floor(np.ldexp(values, array.format.fraction) + 0.5)
     return np.clip(whole, array.format.least, array.format.largest).astype(np.int64)
-
-
-def real(array: Array, numbers: Numbers) -> Floats:
-    """Return the real values of an array's numbers."""
-    places = 0 if array.format is None else array.format.fraction
-    return np.ldexp(numbers.astype(np.float64), -places)
 
 
 def make(

@@ -232,8 +232,9 @@ def vector_frames(shape: Shape, count: int) -> Floats:
     return frames[start : start + count].astype(np.float64)
 
 
-SHORT, LONG = 48, 160
-"""Frames of each stream of the test vector: long ones where they change more outputs."""
+SHORT, LONG = 48, 0.8
+"""Frames of each stream of the test vector; where outputs stay the same in them, s, in which
+programs have learned what rest is, and frames of contact follow."""
 
 PICTURES = 6
 """Pictures of each stream of a test vector."""
@@ -325,7 +326,7 @@ def export(
         return made.export(seen.parts(PICTURES), facts=facts)
     exported = made.export(seen.parts(SHORT), facts=facts)
     if exported.vector.still:
-        longer = made.export(seen.parts(LONG), facts=facts)
+        longer = made.export(seen.parts(seen.frames_in(LONG)), facts=facts)
         if len(longer.vector.still) < len(exported.vector.still):
             return longer
     return exported
@@ -473,6 +474,10 @@ class Examples:
         if not len(picked):
             raise ArrayError("No frame has only finite numbers, so ranges cannot be measured.")
         return cls(there, names, rate or usual, unit, picked[:, np.newaxis].astype(np.float64))
+
+    def frames_in(self, seconds: float) -> int:
+        """Return the frames of a time, at 200 frames per second at least."""
+        return round(seconds * max(self.rate, RATE))
 
     def parts(self, count: int) -> Floats:
         """Return streams among which a test vector is chosen, (count, streams, rows, cols, …)."""

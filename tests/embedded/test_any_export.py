@@ -10,6 +10,7 @@ from click.testing import CliRunner
 import cnnum
 from cnnum.cli import main
 from cnnum.errors import ArrayError, ProgramError, UnknownNameError
+from cnnum.programs.fields import maximum, minimum, sqrt, where
 
 needs_cc = pytest.mark.skipif(
     shutil.which("cc") is None or shutil.which("make") is None, reason="no C compiler"
@@ -193,3 +194,87 @@ def test_no_output_of_several_programs_is_lost():
     both = [outputs("first", x=2.0), outputs("second", x=3.0, first_x=4.0)]
     with pytest.raises(ProgramError, match="Two outputs would be named 'first_x'"):
         cnnum.export(both, like=given)
+
+
+def shares(floor, divides, lowest, largest):
+    """A share of the largest load that is limited, as maps divided by a number or by a map."""
+
+    @cnnum.program
+    def limited(frame):
+        load = frame.normal
+        top = maximum(load.max(), floor)
+        if divides == "inverse":
+            share = minimum(maximum(1.0 / top, lowest), largest)
+        elif divides == "map":
+            share = maximum(minimum(load / maximum(abs(load), floor), largest), lowest)
+        else:
+            share = minimum(maximum(0.5 * load / top, lowest), largest)
+        return {"share": share}
+
+    return limited
+
+
+@pytest.mark.parametrize("divides", ["number", "inverse", "map"])
+@pytest.mark.parametrize("scale", [1e-4, 1.0, 3e3])
+@pytest.mark.parametrize("floor", [1e-30, 1e-9])
+def test_a_quotient_that_is_limited_needs_no_range_for_frames_without_a_load(floor, scale, divides):
+    """Such frames divide by next to nothing; a range for that left no bits for all others."""
+    lowest, largest = (0.0, 5.0 / scale) if divides == "inverse" else (-1.0, 1.0)
+    limited = shares(floor, divides, lowest, largest)
+    random = np.random.default_rng(7)
+    loads = scale * random.uniform(0.25, 1.0, (300, 3, 4, 1))
+    loads[::50] *= -0.01  # nothing pushes: the top is the floor
+    engine = cnnum.Engine("reference", precision="q15")
+    stream = engine.compile(limited, (3, 4), channels=("normal",), like=loads).stream()
+    given = np.stack([stream.push(frame)["share"] for frame in loads])
+    tops = np.maximum(loads[..., 0].max(axis=(1, 2)), floor)
+    if divides == "inverse":
+        wanted = np.clip(1.0 / tops, lowest, largest)
+    else:
+        below = (
+            np.maximum(np.abs(loads[..., 0]), floor) if divides == "map" else tops[:, None, None]
+        )
+        wanted = np.clip((1.0 if divides == "map" else 0.5) * loads[..., 0] / below, -1.0, 1.0)
+    # a word of 16 bits for the load and one for the share, each with up to four times the room
+    pushed = np.arange(len(loads)) % 50 != 0
+    np.testing.assert_allclose(
+        given[pushed], wanted[pushed], atol=2.0**-11 * max(1.0, np.abs(wanted[pushed]).max())
+    )
+
+
+@cnnum.program
+def above_rest(frame, *, rate: float = 200.0):
+    """Loads above the first half second, 0 within it."""
+    rest = frame.memory("rest")
+    resting = frame.age < 0.5 * rate
+    rest.store(where(resting, frame.normal, rest.value))
+    return {"load": where(resting, 0.0, frame.normal - rest.value)}
+
+
+@pytest.mark.parametrize("rate", [50.0, 1000.0])
+def test_the_vector_is_long_enough_for_the_rate(rate):
+    count = round(1.5 * rate)
+    loads = np.random.default_rng(3).uniform(0.0, 5.0, (count, 2, 2, 1))
+    exported = cnnum.export(above_rest, like=loads, rate=rate)
+    assert exported.vector.still == ()
+
+
+def test_the_error_of_the_vector_is_that_of_plain_arithmetic():
+    @cnnum.program
+    def coarse(frame):
+        return {"root": sqrt(frame.normal), "sign": where(frame.normal > 3.0, 1.0, -1.0)}
+
+    loads = np.random.default_rng(5).uniform(0.0, 9.0, (60, 2, 3, 1))
+    exported = cnnum.export(coarse, precision="q7", like=loads)
+    vector, arrays = exported.vector, exported.program.arrays
+    given = np.array([frame["in_normal"][0] for frame in vector.frames], dtype=float)
+    given *= 2.0 ** -arrays["in_normal"].format.fraction
+    roots = np.array([answer["out_root"][0] for answer in vector.answers], dtype=float)
+    roots *= 2.0 ** -arrays["out_root"].format.fraction
+    wanted = np.sqrt(np.maximum(given, 0.0))
+    error = np.sqrt(np.mean((roots - wanted) ** 2) / np.mean(wanted**2))
+    assert 1e-4 < error < 0.05
+    assert vector.errors == {"root": pytest.approx(error, rel=1e-6), "sign": 0.0}
+    assert "at most ('root')" in " ".join(vector.about(exported.program))
+    reals = cnnum.export(coarse, precision="float32", like=loads)
+    assert reals.vector.errors == {}

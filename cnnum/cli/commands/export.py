@@ -156,6 +156,7 @@ def _show(exported: "Exported", out: Path, output: Output) -> None:
             "outputs_that_stay": list(vector.still),
             "constants_flipped": vector.flipped,
             "constants_unnoticed": sum(vector.unseen.values()),
+            "errors": dict(vector.errors),
         }
     )
     timed = (

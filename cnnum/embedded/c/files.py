@@ -174,6 +174,7 @@ def exported(
     channels: Mapping[str, str] | None = None,
     *,
     shares: bool = False,
+    reals: IntegerProgram | None = None,
 ) -> Exported:
     """Return a program's files.
 
@@ -190,6 +191,8 @@ def exported(
         The arrays of all channels of a frame; those that are not read have none in the program.
     shares : bool
         Whether working arrays share their places, as `c_text` has them.
+    reals : IntegerProgram, optional
+        The same program in floating point, with which the answers are compared.
     """
     if facts is not None and not remarks:
         remarks = (
@@ -197,7 +200,7 @@ def exported(
             f"{facts.precision}, method {facts.method}.",
             f"Written by cnnum {__version__}.",
         )
-    name, vector = identifier(program.name), vector_of(program, streams)
+    name, vector = identifier(program.name), vector_of(program, streams, reals)
     text = c_text(program, shares=shares, c99=True)
     inputs, outputs = program.of_kind("input"), program.of_kind("output")
     header = _header(name, program, text, inputs, outputs, facts)
