@@ -32,7 +32,7 @@ from typing import Any
 import numpy as np
 
 from cnnum import kernels as ir
-from cnnum.embedded.formats import FINEST, Format
+from cnnum.embedded.formats import FACTOR, FINEST, SHORT, Format
 from cnnum.errors import NotSupportedError
 
 Intervals = Sequence[ir.Bounds]
@@ -443,7 +443,7 @@ class Fixed:
             a, b = b, self.settled(a) if b.exact is not None else a
             a = self.settled(a)
         if b.exact is not None:
-            whole, fraction = significant(b.exact, self.weight)
+            whole, fraction = significant(b.exact, self.bits_beside([a]))
             if abs(whole) == 1:
                 value = a.value if whole == 1 else call("negate", a.value)
                 return Quantity(value, a.fraction + fraction)
@@ -552,14 +552,31 @@ class Fixed:
         both = self.brought(a, fraction), self.brought(b, fraction)
         return Quantity(call("pick", holds.value, *both), fraction)
 
-    def weights(self, numbers: Sequence[float]) -> tuple[list[int], int]:
-        """Return the weights of a template as whole numbers, and their fraction."""
+    def bits_beside(self, some: Sequence[Quantity]) -> int:
+        """Return the bits of a constant factor of quantities.
+
+        A memory or a number has more than 16 bits, so that a product with it takes 64 bits anyway:
+        there, a factor such as 0.999 of a slow average has all the bits that it may have.
+        """
+        wide = any(magnitude(quantity.value) >= 1 << SHORT for quantity in some)
+        return FACTOR if wide else self.weight
+
+    def weights(self, numbers: Sequence[float], bits: int = 0) -> tuple[list[int], int]:
+        """Return the weights of a template as whole numbers, and their fraction.
+
+        Parameters
+        ----------
+        numbers : sequence of float
+        bits : int
+            Bits of a weight; 0 for those of the precision.
+        """
+        bits = bits or self.weight
         largest = max((abs(number) for number in numbers), default=0.0)
         if not largest:
             return [0 for _ in numbers], 0
-        fraction = self.weight - 1 - ceil(log2(largest))
+        fraction = bits - 1 - ceil(log2(largest))
         whole = [nearest(Fraction(number) * Fraction(2) ** fraction) for number in numbers]
-        if max(abs(number) for number in whole) >= 1 << (self.weight - 1):
+        if max(abs(number) for number in whole) >= 1 << (bits - 1):
             fraction -= 1
             whole = [nearest(Fraction(number) * Fraction(2) ** fraction) for number in numbers]
         while fraction > 0 and all(number % 2 == 0 for number in whole):
@@ -568,7 +585,8 @@ class Fixed:
 
     def weighted(self, terms: Sequence[tuple[float, Quantity]], finest: int) -> Quantity:
         """Return a sum of quantities with weights that share a fraction."""
-        whole, fraction = self.weights([weight for weight, _ in terms])
+        bits = self.bits_beside([quantity for _, quantity in terms])
+        whole, fraction = self.weights([weight for weight, _ in terms], bits)
         sums: dict[int, list[ir.Expression]] = {}
         for weight, (_, quantity) in zip(whole, terms, strict=True):
             if not weight:

@@ -8,9 +8,12 @@ from cnnum.embedded.formats import precision_named
 from cnnum.embedded.making import make
 from cnnum.errors import NotSupportedError
 from cnnum.frame import FORCE_AXES
+from cnnum.graph.nodes import RunSpec
 from cnnum.graph.schedule import schedule
+from cnnum.programs.transients import transient
 from cnnum.templates.tactile.halfspace_equilibrium import halfspace_equilibrium
 from cnnum.templating.checks.tactile.halfspace import block_displacement, on_plane
+from cnnum.templating.template import Template
 from tests.embedded.conftest import SHORT, made, streams
 
 
@@ -134,3 +137,43 @@ def test_flow_in_whole_numbers_is_near_and_is_known_in_the_same_frames():
         assert wanted.any()
         gap = np.sqrt(np.mean((found[name] - wanted) ** 2))
         assert gap <= off * np.sqrt(np.mean(wanted**2)), name
+
+
+SPREADS = np.array([[0.0, 0.25, 0.0], [0.25, -1.0, 0.25], [0.0, 0.25, 0.0]])
+
+
+@pytest.mark.parametrize("method", ["auto", "euler"])
+@pytest.mark.parametrize("coupled", [False, True], ids=["alone", "coupled"])
+@pytest.mark.parametrize(
+    ("rate", "slow"), [(50.0, 0.1), (200.0, 1.0), (1000.0, 0.1), (1000.0, 4.0)]
+)
+def test_a_layer_that_goes_on_from_frame_to_frame_does_not_get_stuck(rate, slow, coupled, method):
+    """x' = (u − x) / τ, a frame at a time, ends at u: with 16 bits, it stopped on the way."""
+    A = SPREADS if coupled else np.zeros((1, 1))
+    leak = Template("leak", A=A, B=[[1.0]], z=0.0, tau=slow, output="linear", boundary="zero-flux")
+    spec = RunSpec(duration=1.0 / rate, dt=slow / 100.0 if method == "euler" else None)
+
+    @cnnum.program
+    def follows(frame):
+        memory = frame.memory("layer")
+        run = transient(leak, input=frame.normal, state=memory.value, spec=spec)
+        memory.store(run.states[0])
+        return {"layer": run.states[0]}
+
+    count = min(1500, round(5.0 * slow * rate))
+    loads = np.full((count, 4, 5, 1), 0.7)
+    made = make(
+        "follows",
+        schedule(follows.bind(rate=rate).trace((4, 5), ("normal",)), ("normal",), None),
+        precision_named("q15"),
+        loads[:, np.newaxis],
+        method,
+    )
+    layer = made.run(loads[:, np.newaxis])["layer"][:, 0]
+    times = (1.0 + np.arange(count)) / (slow * rate)
+    wanted = 0.7 * (1.0 - np.exp(-times))[:, None, None]
+    # the step of the input, that of a weight of 24 bits once per frame, and, of Euler's steps of at
+    # most a hundredth of τ, half of that at the steepest place
+    steps = 0.7 * min(0.01, 1.0 / (slow * rate)) / 2.0 if method == "euler" else 0.0
+    bound = 2.0**-15 + 0.7 * 2.0**-22 * slow * rate + steps
+    np.testing.assert_allclose(layer, np.broadcast_to(wanted, layer.shape), atol=bound)

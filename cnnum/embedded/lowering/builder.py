@@ -78,14 +78,16 @@ class Builder:
         self.arrays[name] = made
         return made
 
-    def table(self, name: str, values: ArrayLike, description: str = "") -> tuple[Array, int]:
-        """Return a table of constants, and the fraction of its numbers."""
+    def table(
+        self, name: str, values: ArrayLike, description: str = "", bits: int = 0
+    ) -> tuple[Array, int]:
+        """Return a table of constants, of the precision's or of `bits` bits, and its fraction."""
         flat = np.asarray(values, dtype=np.float64).ravel()
         if not isinstance(self.arithmetic, Fixed):
             made = Array(name, "table", flat.size, None, description, flat)
             self.arrays[name] = made
             return made, 0
-        weights, fraction = self.arithmetic.weights(flat.tolist())
+        weights, fraction = self.arithmetic.weights(flat.tolist(), bits)
         whole = np.asarray(weights, dtype=np.int64)
         exact = bool(np.all(np.ldexp(whole.astype(np.float64), -fraction) == flat))
         return self._table(name, whole, fraction, description, exact=exact), fraction

@@ -359,6 +359,18 @@ def lower(
     )
 
 
+def _kept_in_memories(schedule: Schedule) -> set[int]:
+    """Return the nodes whose values memories take over as they are, by their indices."""
+    result, waiting = set[int](), [memory.store for memory in schedule.memories.values()]
+    while waiting:
+        node = waiting.pop()
+        if node.index not in result:
+            result.add(node.index)
+            chosen = isinstance(node.operation, Apply) and node.operation.function.name == "select"
+            waiting += node.arguments[1:] if chosen else ()
+    return result
+
+
 @dataclass(slots=True, eq=False)
 class Lowering:
     """The work on one schedule.
@@ -499,9 +511,10 @@ class Lowering:
             for role, some in operation.by_role(node.arguments).items()
         }
         solver = self.solvers[node.index]
-        maps, figures = lower_transient(
-            self.to, node, solver, given, picks_of(node, self.schedule.nodes)
-        )
+        picks = picks_of(node, self.schedule.nodes)
+        kept = _kept_in_memories(self.schedule)
+        remembered = any(user.index in kept for user, _ in picks)
+        maps, figures = lower_transient(self.to, node, solver, given, picks, remembered=remembered)
         self.maps |= maps
         self.numbers |= figures
 

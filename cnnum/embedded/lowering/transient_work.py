@@ -9,7 +9,8 @@ import numpy as np
 
 from cnnum import kernels as ir
 from cnnum.arrays import Floats
-from cnnum.embedded.arithmetic import Quantity, call, constant
+from cnnum.embedded.arithmetic import SUMMED, Quantity, call, constant
+from cnnum.embedded.formats import FACTOR, SHORT, Format
 from cnnum.embedded.lowering.builder import COLUMN, FINE, ROW, Builder, Padded, reach
 from cnnum.embedded.program import Array
 from cnnum.errors import NotSupportedError
@@ -72,6 +73,8 @@ class TransientWork:
         Numbers that are read of it, by name.
     watched : bool
         Whether the states of all layers are stored, since a flag says whether they rest.
+    remembered : bool
+        Whether a memory keeps its answers: they have the bits of a memory.
     """
 
     to: Builder
@@ -81,6 +84,7 @@ class TransientWork:
     picks: Mapping[int, Pick]
     figures: dict[str, Quantity] = field(default_factory=dict[str, Quantity])
     watched: bool = False
+    remembered: bool = False
     _padded: dict[tuple[int, float | None, int], Padded] = field(
         default_factory=dict[tuple[int, "float | None", int], Padded]
     )
@@ -310,8 +314,13 @@ class TransientWork:
         name = f"x{self.index}_{layer}{'y' if what == 'output' else ''}"
         if name in self.to.arrays:
             return self.to.arrays[name]
-        form = self.to.formats.stored(name)
+        form = self.format_of(name)
         return self.to.array(name, "work", self.to.cells, form, f"template {self.template.name}")
+
+    def format_of(self, name: str) -> Format | None:
+        """Return the format of a map of states."""
+        formats = self.to.formats
+        return formats.kept(name) if self.remembered else formats.stored(name)
 
     def uncoupled(self, kept: Floats) -> dict[int, Array]:
         """Write x = (1 − k) w + k x₀ of every layer that is read; masked cells stay at x₀."""
@@ -366,3 +375,14 @@ class TransientWork:
         arithmetic = self.to.arithmetic
         low = arithmetic.extreme("maximum", state, constant(-1.0), state.fraction)
         return arithmetic.extreme("minimum", low, constant(1.0), state.fraction)
+
+
+def bits_beside(sources: Sequence[Array], terms: int) -> int:
+    """Return the bits of the weights of a sum; 0 for those of the precision.
+
+    A state that goes on from a memory is multiplied in every frame: an error of its weights adds
+    up, and a slow layer has next to none of its own. Sums with it take 64 bits anyway.
+    """
+    longest = max((source.bits for source in sources if source.format is not None), default=0)
+    room = SUMMED - longest - terms.bit_length()
+    return min(FACTOR, room) if longest > SHORT and room > SHORT else 0

@@ -19,6 +19,7 @@ from cnnum.embedded.lowering.transient_work import (
     Given,
     J,
     TransientWork,
+    bits_beside,
     item_at,
     sum_of,
 )
@@ -103,7 +104,8 @@ def _dense(
             for kind, source, array in sources:
                 block = matrices[kind][rows, source * n : (source + 1) * n]
                 if np.any(block):
-                    table = _table(work, f"{kind}_{layer}_{source}", block, "propagator")
+                    bits = bits_beside([array], n)
+                    table = _table(work, f"{kind}_{layer}_{source}", block, "propagator", bits)
                     a, b = item_at(to, table, CELL, n, J), to.item(array, J)
                     parts.append(sum_of(to, f"s_{kind}_{layer}_{source}", [(J, n)], a, b))
             ends(layer, _sum(work, parts, scheme.constant[rows], layer))
@@ -167,19 +169,19 @@ def _modal(
     """Write the products by modes of sources, for each layer that is read."""
     to, (rows, cols) = work.to, work.to.shape
     factors = {"state": scheme.state, "drive": scheme.drive}
-    along_rows, _ = to.table(f"modes_{rows}_{_kind(work)}", scheme.rows, "modes of rows")
-    along_cols, _ = to.table(f"modes_{cols}_{_kind(work)}", scheme.cols, "modes of columns")
-    seen = [
-        (kind, layer, _forward(work, f"{kind}{tag}", layer, source_map, along_rows, along_cols))
-        for kind, layer, source_map in sources
-    ]
+    seen = list[tuple[str, int, Array]]()
+    for kind, layer, given in sources:
+        modes = _modes(work, scheme, bits_beside([given], max(rows, cols)))
+        seen.append((kind, layer, _forward(work, f"{kind}{tag}", layer, given, *modes)))
+    bits = bits_beside([given for *_, given in sources], max(rows, cols))
+    along_rows, along_cols = _modes(work, scheme, bits)
     for layer in work.layers:
         mixed = _wide(work, f"u{work.index}_{layer}{tag}", "modes of the answer")
         with to.within() as body:
             parts = list[Quantity]()
             for kind, source, array in seen:
                 block = factors[kind][layer, source]
-                table = _table(work, f"{kind}_{layer}_{source}", block, "factors of modes")
+                table = _table(work, f"{kind}_{layer}_{source}", block, "factors of modes", bits)
                 parts.append(to.arithmetic.multiply(to.item(table), to.item(array), FINE))
             to.store(mixed, _sum(work, parts, np.zeros(1), layer))
         to.loop(body)
@@ -286,10 +288,21 @@ def _quantum(array: Array | None) -> float:
     return array.format.step
 
 
-def _table(work: TransientWork, name: str, values: Floats, description: str) -> Array:
+def _table(
+    work: TransientWork, name: str, values: Floats, description: str, bits: int = 0
+) -> Array:
     """Return a table of a transient, which may be there."""
     result = work.to.arrays.get(f"k{work.index}_{name}")
-    return result or work.to.table(f"k{work.index}_{name}", values, description)[0]
+    return result or work.to.table(f"k{work.index}_{name}", values, description, bits)[0]
+
+
+def _modes(work: TransientWork, scheme: Spectral, bits: int) -> tuple[Array, Array]:
+    """Return the tables of the modes of rows and columns."""
+    to, (rows, cols) = work.to, work.to.shape
+    kind = f"{_kind(work)}_{bits}" if bits else _kind(work)
+    along_rows, _ = to.table(f"modes_{rows}_{kind}", scheme.rows, "modes of rows", bits)
+    along_cols, _ = to.table(f"modes_{cols}_{kind}", scheme.cols, "modes of columns", bits)
+    return along_rows, along_cols
 
 
 def _kind(work: TransientWork) -> str:
@@ -619,7 +632,7 @@ def _like_output(work: TransientWork, state: Array) -> Array:
 def _state(work: TransientWork, layer: int) -> Array:
     to, name = work.to, f"x{work.index}_{layer}"
     # steps beside jumps and corners are short: a word would round away the changes of many of them
-    form = to.formats.kept(name) if work.template.nonlinear else to.formats.stored(name)
+    form = to.formats.kept(name) if work.template.nonlinear else work.format_of(name)
     array = to.array(name, "work", to.cells, form, f"state of {work.template.name}")
     start = work.start(layer)
     to.loop([to.store_to(array, _value(work, array, start))])
@@ -753,9 +766,17 @@ FIGURES = ("time", "steps", "settled")
 
 
 def lower_transient(
-    to: Builder, node: Node, solver: Solver, given: Given, picks: Sequence[tuple[Node, Pick]]
+    to: Builder,
+    node: Node,
+    solver: Solver,
+    given: Given,
+    picks: Sequence[tuple[Node, Pick]],
+    *,
+    remembered: bool,
 ) -> tuple[dict[int, Array], dict[int, Quantity]]:
     """Write a transient; return the arrays and figures that are read of it, by their nodes.
+
+    If they are `remembered`, they have the bits of a memory.
 
     Raises
     ------
@@ -766,7 +787,7 @@ def lower_transient(
     assert isinstance(operation, Transient)
     wanted = {user.index: pick.what for user, pick in picks if pick.what in FIGURES}
     maps = {user.index: pick for user, pick in picks if user.index not in wanted}
-    work = TransientWork(to, operation.template, node.index, given, maps)
+    work = TransientWork(to, operation.template, node.index, given, maps, remembered=remembered)
     exact = {"steps": 0.0, "settled": 1.0, "time": solver.duration}
     work.figures = {name: constant(exact[name]) for name in wanted.values()}
     steps = isinstance(solver.scheme, FixedSteps)
