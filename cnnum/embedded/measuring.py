@@ -244,7 +244,7 @@ def _spread(limit: Limit, node: Node, argument: Node) -> Limit:
     """Return the limit of an argument: any cell of a map needs all of a number, or a template's."""
     if isinstance(limit, float) or (isinstance(node.operation, Apply) and not argument.scalar):
         return limit
-    return np.asarray(limit.max(axis=-1, keepdims=True))
+    return np.asarray(np.max(limit, axis=-1, keepdims=True))
 
 
 def _raise_limit(limits: dict[int, Limit], node: Node, limit: Limit) -> None:
