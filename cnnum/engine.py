@@ -196,7 +196,7 @@ class Engine(OfThisProcess):
         if chip is not None:
             backend = chip_backend(chip, backend)
         if like is not None:
-            from cnnum.engines.whole import measuring  # formats and emulator take their time
+            from cnnum.engines.fixed_point import measuring  # formats and emulator take their time
 
             backend = measuring(backend, like, (*graph.shape, len(channels)))
         parts = (program.name, graph, channels, needs)

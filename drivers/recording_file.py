@@ -12,7 +12,7 @@ from cnnum.drivers.registry import open_driver
 from cnnum.errors import CnnumError, RecordingError, missing_file
 from cnnum.frame import Frame, Quality
 from cnnum.recordings.lerobot import TACTILE, episode_of, is_lerobot, read_lerobot
-from cnnum.recordings.messages import holds_frames, is_bag, topics
+from cnnum.recordings.message_topics import holds_frames, is_bag, topics
 from cnnum.recordings.reader import Contents, look
 from cnnum.recordings.recording import Recording
 from cnnum.safety.reading import DAMAGE, names_something, open_regular

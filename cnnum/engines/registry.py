@@ -41,7 +41,7 @@ PACKAGED: Mapping[str, EngineRecord] = {
         EngineRecord(
             "opencl",
             _in("cnnum.engines.opencl.backend:OpenCLBackend"),
-            whole=_in("cnnum.engines.whole.device_frames:opened"),
+            whole=_in("cnnum.engines.fixed_point.device_frames:opened"),
             devices=True,
             missing=_no_opencl,
             lanes=True,
@@ -56,7 +56,7 @@ PACKAGED: Mapping[str, EngineRecord] = {
             "reference",
             _in("cnnum.engines.reference:ReferenceBackend"),
             precisions=("float64",),
-            whole=_in("cnnum.engines.whole:emulated"),
+            whole=_in("cnnum.engines.fixed_point:emulated"),
             fuses=False,  # so that it can check those that do
             takes_steps=False,
             implicit=True,
@@ -146,10 +146,10 @@ def open_backend(name: str | None, device: str | None, precision: str | None) ->
 def open_record(record: EngineRecord, device: str | None, precision: str | None) -> Backend:
     """Open an engine; raises the errors of `open_backend`."""
     if is_integer(precision):
-        from cnnum.engines.whole import whole_backend
+        from cnnum.engines.fixed_point import fixed_point_backend
 
         named = str(precision)
-        return _tried(record, lambda: whole_backend(record, device, named, _whole_names()))
+        return _tried(record, lambda: fixed_point_backend(record, device, named, _whole_names()))
     if device is not None and not record.devices:
         raise DeviceError(f"The {record.name} engine runs on the host, got device={device!r:.60}.")
     precision = precision or record.precisions[0]

@@ -35,7 +35,7 @@ from cnnum.errors import (
 )
 from cnnum.recordings.addresses import copied, facts_of, files_at, is_address, layout_of, public
 from cnnum.recordings.lerobot import INFO, episodes_of, is_lerobot
-from cnnum.recordings.messages import is_bag
+from cnnum.recordings.message_topics import is_bag
 from cnnum.safety.files import (
     beside,
     make_folder,

@@ -53,7 +53,7 @@ from cnnum.recordings.export import (
 )
 from cnnum.recordings.hdf5_file import list_hdf5, read_hdf5
 from cnnum.recordings.mcap_chunks import untimed
-from cnnum.recordings.messages import LOG_TIME, holds_frames, is_bag
+from cnnum.recordings.message_topics import LOG_TIME, holds_frames, is_bag
 from cnnum.recordings.recording import Recording
 from cnnum.recordings.times import rate_of
 from cnnum.safety.reading import names_something, open_regular

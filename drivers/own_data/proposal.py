@@ -37,7 +37,7 @@ from cnnum.drivers.own_data.sources import HDF5, MAT
 from cnnum.drivers.uskin_csv import refuse_several
 from cnnum.errors import CnnumError, CodecError, RecordingError, unreadable
 from cnnum.recordings.hdf5_file import PARQUET, list_hdf5, read_hdf5
-from cnnum.recordings.messages import (
+from cnnum.recordings.message_topics import (
     BAGS,
     LINES,
     STAMPS,

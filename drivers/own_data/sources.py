@@ -26,14 +26,14 @@ from cnnum.drivers.text_table import (
 )
 from cnnum.errors import CodecError, RecordingError, RecordingWarning, unreadable
 from cnnum.recordings.hdf5_file import PARQUET, read_hdf5
-from cnnum.recordings.messages import (
+from cnnum.recordings.message_topics import (
     BAGS,
     LOG_TIME,
     PUBLISH_TIME,
     field_arrays,
     is_bag,
 )
-from cnnum.recordings.messages import LINES as JSON_LINES
+from cnnum.recordings.message_topics import LINES as JSON_LINES
 from cnnum.safety.reading import DAMAGE, MEGABYTE, open_regular
 from cnnum.safety.values import shown
 

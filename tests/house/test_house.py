@@ -16,7 +16,7 @@ HEAVY = {
     "pyopencl": {
         "cnnum/engines/opencl",
         "cnnum/engines/devices",
-        "cnnum/engines/whole/device_frames.py",
+        "cnnum/engines/fixed_point/device_frames.py",
         "cnnum/lab/bench",
     },
     "serial": {"drivers/serial_port.py"},

@@ -94,7 +94,7 @@ def _of_others(file: Path, target: Path, topic: str, *, force: bool) -> _Found:
     import numpy as np
 
     from cnnum.drivers.recording_file import load_recording
-    from cnnum.recordings.messages import holes_in, unreadable_bytes
+    from cnnum.recordings.message_topics import holes_in, unreadable_bytes
 
     held = load_recording(file, topic=topic)
     held.save(target, force=force)

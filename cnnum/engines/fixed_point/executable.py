@@ -30,7 +30,7 @@ class WholeMemory:
 
 
 @dataclass(slots=True, eq=False)
-class WholeExecutable(OnHost):
+class FixedPointExecutable(OnHost):
     """Runs a schedule in fixed-point arithmetic.
 
     Attributes

@@ -15,7 +15,7 @@ from cnnum.embedded.emulator import Emulator
 from cnnum.embedded.formats import Precision, precision_named
 from cnnum.embedded.program import IntegerProgram
 from cnnum.engines.backend import Backend, EngineRecord, Runner
-from cnnum.engines.whole.executable import WholeExecutable
+from cnnum.engines.fixed_point.executable import FixedPointExecutable
 from cnnum.errors import ArrayError, DeviceError, ProgramError, UnknownNameError
 from cnnum.graph.schedule import Schedule
 from cnnum.integrators.solver import Solver, Solvers
@@ -23,7 +23,7 @@ from cnnum.templating.template import Template
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class WholeBackend:
+class FixedPointBackend:
     """An engine in fixed-point arithmetic.
 
     Attributes
@@ -61,11 +61,11 @@ class WholeBackend:
         """Return the solver as it is: its scheme runs."""
         return solver
 
-    def measuring(self, like: Floats) -> "WholeBackend":
+    def measuring(self, like: Floats) -> "FixedPointBackend":
         """Return the engine, with ranges measured on other streams."""
         return replace(self, like=like)
 
-    def build(self, schedule: Schedule, solvers: Solvers) -> WholeExecutable:
+    def build(self, schedule: Schedule, solvers: Solvers) -> FixedPointExecutable:
         """Return the schedule ready to run.
 
         Raises
@@ -73,12 +73,14 @@ class WholeBackend:
         NotSupportedError
             If part of it has no fixed-point form.
         """
-        return WholeExecutable(schedule, solvers, self.kind, self.runner, self.launches, self.like)
+        return FixedPointExecutable(
+            schedule, solvers, self.kind, self.runner, self.launches, self.like
+        )
 
 
-def whole_backend(
+def fixed_point_backend(
     record: EngineRecord, device: str | None, precision: str, able: Sequence[str]
-) -> WholeBackend:
+) -> FixedPointBackend:
     """Open an engine in fixed-point arithmetic.
 
     Parameters
@@ -106,7 +108,7 @@ def whole_backend(
     if device is not None and not record.devices:
         raise DeviceError(f"The {record.name} engine runs on the host, got device={device!r:.60}.")
     label, runner, launches = record.whole(device)
-    return WholeBackend(record, label, kind, runner, launches)
+    return FixedPointBackend(record, label, kind, runner, launches)
 
 
 def emulated(device: None) -> tuple[str, Callable[[IntegerProgram], Runner], int]:
@@ -134,7 +136,7 @@ def measuring(backend: Backend, like: ArrayLike, trailing: "Sequence[int]") -> B
     ArrayError
         If the streams have another shape or no frames.
     """
-    if not isinstance(backend, WholeBackend):
+    if not isinstance(backend, FixedPointBackend):
         raise ProgramError(
             f"'like' is for whole numbers, but this engine uses {backend.precision}: leave it out, "
             "or use precision='q15'."
