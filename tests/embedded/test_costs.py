@@ -8,13 +8,18 @@ import numpy as np
 import pytest
 
 import cnnum
+from cnnum.embedded.lowering.builder import solvers_for
 from cnnum.errors import UnknownNameError
+from cnnum.frame import FORCE_AXES
+from cnnum.graph.schedule import schedule
+from cnnum.integrators.closed_forms import Propagator, Spectral
 from cnnum.lab.bench.charts import CHARTS
 from cnnum.lab.bench.records import as_row
 from cnnum.lab.commands.bench import Wanted
 from cnnum.lab.embedded import costs
 from cnnum.lab.embedded.cortex_m import missing_tools
 from cnnum.lab.embedded.costs import Bounds, CostRow, answers, front, page_table
+from cnnum.programs.library import program_names
 from tests.embedded.conftest import made, streams, too_long
 
 ROW = CostRow(
@@ -185,3 +190,38 @@ def test_outputs_of_a_release_are_compared_where_there_is_one(fast):
     found = np.array([stream.push(frame)["off_strength"] for frame in frames])
     assert (found[costs.EXCERPT :].max(axis=0) > 100.0).all()
     assert found[: costs.EXCERPT].max() < 10.0
+
+
+@pytest.mark.parametrize("rate", [50.0, 1000.0, 5000.0])
+def test_euler_steps_as_exact_as_q15_would_cost_more_than_exact_products(rate):
+    """Which is why `auto` takes the products: by products of numbers, over the library's programs.
+
+    After n steps of a time T, the states of a linear array are off by (λT)²/2n of their range at
+    most; if they go on from frame to frame, they lag by λT/2n. λ is the largest sum of a row.
+    """
+    compared = 0
+    for name in program_names("tactile"):
+        if name.startswith(("halfspace", "surface")):
+            continue  # equilibria, which no steps reach
+        traced = cnnum.get_program(name).bind(rate=rate).trace((8, 8), FORCE_AXES)
+        wanted = schedule(traced, FORCE_AXES, None)
+        for node, solver in zip(wanted.transients, solvers_for(wanted).values(), strict=True):
+            template, scheme = node.operation.template, solver.scheme
+            if solver.settle or not isinstance(scheme, Propagator | Spectral):
+                continue
+            layers, cells = template.layers, 64
+            sums = np.abs(template.A).sum(axis=(1, 2, 3)) + 1.0
+            fast = solver.duration * float((sums / template.tau).max())
+            goes_on = any(
+                node.index in {argument.index for argument in memory.store.arguments}
+                for memory in wanted.memories.values()
+            )
+            steps = np.ceil(2.0**15 * (fast / 2.0 if goes_on else fast * fast / 2.0))
+            if isinstance(scheme, Spectral):  # along rows and columns, there and back
+                products = cells * (16 * 2 * layers + 16 * layers + 2 * layers * layers)
+            else:
+                products = 2 * (layers * cells) ** 2
+            taps = int(np.count_nonzero(template.A))
+            assert steps * taps * cells > products, (name, template.name)
+            compared += 1
+    assert compared > 5
