@@ -18,22 +18,23 @@ HEAD = """# The template library
 The library has {count} templates, from the CNN Software Library, MatCNN, CNNSim, other sources and
 this project. Published numbers are unchanged, except for one sign each in HORSKELR and VERSKELB.
 `cnnum templates show NAME` prints the definition of a template, its source, the meaning of its
-input and state, its check, the settling time on the check's pictures, and how much the bias may
-change before a cell is wrong. Lower-case section titles are folders of the library. These are the
-other commands of `cnnum templates`:
+input and state, its check, the settling time on the check's pictures, and its margin: how much the
+bias may change before a cell is wrong. Lower-case section titles are folders of the library. Other
+commands of `cnnum templates`:
 
 | command | what it does |
 |---|---|
-| `find` | searches the library by words or by an example |
+| `find` | searches the library by words or by an example picture with the desired output |
 | `gallery` | writes a page with pictures of every template; with `--live`, you can draw on it |
-| `check` | runs the checks of the library, or of your own files and folders, on all engines |
-| `audit` | counts the wrong cells of every template with the boundaries 0, -1 and zero-flux |
-| `design NAME --weights` | shows how far each weight may change |
+| `check` | runs the checks of the library's templates, or of your own template files, on all engines |
+| `audit` | counts the cells that each template gets wrong with the boundaries 0, -1 and zero-flux |
+| `design NAME --weights` | shows how far each weight may change before a cell is wrong |
 
 A check tests not only what a template computes, but also its mean final state, margin and settling
-time. A test of the function alone would be weak: of 1,272 variants of black-and-white templates
-with one number multiplied by 1.2, 992 still compute the same function, but only 68 also keep the
-final state, margin and settling time (`python -m docs.figures.changed_weights --digital`).
+time. A test of the function alone would be weak: multiplying one number of a black-and-white
+template by 1.2 gives 1,272 variants, of which 992 still compute the function of the original, but
+only 68 also keep its final state, margin and settling time (`python -m
+docs.figures.changed_weights --digital`).
 
 ## Experimental templates
 
