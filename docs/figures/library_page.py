@@ -26,7 +26,7 @@ commands of `cnnum templates`:
 |---|---|
 | `find` | searches the library by words or by an example picture with the desired output |
 | `gallery` | writes a page with pictures of every template; with `--live`, you can draw on it |
-| `check` | runs the checks of the library's templates, or of your own template files, on all engines |
+| `check` | runs the checks of the library, or of your own template files, on all engines |
 | `audit` | counts the cells that each template gets wrong with the boundaries 0, -1 and zero-flux |
 | `design NAME --weights` | shows how far each weight may change before a cell is wrong |
 
