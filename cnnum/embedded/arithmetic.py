@@ -552,14 +552,22 @@ class Fixed:
         both = self.brought(a, fraction), self.brought(b, fraction)
         return Quantity(call("pick", holds.value, *both), fraction)
 
-    def bits_beside(self, some: Sequence[Quantity]) -> int:
-        """Return the bits of a constant factor of quantities.
+    def bits_beside(self, some: Sequence[Quantity], terms: int = 1) -> int:
+        """Return the bits of the constant factors in a sum of products.
 
-        A memory or a number has more than 16 bits, so that a product with it takes 64 bits anyway:
-        there, a factor such as 0.999 of a slow average has all the bits that it may have.
+        A memory has more than 16 bits, and a product with it takes 64 bits anyway. There, a factor
+        such as 0.999 of a slow average has up to 24: an error of it adds up frame by frame.
+
+        Parameters
+        ----------
+        some : sequence of Quantity
+            What the factors multiply.
+        terms : int
+            Products of each of them.
         """
-        wide = any(magnitude(quantity.value) >= 1 << SHORT for quantity in some)
-        return FACTOR if wide else self.weight
+        longest = max((magnitude(quantity.value).bit_length() for quantity in some), default=0)
+        room = SUMMED - longest - (terms * len(some)).bit_length()
+        return max(self.weight, min(FACTOR, room)) if longest > SHORT else self.weight
 
     def weights(self, numbers: Sequence[float], bits: int = 0) -> tuple[list[int], int]:
         """Return the weights of a template as whole numbers, and their fraction.

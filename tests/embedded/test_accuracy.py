@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy import ndimage
 
 import cnnum
 from cnnum.embedded.formats import precision_named
@@ -10,7 +11,7 @@ from cnnum.errors import NotSupportedError
 from cnnum.frame import FORCE_AXES
 from cnnum.graph.nodes import RunSpec
 from cnnum.graph.schedule import schedule
-from cnnum.programs.transients import transient
+from cnnum.programs.transients import apply, transient
 from cnnum.templates.tactile.halfspace_equilibrium import halfspace_equilibrium
 from cnnum.templating.checks.tactile.halfspace import block_displacement, on_plane
 from cnnum.templating.template import Template
@@ -177,3 +178,29 @@ def test_a_layer_that_goes_on_from_frame_to_frame_does_not_get_stuck(rate, slow,
     steps = 0.7 * min(0.01, 1.0 / (slow * rate)) / 2.0 if method == "euler" else 0.0
     bound = 2.0**-15 + 0.7 * 2.0**-22 * slow * rate + steps
     np.testing.assert_allclose(layer, np.broadcast_to(wanted, layer.shape), atol=bound)
+
+
+@pytest.mark.parametrize(("cells", "kernel"), [(8, 3), (24, 15), (40, 31)])
+def test_a_large_kernel_over_a_memory_fits_in_64_bits(cells, kernel):
+    """Weights beside a memory have more bits only as far as a sum of their products has room."""
+    random = np.random.default_rng(kernel)
+    weights = random.uniform(-1.0, 1.0, (kernel, kernel))
+    blur = Template("blur", A=[[0.0]], B=weights, z=0.0, output="linear", boundary=0.0)
+
+    @cnnum.program
+    def blurred(frame):
+        memory = frame.memory("slow")
+        sums = apply(blur, input=memory.value)
+        memory.store(0.99 * memory.value + 0.01 * frame.normal)
+        return {"sums": sums}
+
+    loads = random.uniform(0.0, 1.0, (30, cells, cells, 1))
+    engine = cnnum.Engine("reference", precision="q15")
+    plan = engine.compile(blurred, (cells, cells), channels=("normal",), like=loads)
+    stream, slow = plan.stream(), np.zeros((cells, cells))
+    for load in loads:
+        given = stream.push(load)["sums"]
+        wanted = ndimage.correlate(slow, weights, mode="constant")
+        slow = 0.99 * slow + 0.01 * load[..., 0]
+    # the step of a word of 16 bits with up to four times the room
+    np.testing.assert_allclose(given, wanted, atol=2.0**-13 * np.abs(wanted).max())

@@ -192,7 +192,7 @@ def test_outputs_of_a_release_are_compared_where_there_is_one(fast):
     assert found[: costs.EXCERPT].max() < 10.0
 
 
-@pytest.mark.parametrize("rate", [50.0, 1000.0, 5000.0])
+@pytest.mark.parametrize("rate", [50.0, 200.0, 1000.0, 5000.0])
 def test_euler_steps_as_exact_as_q15_would_cost_more_than_exact_products(rate):
     """Which is why `auto` takes the products: by products of numbers, over the library's programs.
 
@@ -200,11 +200,10 @@ def test_euler_steps_as_exact_as_q15_would_cost_more_than_exact_products(rate):
     most; if they go on from frame to frame, they lag by λT/2n. λ is the largest sum of a row.
     """
     compared = 0
-    for name in program_names("tactile"):
-        if name.startswith(("halfspace", "surface")):
-            continue  # equilibria, which no steps reach
-        traced = cnnum.get_program(name).bind(rate=rate).trace((8, 8), FORCE_AXES)
-        wanted = schedule(traced, FORCE_AXES, None)
+    for name in (*program_names("tactile"), *program_names("pictures")):
+        channels = ("picture",) if name in program_names("pictures") else FORCE_AXES
+        traced = cnnum.get_program(name).bind(rate=rate).trace((8, 8), channels)
+        wanted = schedule(traced, channels, None)
         for node, solver in zip(wanted.transients, solvers_for(wanted).values(), strict=True):
             template, scheme = node.operation.template, solver.scheme
             if solver.settle or not isinstance(scheme, Propagator | Spectral):

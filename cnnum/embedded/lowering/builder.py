@@ -81,7 +81,16 @@ class Builder:
     def table(
         self, name: str, values: ArrayLike, description: str = "", bits: int = 0
     ) -> tuple[Array, int]:
-        """Return a table of constants, of the precision's or of `bits` bits, and its fraction."""
+        """Return a table of constants, and the fraction of its numbers.
+
+        Parameters
+        ----------
+        name : str
+        values : (...) float
+        description : str
+        bits : int
+            Bits of a number; 0 for those of the precision.
+        """
         flat = np.asarray(values, dtype=np.float64).ravel()
         if not isinstance(self.arithmetic, Fixed):
             made = Array(name, "table", flat.size, None, description, flat)
@@ -91,6 +100,12 @@ class Builder:
         whole = np.asarray(weights, dtype=np.int64)
         exact = bool(np.all(np.ldexp(whole.astype(np.float64), -fraction) == flat))
         return self._table(name, whole, fraction, description, exact=exact), fraction
+
+    def bits_beside(self, arrays: Sequence[Array], terms: int) -> int:
+        """Return the bits of a table whose numbers multiply arrays, in sums of so many terms."""
+        if not isinstance(self.arithmetic, Fixed):
+            return 0
+        return self.arithmetic.bits_beside([self.item(array) for array in arrays], terms)
 
     def places(self, name: str, values: ArrayLike, description: str = "") -> Array:
         """Return a table of whole numbers: places in an array."""

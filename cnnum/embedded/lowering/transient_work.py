@@ -9,8 +9,8 @@ import numpy as np
 
 from cnnum import kernels as ir
 from cnnum.arrays import Floats
-from cnnum.embedded.arithmetic import SUMMED, Quantity, call, constant
-from cnnum.embedded.formats import FACTOR, SHORT, Format
+from cnnum.embedded.arithmetic import Quantity, call, constant
+from cnnum.embedded.formats import Format
 from cnnum.embedded.lowering.builder import COLUMN, FINE, ROW, Builder, Padded, reach
 from cnnum.embedded.program import Array
 from cnnum.errors import NotSupportedError
@@ -317,6 +317,11 @@ class TransientWork:
         form = self.format_of(name)
         return self.to.array(name, "work", self.to.cells, form, f"template {self.template.name}")
 
+    def table(self, name: str, values: Floats, description: str, bits: int = 0) -> Array:
+        """Return a table of this transient, which may be there, as `Builder.table` does."""
+        name = f"k{self.index}_{name}"
+        return self.to.arrays.get(name) or self.to.table(name, values, description, bits)[0]
+
     def format_of(self, name: str) -> Format | None:
         """Return the format of a map of states."""
         formats = self.to.formats
@@ -375,14 +380,3 @@ class TransientWork:
         arithmetic = self.to.arithmetic
         low = arithmetic.extreme("maximum", state, constant(-1.0), state.fraction)
         return arithmetic.extreme("minimum", low, constant(1.0), state.fraction)
-
-
-def bits_beside(sources: Sequence[Array], terms: int) -> int:
-    """Return the bits of the weights of a sum; 0 for those of the precision.
-
-    A state that goes on from a memory is multiplied in every frame: an error of its weights adds
-    up, and a slow layer has next to none of its own. Sums with it take 64 bits anyway.
-    """
-    longest = max((source.bits for source in sources if source.format is not None), default=0)
-    room = SUMMED - longest - terms.bit_length()
-    return min(FACTOR, room) if longest > SHORT and room > SHORT else 0
