@@ -13,7 +13,7 @@ from cnnum.embedded.formats import NoFormats, Precision
 from cnnum.embedded.lowering.builder import solvers_for
 from cnnum.embedded.lowering.schedules import lower
 from cnnum.embedded.measuring import REALS, Seen, inputs_of, measured
-from cnnum.embedded.program import Array, IntegerProgram, array_names, real
+from cnnum.embedded.program import Array, IntegerProgram, array_names
 from cnnum.graph.schedule import Schedule
 from cnnum.integrators.solver import Solver
 
@@ -105,16 +105,32 @@ class Made:
         streams = frames if frames.ndim == 5 else frames[:, np.newaxis]
         channels = array_names("in", self.schedule.channels)
         inputs = [self.inputs(frame) for frame in streams]
-        return exported(
-            self.program, inputs, remarks, facts, channels, shares=self.shares, reals=self.reals()
-        )
+        return exported(self.program, inputs, remarks, facts, channels, shares=self.shares)
 
-    def reals(self) -> IntegerProgram | None:
-        """Return the same program in floating point; None if it is that one."""
+    def errors(self, frames: Floats) -> dict[str, float]:
+        """Return the relative root mean square error of each output.
+
+        Parameters
+        ----------
+        frames : (frames, batch, rows, cols, channels) float
+            Typical streams.
+
+        Returns
+        -------
+        dict of str to float
+            Relative to the same program in floating point; infinity where that gives 0. Empty for
+            a program in floating point.
+        """
         if not self.precision.integer:
-            return None
-        solvers = solvers_for(self.schedule, self.method)
-        return lower(self.program.name, self.schedule, solvers, NoFormats(REALS))
+            return {}
+        solvers, result = solvers_for(self.schedule, self.method), dict[str, float]()
+        exact = make_with(self.program.name, self.schedule, solvers, REALS, Seen(), self.method)
+        wanted, given = exact.run(frames), self.run(frames)
+        for name, values in wanted.items():
+            error = float(np.sqrt(np.mean((given[name] - values) ** 2)))
+            size = float(np.sqrt(np.mean(values**2)))
+            result[name] = error / size if size else (np.inf if error else 0.0)
+        return result
 
 
 def quantised(array: Array, values: Floats) -> Numbers:
@@ -123,6 +139,12 @@ def quantised(array: Array, values: Floats) -> Numbers:
         return values.astype(np.float32).astype(np.float64)
     whole = np.floor(np.ldexp(values, array.format.fraction) + 0.5)
     return np.clip(whole, array.format.least, array.format.largest).astype(np.int64)
+
+
+def real(array: Array, numbers: Numbers) -> Floats:
+    """Return the real values of an array's numbers."""
+    places = 0 if array.format is None else array.format.fraction
+    return np.ldexp(numbers.astype(np.float64), -places)
 
 
 def make(

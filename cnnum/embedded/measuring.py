@@ -139,6 +139,13 @@ Limit = float | Floats
 """Magnitude from which a value need not be known, (batch, 1) or (batch, cells): 0 where it does not
 count, infinity where it always counts. A number is that of all cells."""
 
+LEAST = float(np.finfo(np.float64).tiny)
+"""Limit of a value of which only the sign counts."""
+
+RESOLVED = 256.0
+"""A dividend that is smaller than the largest of its frame by more than this, and by the room of a
+register, may be divided by too much where its quotient is limited."""
+
 Values = Mapping[str, NDArray[Any]]
 
 
@@ -159,7 +166,8 @@ def needed_sizes(schedule: Schedule, values: Values) -> dict[str, float]:
     result: dict[str, float] = {}
     for name, limit in _limits(schedule, values).items():
         if limit is not np.inf and name in values:
-            result[name] = float(np.minimum(np.abs(values[name]), limit).max(initial=0.0))
+            size = float(np.minimum(np.abs(values[name]), limit).max(initial=0.0))
+            result[name] = size if size > LEAST else 0.0
     return result
 
 
@@ -210,16 +218,16 @@ def _beside(name: str, part: Node, bound: float | None, mine: Limit, values: Val
     if bound is None or own is None:
         return mine
     beyond = own > bound if name == "minimum" else own < bound
-    return np.where(beyond, np.minimum(mine, abs(bound)), mine)
+    return np.where(beyond, np.minimum(mine, max(abs(bound), LEAST)), mine)
 
 
 def _of_inverse(mine: Limit, dividend: NDArray[Any] | None) -> Limit:
-    """Return the limit of an inverse: times the largest dividend, it is that of the quotient."""
+    """Return the limit of an inverse, from which the dividends that count reach the quotient's."""
     if dividend is None:
         return mine
     size = np.abs(dividend)
-    largest = np.maximum(size.max(axis=-1, keepdims=True), np.finfo(np.float64).tiny)
-    return np.where(size > 0.0, mine / largest, 0.0)
+    largest = np.maximum(size.max(axis=-1, keepdims=True), RESOLVED * LEAST)
+    return np.where(size > 0.0, mine * (RESOLVED / largest), 0.0)
 
 
 def _name(node: Node) -> str:

@@ -3,13 +3,13 @@
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cnnum import kernels as ir
-from cnnum.arrays import Floats, Shape
+from cnnum.arrays import Shape
 from cnnum.embedded.formats import Format
 
 
@@ -100,12 +100,6 @@ class Array:
         if self.logic:
             return 0, (1 << self.bits) - 1
         return -1 << (self.bits - 1), (1 << (self.bits - 1)) - 1
-
-
-def real(array: Array, numbers: NDArray[Any]) -> Floats:
-    """Return the real values of an array's numbers."""
-    places = 0 if array.format is None else array.format.fraction
-    return np.ldexp(numbers.astype(np.float64), -places)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -38,6 +38,9 @@ RATE = 200.0
 RADIUS = {4: 15e-3}
 """m, of the sphere on small arrays, whose taxels lie as close as others'."""
 
+FASTEST = 10_000.0
+"""Hz; three seconds of more frames take minutes to simulate and to measure."""
+
 APART = 20
 """Step between the frames of a program without memories."""
 
@@ -236,6 +239,9 @@ SHORT, LONG = 48, 0.8
 """Frames of each stream of the test vector; where outputs stay the same in them, s, in which
 programs have learned what rest is, and frames of contact follow."""
 
+COMPARED = 2.0
+"""s of two typical streams, of a slip and of a turn, on which outputs are compared with floats."""
+
 PICTURES = 6
 """Pictures of each stream of a test vector."""
 
@@ -321,15 +327,15 @@ def export(
     made = make(timed.name, wanted, precision_named(precision), streams, method)
     made = replace(made, shares=share_memory or len(several) > 1)
     facts = Facts(traced.rate if traced.timed else None, seen.unit, precision, method)
-    if seen.unit == GREY:
-        # waves may take a thousand steps per picture, and no picture depends on others
-        return made.export(seen.parts(PICTURES), facts=facts)
-    exported = made.export(seen.parts(SHORT), facts=facts)
-    if exported.vector.still:
+    # waves may take a thousand steps per picture, and no picture depends on others
+    pictures = seen.unit == GREY
+    exported = made.export(seen.parts(PICTURES if pictures else SHORT), facts=facts)
+    if exported.vector.still and not pictures:
         longer = made.export(seen.parts(seen.frames_in(LONG)), facts=facts)
         if len(longer.vector.still) < len(exported.vector.still):
-            return longer
-    return exported
+            exported = longer
+    compared = streams[: seen.frames_in(COMPARED), :: max(1, streams.shape[1] // 2)]
+    return replace(exported, errors=made.errors(compared))
 
 
 def _several(programs: object) -> list[Program | str]:
@@ -436,6 +442,11 @@ class Examples:
                 error = name_error("channel", name, FORCE_AXES)
                 error.args = (f"{error} Give frames like those to come, which have others.",)
                 raise error
+        if rate is not None and rate > FASTEST:
+            raise ArrayError(
+                f"No streams are simulated at {shown(rate)} frames per second, which is more than "
+                f"{FASTEST:,.0f}: give typical frames as 'like' (--like)."
+            )
         places = [FORCE_AXES.index(name) for name in names]
         frames = measuring_frames(shape, rate or RATE)[..., places]
         return cls(shape, names, rate or RATE, SIMULATED, frames, simulated=True)

@@ -10,7 +10,7 @@ from scipy import ndimage
 from scipy.integrate import solve_ivp
 
 import cnnum
-from cnnum.embedded.program import real
+from cnnum.embedded.making import real
 
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]

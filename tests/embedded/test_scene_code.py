@@ -9,7 +9,7 @@ import pytest
 import cnnum
 from cnnum.embedded.c.files import identifier
 from cnnum.embedded.c.text import record_type
-from cnnum.embedded.program import real
+from cnnum.embedded.making import real
 from cnnum.frame import Frame
 from cnnum.scenes.conversion import AsRead, ByArrayCalibration
 from cnnum.scenes.events import EventDetector, EventRule

@@ -156,7 +156,7 @@ def _show(exported: "Exported", out: Path, output: Output) -> None:
             "outputs_that_stay": list(vector.still),
             "constants_flipped": vector.flipped,
             "constants_unnoticed": sum(vector.unseen.values()),
-            "errors": dict(vector.errors),
+            "errors": dict(exported.errors),
         }
     )
     timed = (
@@ -170,7 +170,7 @@ def _show(exported: "Exported", out: Path, output: Output) -> None:
         f"{exported.output_bytes}, tables {exported.table_bytes}.",
         *timed,
         f"The test vector has {len(vector.frames)} frames of {sum(vector.begins)} streams.",
-        *vector.about(program),
+        *exported.about(),
     )
 
 

@@ -3,9 +3,11 @@
 import json
 import textwrap
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from math import isfinite
 from os import PathLike
 from pathlib import Path
+from statistics import median
 
 import numpy as np
 
@@ -30,6 +32,9 @@ from cnnum.embedded.program import Array, IntegerProgram, plain
 from cnnum.safety.files import write_files
 from cnnum.version import __version__
 
+LARGE = 0.5
+"""Relative error of an output from which it is named: half of it is lost."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Exported:
@@ -42,6 +47,10 @@ class Exported:
     vector : Vector
     program : IntegerProgram
     facts : Facts
+    errors : mapping of str to float
+        Root mean square difference of each output from the same program in floating point on
+        typical frames, over the root mean square of that; infinity where that is 0. Empty for
+        float32.
     """
 
     files: Mapping[str, str]
@@ -52,6 +61,27 @@ class Exported:
     vector: Vector
     program: IntegerProgram
     facts: "Facts"
+    errors: Mapping[str, float] = field(default_factory=dict[str, float])
+
+    def about(self) -> list[str]:
+        """Return what the test vector shows, and how exact the outputs are, a sentence each."""
+        result = self.vector.about(self.program)
+        known = {name: error for name, error in self.errors.items() if isfinite(error)}
+        if known:
+            worst = max(known, key=lambda name: known[name])
+            result.append(
+                "Compared with floating point on typical frames, the root mean square error of an "
+                f"output is {median(known.values()):.2g} of the output in the median, and "
+                f"{known[worst]:.2g} at most ('{worst}')."
+            )
+        if lost := [f"'{name}'" for name, error in known.items() if error > LARGE]:
+            result.append(
+                f"That of {', '.join(lost)} exceeds a half: such an output jumps, has no meaning "
+                "in some of the frames, or needs other ranges."
+            )
+        if wrong := [f"'{name}'" for name in self.errors if name not in known]:
+            result.append(f"Not 0, as in floating point: {', '.join(wrong)}.")
+        return result
 
     def write(self, folder: str | PathLike[str], *, force: bool = False) -> None:
         """Write the files into a folder, as `cnnum.safety.files.write_files` does.
@@ -174,7 +204,6 @@ def exported(
     channels: Mapping[str, str] | None = None,
     *,
     shares: bool = False,
-    reals: IntegerProgram | None = None,
 ) -> Exported:
     """Return a program's files.
 
@@ -191,8 +220,6 @@ def exported(
         The arrays of all channels of a frame; those that are not read have none in the program.
     shares : bool
         Whether working arrays share their places, as `c_text` has them.
-    reals : IntegerProgram, optional
-        The same program in floating point, with which the answers are compared.
     """
     if facts is not None and not remarks:
         remarks = (
@@ -200,7 +227,7 @@ def exported(
             f"{facts.precision}, method {facts.method}.",
             f"Written by cnnum {__version__}.",
         )
-    name, vector = identifier(program.name), vector_of(program, streams, reals)
+    name, vector = identifier(program.name), vector_of(program, streams)
     text = c_text(program, shares=shares, c99=True)
     inputs, outputs = program.of_kind("input"), program.of_kind("output")
     header = _header(name, program, text, inputs, outputs, facts)

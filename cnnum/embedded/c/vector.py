@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from cnnum import kernels as ir
 from cnnum.embedded.emulator import Emulator, Numbers, cleared
-from cnnum.embedded.program import IntegerProgram, real
+from cnnum.embedded.program import IntegerProgram
 from cnnum.errors import ArrayError
 from cnnum.kernels.expressions import operands
 
@@ -32,9 +32,6 @@ OFF = 1e-3
 """Share of an output's largest number by which a float may be off: libraries of mathematics and
 contracted products round otherwise, and a memory hands such roundings on."""
 
-LARGE = 0.5
-"""Relative error of an output from which it is named: half of it is lost."""
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Vector:
@@ -53,9 +50,6 @@ class Vector:
         Constants whose sign was flipped, and those that there are.
     unseen : mapping of str to int
         Flipped constants that no answer shows, by the table or the value in which they stand.
-    errors : mapping of str to float
-        Root mean square difference of each output from the same program in floating point, over
-        the root mean square of that; infinity where that is 0. Empty for a program of reals.
     """
 
     frames: Frames
@@ -66,7 +60,6 @@ class Vector:
     flipped: int
     constants: int
     unseen: Mapping[str, int]
-    errors: Mapping[str, float] = field(default_factory=dict[str, float])
 
     def about(self, program: IntegerProgram) -> list[str]:
         """Return what the vector shows, and what it does not, a sentence each."""
@@ -86,24 +79,10 @@ class Vector:
                 name if count == 1 else f"{name} ({count})" for name, count in self.unseen.items()
             )
             result.append(f"None shows those of {places}.")
-        if self.errors:
-            worst = max(self.errors, key=lambda name: self.errors[name])
-            result.append(
-                "Compared with floating point on these frames, the root mean square error of an "
-                f"output is {np.median(list(self.errors.values())):.2g} of the output in the "
-                f"median, and {self.errors[worst]:.2g} at most ('{worst}')."
-            )
-            if lost := [f"'{name}'" for name, error in self.errors.items() if error > LARGE]:
-                result.append(
-                    f"That of {', '.join(lost)} exceeds a half: such an output jumps, has no "
-                    "meaning in some of the frames, or needs other ranges."
-                )
         return result
 
 
-def vector_of(
-    program: IntegerProgram, streams: Frames, reals: IntegerProgram | None = None
-) -> Vector:
+def vector_of(program: IntegerProgram, streams: Frames) -> Vector:
     """Return the test vector of a program.
 
     Parameters
@@ -111,8 +90,6 @@ def vector_of(
     program : IntegerProgram
     streams : sequence of mapping of str to (batch, cells) int or float
         Frames of streams side by side, among which some are chosen.
-    reals : IntegerProgram, optional
-        The same program in floating point, with which the answers are compared.
 
     Raises
     ------
@@ -137,30 +114,7 @@ def vector_of(
     tried = constants[:: -(-len(constants) // FLIPPED) or 1]
     unseen = _unseen(program, parts, answers, tried)
     remembers = not _same(program, answers, kept)[0]
-    errors = {} if reals is None else _errors(program, parts, answers, reals)
-    return Vector(
-        frames, answers, begins, still, remembers, len(tried), len(constants), unseen, errors
-    )
-
-
-def _errors(
-    program: IntegerProgram,
-    parts: Sequence[Frames],
-    answers: Sequence[Mapping[str, Numbers]],
-    reals: IntegerProgram,
-) -> dict[str, float]:
-    """Return the relative root mean square error of each output."""
-    inputs = [
-        [{n: real(program.arrays[n], numbers) for n, numbers in frame.items()} for frame in part]
-        for part in parts
-    ]
-    exact, result = _answers(reals, [(part, 1) for part in inputs]), dict[str, float]()
-    for name, array in program.outputs.items():
-        wanted = np.stack([answer[reals.outputs[name]] for answer in exact])
-        given = np.stack([real(program.arrays[array], answer[array]) for answer in answers])
-        error, size = np.sqrt(np.mean((given - wanted) ** 2)), np.sqrt(np.mean(wanted**2))
-        result[name] = float(error / size) if size else (np.inf if error else 0.0)
-    return result
+    return Vector(frames, answers, begins, still, remembers, len(tried), len(constants), unseen)
 
 
 def _answers(

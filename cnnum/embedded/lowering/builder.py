@@ -320,10 +320,11 @@ def _holding(to: Builder, like: Array, edge: float | None) -> tuple[Format | Non
             return form, False
     if not to.integer:
         return None, False
-    wider = to.formats.precision.stored(size)
-    fits = abs(edge) <= wider.largest * wider.step
-    # a fixed fraction leaves no room for it: as many bits as a memory has
-    return wider if fits else to.formats.precision.kept(size), False
+    precision = to.formats.precision
+    wider = precision.stored(size)
+    # a memory's bits stay so many; a fixed fraction leaves no room for the rim: as many, too
+    short = like.bits <= precision.container and abs(edge) <= wider.largest * wider.step
+    return wider if short else precision.kept(size), False
 
 
 EXPORTED = (Decay, Propagator, Spectral, Circulant, FixedSteps)

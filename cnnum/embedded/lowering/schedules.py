@@ -339,7 +339,7 @@ def lower(
     builder = Builder(schedule.shape, arithmetic, formats)
     memories = schedule.memories.values()
     levels = levels_of(schedule.nodes, schedule.outputs.values(), memories)
-    work = Lowering(builder, schedule, solvers, levels)
+    work = Lowering(builder, schedule, solvers, levels, going_on(schedule))
     watched = may_not_finish(schedule.nodes)
     if watched:
         builder.body.append(ir.declare(MISSED, 0))
@@ -359,15 +359,37 @@ def lower(
     )
 
 
-def _kept_in_memories(schedule: Schedule) -> set[int]:
-    """Return the nodes whose values memories take over as they are, by their indices."""
-    result, waiting = set[int](), [memory.store for memory in schedule.memories.values()]
-    while waiting:
-        node = waiting.pop()
-        if node.index not in result:
-            result.add(node.index)
-            chosen = isinstance(node.operation, Apply) and node.operation.function.name == "select"
-            waiting += node.arguments[1:] if chosen else ()
+def _states_of(node: Node) -> Sequence[Node]:
+    """Return the arguments whose states a node hands on."""
+    operation = node.operation
+    if isinstance(operation, Transient):
+        given = operation.by_role(node.arguments)
+        starts = given["input"] if operation.template.initial == "input" else ()
+        return given["state"] or starts
+    if isinstance(operation, Apply):
+        chosen = operation.function.name == "select"
+        return node.arguments[1:] if chosen else node.arguments
+    return node.arguments if isinstance(operation, Pick) else ()
+
+
+def going_on(schedule: Schedule) -> set[int]:
+    """Return the nodes by which the state of a memory comes back to it, by their indices.
+
+    What is rounded on this way is rounded in every frame.
+    """
+    result = set[int]()
+    for memory in schedule.memories.values():
+        after = {memory.read.index}
+        for node in schedule.nodes:  # arguments come first
+            if not node.logic and any(given.index in after for given in _states_of(node)):
+                after.add(node.index)
+        waiting, seen = [memory.store], set[int]()
+        while waiting:
+            node = waiting.pop()
+            if node.index in after and node.index not in seen:
+                seen.add(node.index)
+                waiting += _states_of(node)
+        result |= seen
     return result
 
 
@@ -381,6 +403,8 @@ class Lowering:
     schedule : Schedule
     solvers : mapping of int to Solver
     levels : Levels
+    going_on : set of int
+        Nodes by which states go from a memory to a memory.
     numbers : dict of int to Quantity
         Numbers and values within the loop that is written, by the index of their nodes.
     maps : dict of int to Array
@@ -392,6 +416,7 @@ class Lowering:
     schedule: Schedule
     solvers: Mapping[int, Solver]
     levels: Levels
+    going_on: set[int] = field(default_factory=set[int])
     numbers: dict[int, Quantity] = field(default_factory=dict[int, Quantity])
     maps: dict[int, Array] = field(default_factory=dict[int, Array])
     outputs: dict[str, str] = field(default_factory=dict[str, str])
@@ -512,8 +537,7 @@ class Lowering:
         }
         solver = self.solvers[node.index]
         picks = picks_of(node, self.schedule.nodes)
-        kept = _kept_in_memories(self.schedule)
-        remembered = any(user.index in kept for user, _ in picks)
+        remembered = node.index in self.going_on
         maps, figures = lower_transient(self.to, node, solver, given, picks, remembered=remembered)
         self.maps |= maps
         self.numbers |= figures
@@ -578,13 +602,11 @@ class Lowering:
         self.numbers[node.index] = self._named(node, operation, given)
         if node.index in self.levels.stored:
             if node.index not in self.maps:
+                name, formats = f"t{node.index}", self.to.formats
+                form = formats.kept(name) if self._starts(node) else formats.stored(name)
+                about = str(node.operation)
                 self.maps[node.index] = self.to.array(
-                    f"t{node.index}",
-                    "work",
-                    self.to.cells,
-                    self.to.formats.stored(f"t{node.index}"),
-                    str(node.operation),
-                    logic=node.logic,
+                    name, "work", self.to.cells, form, about, logic=node.logic
                 )
             array = self.maps[node.index]
             held = self.to.stored(self.numbers[node.index], array)
@@ -593,6 +615,13 @@ class Lowering:
                 self._held[node.index] = self.to.let(f"h{node.index}", Quantity(held, fraction))
                 held = self._held[node.index].value
             self.to.body.append(self.to.store_to(array, held))
+
+    def _starts(self, node: Node) -> bool:
+        """Return whether a state that goes on from a memory starts from a node."""
+        return node.index in self.going_on and any(
+            transient.index in self.going_on and node in _states_of(transient)
+            for transient in self.schedule.transients
+        )
 
     def _folded(self, node: Node) -> Quantity:
         """Write the fold of a read-out; return its variable."""
