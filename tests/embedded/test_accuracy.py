@@ -207,20 +207,22 @@ def test_a_large_kernel_over_a_memory_fits_in_64_bits(cells, kernel):
     np.testing.assert_allclose(given, wanted, atol=2.0**-13 * np.abs(wanted).max())
 
 
+LIMITED = {"A": [[0.5]], "tau": 4.0, "output": "full-range", "boundary": "zero-flux"}
+RIM = {"A": 0.4 * SPREADS, "tau": 1.0, "output": "linear", "boundary": 0.5}
+SCALED = {"A": [[1.0]], "tau": 0.01, "output": "linear", "boundary": 0.0}
+RESET = {"A": [[0.0]], "tau": 1.0, "output": "linear"}
 WAYS = {
-    "limited": ({"A": [[0.5]], "tau": 4.0, "output": "full-range", "boundary": "zero-flux"}, 5000.0, {}),
-    "beside a rim": ({"A": 0.4 * SPREADS, "tau": 1.0, "output": "linear", "boundary": 0.5}, 5000.0, {}),
-    "scaled": (
-        {"A": [[1.0]], "tau": 0.01, "output": "linear", "boundary": 0.0}, 10.0, {"dt": 0.0002}
-    ),
-    "reset": ({"A": [[0.0]], "tau": 1.0, "output": "linear"}, 1000.0, {}),
-}  # fmt: skip
+    "limited": (LIMITED, 5000.0, {}),
+    "beside a rim": (RIM, 5000.0, {}),
+    "scaled": (SCALED, 10.0, {"dt": 0.0002}),
+    "reset": (RESET, 1000.0, {}),
+}
 
 
 @pytest.mark.parametrize("method", ["auto", "euler"])
 @pytest.mark.parametrize("way", WAYS)
 def test_what_comes_back_to_a_memory_keeps_its_bits(way, method):
-    """Whatever lies between: a limit, a rim, a factor, a choice. 16 bits were 0.6 % to 100 % off."""
+    """Whatever lies between: a limit, a rim, a factor, a choice; 16 bits were 0.6 % off or more."""
     numbers, rate, steps = WAYS[way]
     template = Template("goes_on", B=[[1.0]], z=0.0, **numbers)
 
