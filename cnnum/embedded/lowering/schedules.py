@@ -604,9 +604,9 @@ class Lowering:
             if node.index not in self.maps:
                 name, formats = f"t{node.index}", self.to.formats
                 form = formats.kept(name) if self._starts(node) else formats.stored(name)
-                about = str(node.operation)
+                description = str(node.operation)
                 self.maps[node.index] = self.to.array(
-                    name, "work", self.to.cells, form, about, logic=node.logic
+                    name, "work", self.to.cells, form, description, logic=node.logic
                 )
             array = self.maps[node.index]
             held = self.to.stored(self.numbers[node.index], array)
