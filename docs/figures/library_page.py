@@ -16,11 +16,11 @@ PAGE = Path(__file__).parents[1] / "template-library.md"
 HEAD = """# The template library
 
 The library has {count} templates, from the CNN Software Library, MatCNN, CNNSim, other sources and
-this project. Published numbers are unchanged, except for one sign each in HORSKELR and VERSKELB.
+this project. Published weights are unchanged, except for one sign each in HORSKELR and VERSKELB.
 `cnnum templates show NAME` prints the definition of a template, its source, the meaning of its
 input and state, its check, the settling time on the check's pictures, and its margin: how much the
-bias may change before a cell is wrong. Lower-case section titles are folders of the library. Other
-commands of `cnnum templates`:
+bias may change before a cell ends in the wrong state. Lower-case section titles are folders of the
+library. Other commands of `cnnum templates`:
 
 | command | what it does |
 |---|---|
@@ -28,7 +28,7 @@ commands of `cnnum templates`:
 | `gallery` | writes a page with pictures of every template; with `--live`, you can draw on it |
 | `check` | runs the checks of the library, or of your own template files, on all engines |
 | `audit` | counts the cells that each template gets wrong with the boundaries 0, -1 and zero-flux |
-| `design NAME --weights` | shows how far each weight may change before a cell is wrong |
+| `design NAME --weights` | shows how far each weight may change before a cell ends in the wrong state |
 
 A check tests not only what a template computes, but also its mean final state, margin and settling
 time. A test of the function alone would be weak: multiplying one number of a black-and-white
