@@ -28,7 +28,7 @@ library. Other commands of `cnnum templates`:
 | `gallery` | writes a page with pictures of every template; with `--live`, you can draw on it |
 | `check` | runs the checks of the library, or of your own template files, on all engines |
 | `audit` | counts the cells that each template gets wrong with the boundaries 0, -1 and zero-flux |
-| `design NAME --weights` | shows how far each weight may change before a cell ends in the wrong state |
+| `design NAME --weights` | shows how far a weight may change until a cell ends in the wrong state |
 
 A check tests not only what a template computes, but also its mean final state, margin and settling
 time. A test of the function alone would be weak: multiplying one number of a black-and-white
