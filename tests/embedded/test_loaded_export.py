@@ -227,7 +227,7 @@ def test_scratch_may_hold_anything_and_saturations_are_counted(tmp_path, share_m
         for one in outputs:
             np.testing.assert_array_equal(answer["out"][one.name], wanted[one.name][0], one.name)
         assert answer["saturated"] == emulator.changed
-    assert emulator.changed > 100
+    assert emulator.changed > 10
 
 
 def swapped(command, folder, **more):

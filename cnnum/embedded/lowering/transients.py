@@ -1,8 +1,15 @@
 """Transients in whole numbers: one weighted sum, a product, modes, or explicit steps.
 
 Uncoupled cells are a weighted sum of inputs and start, by any method: their answer is exact.
+
+Cells that see only their own output, with self-feedback a = m + 1, start x₀ with |x₀| ≤ 1 and drive
+w, have the output f(x₀ e^{mT} + w (e^{mT} − 1)/m) at the time T, in time constants: until a state
+leaves [−1, 1] it is the argument of f, which goes one way, and then it stays outside (see
+`cnnum.runs.decided`). With g = (e^{mT} − 1)/m and c = m/(1 − e^{−mT}) that is f(g (w + c x₀)). The
+sum in brackets has the size of w, and is cut off at ±1/g before it is multiplied.
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -27,7 +34,14 @@ from cnnum.embedded.lowering.transient_work import (
 from cnnum.embedded.program import Array
 from cnnum.errors import NotSupportedError
 from cnnum.graph.nodes import Node, Pick, Transient
-from cnnum.integrators.closed_forms import Circulant, Decay, Propagator, Spectral
+from cnnum.integrators.closed_forms import (
+    Circulant,
+    Decay,
+    Propagator,
+    Separate,
+    Spectral,
+    moved,
+)
 from cnnum.integrators.schemes import FixedSteps
 from cnnum.integrators.solver import Solver
 from cnnum.integrators.tableau import EULER
@@ -460,6 +474,50 @@ def _ends(work: TransientWork, states: list[Array]) -> dict[int, Array]:
     return result
 
 
+def separated(work: TransientWork, scheme: Separate) -> dict[int, Array]:
+    """Write the outputs of cells that see only their own, each in one weighted sum.
+
+    Starts beyond ±1 must be known to stay beyond, as `builder.stays_outside` finds out; then the
+    weighted sum is beyond ±1, too.
+    """
+    work.prepare()
+    to, result = work.to, dict[int, Array]()
+    for layer in work.layers:
+        slope, time = float(scheme.own[layer]) - 1.0, float(scheme.time[layer])
+        with to.within() as body:
+            terms, start = work.drive_terms(layer, 1.0), work.start(layer)
+            if start is not None:
+                terms.append((_pull(slope, time), start))
+            name = f"w{work.index}_{layer}"
+            pull = work.register(name, to.arithmetic.weighted(terms, FINE))
+            state = _grown(work, pull, moved(slope, time))
+            if work.given["mask"]:
+                state = work.masked(state, start)
+            result |= work.answers(layer, state)
+        to.loop(body, cols=work.by_place, halo=work.halo)
+    return result
+
+
+def _pull(slope: float, time: float) -> float:
+    """Return c, the weight of a start beside the drive."""
+    if slope * time > 0.0:
+        return slope / -math.expm1(-slope * time)
+    # e^{−mT} is too large a number where a decay is long
+    return slope * math.exp(slope * time) / math.expm1(slope * time) if slope else 1.0 / time
+
+
+def _grown(work: TransientWork, pull: Quantity, gain: float) -> Quantity:
+    """Return a sum times the gain by which it has grown, cut off at ±1 or a little beyond."""
+    arithmetic, edge = work.to.arithmetic, 1.0 / gain
+    if work.to.integer:
+        # a sum that is not 0 is beyond an edge which is finer than its last place
+        gain = min(gain, 2.0 ** (pull.fraction + 1))
+        edge = math.ceil(math.ldexp(edge, pull.fraction)) * 2.0**-pull.fraction
+    pull = arithmetic.extreme("minimum", pull, constant(edge), pull.fraction)
+    pull = arithmetic.extreme("maximum", pull, constant(-edge), pull.fraction)
+    return arithmetic.weighted([(gain, pull)], FINE)
+
+
 FIGURES = ("time", "steps", "settled")
 """Numbers of a run; its error is not followed."""
 
@@ -502,6 +560,8 @@ def _lowered(work: TransientWork, solver: Solver) -> dict[int, Array]:
     scheme = solver.scheme
     if isinstance(scheme, Decay):
         return work.uncoupled(scheme.kept)
+    if isinstance(scheme, Separate):
+        return separated(work, scheme)
     if isinstance(scheme, Propagator):
         return propagated(work, scheme)
     if isinstance(scheme, Circulant):
