@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 
 from cnnum import kernels as ir
 from cnnum.engines.opencl.large_arrays.lane_layout import (
-    BLOCK_ROWS,
     OWN,
     RowLayout,
     lane_text,
@@ -101,7 +100,7 @@ def strip_kernel(rows: Rows, own: StripText, count: int) -> Strips:
         **{name: getattr(own, name) for name in ("case", "count", "ahead", "end", "findings")},
         "kernel": name,
         "lanes": lane_text(text, layout),
-        "block": BLOCK_ROWS,
+        "block": rows.high,
         "periodic": int(periodic),
         "x": places[next(iter(rows.offsets))],
         "w": places[DRIVE],

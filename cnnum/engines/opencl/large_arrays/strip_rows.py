@@ -22,8 +22,8 @@ import numpy as np
 from cnnum import kernels as ir
 from cnnum.arrays import Floats
 from cnnum.engines.opencl.large_arrays.lane_layout import (
-    BLOCK_ROWS,
     RowLayout,
+    block_rows,
     inputs_of,
     row_layout,
 )
@@ -33,7 +33,14 @@ from cnnum.engines.opencl.transients.builder import (
     shares_products,
     weighted_terms,
 )
-from cnnum.engines.opencl.transients.couplings import Reads, V, gain_name, gains, summed
+from cnnum.engines.opencl.transients.couplings import (
+    Reads,
+    V,
+    constant_drive,
+    gain_name,
+    gains,
+    summed,
+)
 from cnnum.integrators.schemes import FixedSteps
 from cnnum.kernels.number_types import in_vectors
 from cnnum.kernels.printer import OpenCLPrinter
@@ -121,7 +128,7 @@ class Rows:
     offsets: dict[str, int | str]
     levels: int
     strips: int
-    high: int = BLOCK_ROWS
+    high: int
 
     def declare(self, name: str, length: int) -> None:
         """Append another array."""
@@ -290,14 +297,15 @@ def strip_rows(text: TransientBuilder, arrays: tuple[str, ...], scales: tuple[fl
     return Rows(text, layout, scales, offsets, *_levels_of(text, layout, len(offsets)))
 
 
-def _levels_of(text: TransientBuilder, layout: RowLayout, arrays: int) -> tuple[int, int]:
-    """Return the stages per launch and the strips high enough for them, given the array count."""
+def _levels_of(text: TransientBuilder, layout: RowLayout, arrays: int) -> tuple[int, int, int]:
+    """Return the stages per launch, the strips high enough for them, and the rows of a block."""
+    block = block_rows(layout.width * text.tables.dtype.itemsize)
     # strips must not vanish before the last of the levels
     high = layout.rows // (2 * layout.radius * SHARES) - 1
     row_bytes = layout.pitch * text.tables.dtype.itemsize
-    near = text.tables.near_bytes // (BLOCK_ROWS * arrays * row_bytes)
+    near = text.tables.near_bytes // (block * arrays * row_bytes)
     levels = max(1, min(LEVELS, max(LEAST_LEVELS, near), high))
-    return levels, max(1, layout.rows // (2 * (levels + 1) * layout.radius))
+    return levels, max(1, layout.rows // (2 * (levels + 1) * layout.radius)), block
 
 
 def vector(name: ir.Name, value: ir.Expression) -> ir.Statement:
@@ -415,10 +423,16 @@ def coupled(
         Outputs, if arrays hold only states.
     """
     lines, driven = list[ir.Statement](), ir.Name("driven")
+    known = constant_drive(rows.text)
     for at in rows.block:
         own = ir.Number(float(whole) - rows.scales[at.layer])
         states = rows.cells(FROM, at) if kept else rows.array(state, at)
-        lines.append(vector(at.sum, rows.cells(driven, at) + own * states))
+        pull = own * states
+        if known is None:
+            pull = rows.cells(driven, at) + pull
+        elif known[at.layer]:
+            pull = ir.Number(rows.scales[at.layer] * known[at.layer]) + pull
+        lines.append(vector(at.sum, pull))
     for through in _throughs(rows, between, kept):
         shares = any(shares_products(through.taps(layer)) for layer in range(rows.text.layers))
         lines.append(ir.block(*(_gather if shares else _scatter)(rows, through)))
