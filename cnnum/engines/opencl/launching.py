@@ -82,6 +82,11 @@ class WholeRunner:
         self.kernels.launch("plan", (self._items,))
 
 
+ROUNDS_PER_ROUND_AHEAD, MOST_AHEAD = 16, 7
+"""Rounds after which one more is launched before the host asks whether any frame goes on: in a
+round that no frame needs, kernels return at once, as they do for single frames that have ended."""
+
+
 @dataclass(slots=True, eq=False)
 class LaunchRunner:
     """Runs a plan for large arrays in parts.
@@ -131,8 +136,12 @@ class LaunchRunner:
 
     def _repeat(self, rounds: Rounds) -> None:
         if rounds.flag is not None:
+            played = 0
             while self._register(rounds.flag).any():
-                self._play(rounds.parts)
+                ahead = 1 + min(played // ROUNDS_PER_ROUND_AHEAD, MOST_AHEAD)
+                for _ in range(ahead):
+                    self._play(rounds.parts)
+                played += ahead
             return
         count = rounds.count or 0
         if rounds.bound is not None:
