@@ -1,15 +1,27 @@
 """Which method runs a transient, and why: by exactness first, then by error control."""
 
 import math
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import NoReturn
 
+import numpy as np
+
 from cnnum.errors import MethodError, name_error
-from cnnum.graph.nodes import RunSpec, Transient
+from cnnum.graph.nodes import (
+    Constant,
+    ConstantMap,
+    Node,
+    Pick,
+    RunSpec,
+    Transient,
+    picks_of,
+)
 from cnnum.integrators.closed_forms import (
     DENSE_LIMIT,
     SHIFTS,
+    Separate,
     circulant,
     decay,
     propagator,
@@ -105,6 +117,8 @@ __all__ = (
     "Solver",
     "check_spec",
     "choose",
+    "in_one_sum",
+    "only_output_matters",
 )
 
 SHORTEST = 1e-30
@@ -483,3 +497,69 @@ def _count(duration: float, step: float) -> int:
             "steps: take a shorter duration, or longer steps."
         )
     return max(0, math.ceil(steps - 1e-9))
+
+
+WITHIN_ONE = ("standard", "full-range", "sign", "tanh")
+"""Output functions whose values are within ±1."""
+
+
+def in_one_sum(solver: Solver) -> Solver:
+    """Return a solver that gives only the outputs of uncoupled cells, each by one sum, if it can.
+
+    It cannot where cells leave an unstable rest for ever. Starts are as `only_output_matters` says.
+    """
+    scheme = solver.scheme
+    if not isinstance(scheme, Separate) or (solver.settle and (scheme.own > 1.0).any()):
+        return solver
+    return replace(solver, scheme=replace(scheme, ends=True))
+
+
+def only_output_matters(node: Node, nodes: Iterable[Node]) -> bool:
+    """Return whether nothing but outputs is read of a transient, and its starts are within ±1.
+
+    Starts beyond are let in where they stay there: with |w| ≤ a − 1 the equilibria of a cell beyond
+    ±1 are beyond ±1, too.
+
+    Parameters
+    ----------
+    node : Node
+        A transient.
+    nodes : iterable of Node
+        All nodes of its program, those in loops among them.
+    """
+    operation = node.operation
+    assert isinstance(operation, Transient)
+    template, by_role = operation.template, operation.by_role(node.arguments)
+    if operation.weight_maps or any(p.what != "output" for _, p in picks_of(node, nodes)):
+        return False
+    starts = by_role["state"] or (by_role["input"] if template.initial == "input" else ())
+    if not starts:
+        return abs(float(template.initial)) <= 1.0
+    if all(_size(start) <= 1.0 for start in starts):
+        return True
+    if not template.plain or operation.has_bias:
+        return False
+    edge = abs(template.input_boundary.constant or 0.0)
+    sizes = [max(_size(given), edge) for given in by_role["input"]]
+    weights = np.abs(template.B).sum(axis=(2, 3))
+    for layer, own in enumerate(np.einsum("nn...->n...", template.A)):
+        seen = [size * weight for size, weight in zip(sizes, weights[layer], strict=True) if weight]
+        if abs(float(template.z[layer])) + sum(seen) > float(own.flat[own.size // 2]) - 1.0:
+            return False
+    return True
+
+
+def _size(node: Node) -> float:
+    """Return a bound on the magnitude of a node's values; infinite where none is known."""
+    operation = node.operation
+    if node.logic:
+        return 1.0
+    if isinstance(operation, Constant):
+        return abs(operation.value)
+    if isinstance(operation, ConstantMap):
+        return float(np.abs(operation.values).max(initial=0.0))
+    if isinstance(operation, Pick) and operation.what == "output":
+        source = node.arguments[0].operation
+        if isinstance(source, Transient) and source.template.output.name in WITHIN_ONE:
+            return 1.0
+    return math.inf

@@ -498,10 +498,14 @@ class Separate:
         Self-feedback a of every layer.
     time : (layers,) float
         Final t/τ of every layer; infinite at equilibrium.
+    ends : bool
+        Whether only outputs are needed, and starts within ±1 stay within as long as is seen: an
+        engine may take f(x₀ e^{mt} + w (e^{mt} − 1)/m).
     """
 
     own: Floats
     time: Floats
+    ends: bool = False
 
     rounding: ClassVar[float] = 0.0
 
@@ -533,6 +537,14 @@ def roundings(template: Template) -> float:
 def growth(slope: float, time: float) -> float:
     """Return e^{mt}, the factor by which a cell leaves its unstable rest; at most `STEEPEST`."""
     return math.exp(min(slope * time, math.log(STEEPEST))) if math.isfinite(time) else 1.0
+
+
+def pull(slope: float, time: float) -> float:
+    """Return m/(1 − e^{−mt}), the weight of a start beside its drive in what `moved` multiplies."""
+    if slope * time > 0.0:
+        return slope / -math.expm1(-slope * time)
+    # e^{−mt} is too large a number where a decay is long
+    return slope * math.exp(slope * time) / math.expm1(slope * time) if slope else 1.0 / time
 
 
 def moved(slope: float, time: float) -> float:

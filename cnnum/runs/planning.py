@@ -11,9 +11,9 @@ from cnnum.embedded.lowering.builder import whole_solver
 from cnnum.engines.backend import Backend
 from cnnum.engines.registry import first_that, open_record
 from cnnum.graph.nodes import FIGURES, Graph, Loop, Node, RunSpec, Transient
-from cnnum.graph.schedule import Schedule, schedule
+from cnnum.graph.schedule import Schedule, everything, schedule
 from cnnum.integrators.affine import fuse
-from cnnum.integrators.choice import choose
+from cnnum.integrators.choice import choose, in_one_sum, only_output_matters
 from cnnum.integrators.cost import FREE, work
 from cnnum.integrators.rosenbrock import ImplicitSteps
 from cnnum.integrators.solver import Solver
@@ -167,8 +167,11 @@ def plan_of(
         for operation in {node.operation for node in wanted.transients}
         if isinstance(operation, Transient)
     }
+    every_node = tuple(everything(wanted.nodes))
     solvers = {
-        node.index: chosen[node.operation]
+        node.index: in_one_sum(chosen[node.operation])
+        if only_output_matters(node, every_node)
+        else chosen[node.operation]
         for node in wanted.transients
         if isinstance(node.operation, Transient)
     }

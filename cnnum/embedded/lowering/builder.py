@@ -1,6 +1,5 @@
 """The store that lowering writes into: arrays with rims, statements, known quantities."""
 
-import math
 from collections.abc import Generator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -14,16 +13,9 @@ from cnnum.arrays import Floats, Shape
 from cnnum.embedded.arithmetic import Arithmetic, Fixed, Quantity, call, item, limited, nearest
 from cnnum.embedded.formats import Format, Formats
 from cnnum.embedded.program import Array, Kind
-from cnnum.graph.nodes import (
-    Constant,
-    ConstantMap,
-    Node,
-    Pick,
-    Transient,
-    picks_of,
-)
+from cnnum.graph.nodes import Transient
 from cnnum.graph.schedule import Schedule, everything
-from cnnum.integrators.choice import choose
+from cnnum.integrators.choice import choose, in_one_sum, only_output_matters
 from cnnum.integrators.closed_forms import (
     SHIFTS,
     Circulant,
@@ -357,59 +349,9 @@ def solvers_for(schedule: Schedule, method: str = "auto") -> dict[int, Solver]:
         operation = node.operation
         assert isinstance(operation, Transient)
         spec = replace(operation.spec, method=method)
-        ends = stays_outside(node) and _only_outputs(node, schedule)
+        ends = only_output_matters(node, everything(schedule.nodes))
         result[node.index] = whole_solver(replace(operation, spec=spec), schedule.shape, ends=ends)
     return result
-
-
-def _only_outputs(node: Node, schedule: Schedule) -> bool:
-    """Return whether nothing is read of a transient but outputs, in the program or its loops."""
-    return all(pick.what == "output" for _, pick in picks_of(node, everything(schedule.nodes)))
-
-
-WITHIN_ONE = ("standard", "full-range", "sign", "tanh")
-"""Output functions whose values are within ±1."""
-
-
-def stays_outside(node: Node) -> bool:
-    """Return whether every state of a transient is known to start within ±1, or to stay beyond.
-
-    With |w| ≤ a − 1 the equilibria of a cell beyond ±1 are beyond ±1, too.
-    """
-    operation = node.operation
-    assert isinstance(operation, Transient)
-    template, by_role = operation.template, operation.by_role(node.arguments)
-    starts = by_role["state"] or (by_role["input"] if template.initial == "input" else ())
-    if not starts:
-        return abs(float(template.initial)) <= 1.0
-    if all(_size(start) <= 1.0 for start in starts):
-        return True
-    if template.nonlinear or operation.has_bias:
-        return False
-    edge = abs(template.input_boundary.constant or 0.0)
-    sizes = [max(_size(given), edge) for given in by_role["input"]]
-    weights = np.abs(template.B).sum(axis=(2, 3))
-    for layer, own in enumerate(np.einsum("nn...->n...", template.A)):
-        seen = [size * weight for size, weight in zip(sizes, weights[layer], strict=True) if weight]
-        if abs(float(template.z[layer])) + sum(seen) > float(own.flat[own.size // 2]) - 1.0:
-            return False
-    return True
-
-
-def _size(node: Node) -> float:
-    """Return a bound on the magnitude of a node's values; infinite where none is known."""
-    operation = node.operation
-    if node.logic:
-        return 1.0
-    if isinstance(operation, Constant):
-        return abs(operation.value)
-    if isinstance(operation, ConstantMap):
-        return float(np.abs(operation.values).max(initial=0.0))
-    if isinstance(operation, Pick) and operation.what == "output":
-        source = node.arguments[0].operation
-        if isinstance(source, Transient) and source.template.output.name in WITHIN_ONE:
-            return 1.0
-    return math.inf
 
 
 def whole_solver(transient: Transient, shape: Shape, *, ends: bool = False) -> Solver:
@@ -419,10 +361,10 @@ def whole_solver(transient: Transient, shape: Shape, *, ends: bool = False) -> S
     """
     method = transient.spec.method
     exact = _exact(transient, shape)
-    if ends and isinstance(exact.scheme, Separate) and method in ("auto", "propagator"):
-        slopes = exact.scheme.own > 1.0
-        if not (exact.settle and slopes.any()):
-            return exact
+    if ends and method in ("auto", "propagator") and isinstance(exact.scheme, Separate):
+        end = in_one_sum(exact)
+        if end is not exact:
+            return end
     steps = method not in ("auto", "propagator") or not isinstance(exact.scheme, EXPORTED)
     if isinstance(exact.scheme, FixedSteps) and exact.scheme.tableau != EULER:
         steps = True  # those of Heun's method, which "auto" takes for a delay

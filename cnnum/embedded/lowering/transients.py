@@ -41,6 +41,7 @@ from cnnum.integrators.closed_forms import (
     Separate,
     Spectral,
     moved,
+    pull,
 )
 from cnnum.integrators.schemes import FixedSteps
 from cnnum.integrators.solver import Solver
@@ -477,8 +478,8 @@ def _ends(work: TransientWork, states: list[Array]) -> dict[int, Array]:
 def separated(work: TransientWork, scheme: Separate) -> dict[int, Array]:
     """Write the outputs of cells that see only their own, each in one weighted sum.
 
-    Starts beyond ±1 must be known to stay beyond, as `builder.stays_outside` finds out; then the
-    weighted sum is beyond ±1, too.
+    Starts beyond ±1 must be known to stay there, as `choice.only_output_matters` finds out; then
+    the weighted sum is beyond ±1, too.
     """
     work.prepare()
     to, result = work.to, dict[int, Array]()
@@ -487,10 +488,10 @@ def separated(work: TransientWork, scheme: Separate) -> dict[int, Array]:
         with to.within() as body:
             terms, start = work.drive_terms(layer, 1.0), work.start(layer)
             if start is not None:
-                terms.append((_pull(slope, time), start))
+                terms.append((pull(slope, time), start))
             name = f"w{work.index}_{layer}"
-            pull = work.register(name, to.arithmetic.weighted(terms, FINE))
-            state = _grown(work, pull, moved(slope, time))
+            pulled = work.register(name, to.arithmetic.weighted(terms, FINE))
+            state = _grown(work, pulled, moved(slope, time))
             if work.given["mask"]:
                 state = work.masked(state, start)
             result |= work.answers(layer, state)
@@ -498,24 +499,16 @@ def separated(work: TransientWork, scheme: Separate) -> dict[int, Array]:
     return result
 
 
-def _pull(slope: float, time: float) -> float:
-    """Return c, the weight of a start beside the drive."""
-    if slope * time > 0.0:
-        return slope / -math.expm1(-slope * time)
-    # e^{−mT} is too large a number where a decay is long
-    return slope * math.exp(slope * time) / math.expm1(slope * time) if slope else 1.0 / time
-
-
-def _grown(work: TransientWork, pull: Quantity, gain: float) -> Quantity:
+def _grown(work: TransientWork, pulled: Quantity, gain: float) -> Quantity:
     """Return a sum times the gain by which it has grown, cut off at ±1 or a little beyond."""
     arithmetic, edge = work.to.arithmetic, 1.0 / gain
     if work.to.integer:
         # a sum that is not 0 is beyond an edge which is finer than its last place
-        gain = min(gain, 2.0 ** (pull.fraction + 1))
-        edge = math.ceil(math.ldexp(edge, pull.fraction)) * 2.0**-pull.fraction
-    pull = arithmetic.extreme("minimum", pull, constant(edge), pull.fraction)
-    pull = arithmetic.extreme("maximum", pull, constant(-edge), pull.fraction)
-    return arithmetic.weighted([(gain, pull)], FINE)
+        gain = min(gain, 2.0 ** (pulled.fraction + 1))
+        edge = math.ceil(math.ldexp(edge, pulled.fraction)) * 2.0**-pulled.fraction
+    pulled = arithmetic.extreme("minimum", pulled, constant(edge), pulled.fraction)
+    pulled = arithmetic.extreme("maximum", pulled, constant(-edge), pulled.fraction)
+    return arithmetic.weighted([(gain, pulled)], FINE)
 
 
 FIGURES = ("time", "steps", "settled")

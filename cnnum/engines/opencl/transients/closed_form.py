@@ -22,6 +22,7 @@ from cnnum.integrators.closed_forms import (
     growth,
     moved,
     passes_in_fours,
+    pull,
     rounded_gain,
     roundings,
     tips_over,
@@ -43,8 +44,16 @@ def separate(text: TransientBuilder, scheme: Separate) -> float:
     """Append statements that set the states `x` to their end; return its error in roundings."""
     text.array(X, text.states)
     for layer in range(text.layers):
-        text.over_cells(_cell(text, scheme, layer))
+        text.over_cells((_sum if scheme.ends else _cell)(text, scheme, layer))
     return roundings(text.template)
+
+
+def _sum(text: TransientBuilder, scheme: Separate, layer: int) -> list[ir.Statement]:
+    """Return the argument of the output function that gives the output at the end, as a state."""
+    slope, time = float(scheme.own[layer]) - 1.0, float(scheme.time[layer])
+    start, driven = text.start_of(layer), drive_of(text, layer)
+    end = ir.Number(moved(slope, time)) * (driven + ir.Number(pull(slope, time)) * start)
+    return [ir.Assign(X[text.at(layer)], text.unless_held(end, start))]
 
 
 def _cell(text: TransientBuilder, scheme: Separate, layer: int) -> list[ir.Statement]:
