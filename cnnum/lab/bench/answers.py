@@ -21,6 +21,7 @@ from cnnum.engines.numba.compiling import most_cores
 from cnnum.errors import MissingExtraError, missing_extra
 from cnnum.integrators.schemes import DECISION
 from cnnum.lab.bench.timing import interleaved
+from cnnum.programs.library import program_names
 
 CROSS = ndimage.generate_binary_structure(2, 1)
 SQUARE = ndimage.generate_binary_structure(2, 2)
@@ -72,18 +73,22 @@ class Case:
     Attributes
     ----------
     template : str
+        Its name, or that of a program of pictures.
     shape : tuple of int
         (..., rows, cols) of the picture.
     peers : mapping of str to callable
         Each prepares its own form of the pictures, and returns the call that gives the answer.
     gray : bool
         Whether the picture is gray, and so is the answer.
+    others : tuple of str
+        Peers that solve the task by another rule, so that some cells differ.
     """
 
     template: str
     shape: tuple[int, ...]
     peers: Mapping[str, Prepare]
     gray: bool = False
+    others: tuple[str, ...] = ()
 
     @property
     def name(self) -> str:
@@ -207,6 +212,37 @@ def _skimage_maximum(picture: Any, _: Blacks) -> Callable[[], Any]:
     return partial(_skimage("morphology").dilation, picture, SQUARE)
 
 
+PEELED = (("oo./o##/.#.",), ("ooo/.#./##.", "ooo/.#./.##"))
+"""What SKELBW1 and SKELBW2 remove: black cells (#) in a corner of an object or on its side, beside
+white ones (o). The other six are these by quarter turns."""
+
+
+def _scipy_skeleton(black: Blacks, _: Blacks) -> Callable[[], Any]:
+    signs = [[np.array([list(row) for row in one.split("/")]) for one in some] for some in PEELED]
+    patterns = [[np.rot90(sign, -turn) for sign in some] for turn in range(4) for some in signs]
+    pairs = [[(pattern == "#", pattern == "o") for pattern in some] for some in patterns]
+
+    def skeleton() -> Blacks:
+        left = np.pad(black, 1)  # with white: SciPy's outside is neither black nor white
+        before = np.zeros_like(left)
+        while (left != before).any():
+            before = left
+            for some in pairs:
+                hits = [ndimage.binary_hit_or_miss(left, kept, away) for kept, away in some]
+                left = left & ~np.logical_or.reduce(hits)
+        return left[1:-1, 1:-1]
+
+    return skeleton
+
+
+def _skimage_thin(black: Blacks, _: Blacks) -> Callable[[], Any]:
+    return partial(_skimage("morphology").thin, black)
+
+
+def _skimage_skeleton(black: Blacks, _: Blacks) -> Callable[[], Any]:
+    return partial(_skimage("morphology").skeletonize, black)
+
+
 STEP = 0.01
 """By which the table of the library's MEDIAN shifts its answer."""
 
@@ -231,6 +267,13 @@ ERODED: Mapping[str, Prepare] = {"SciPy": _scipy_erosion, "scikit-image": _skima
 DILATED: Mapping[str, Prepare] = {"SciPy": _scipy_dilation, "scikit-image": _skimage_dilation}
 UNMARKED: Mapping[str, Prepare] = {"SciPy": _scipy_unmarked, "scikit-image": _skimage_unmarked}
 
+SKELETONS: Mapping[str, Prepare] = {
+    "SciPy": _scipy_skeleton,
+    "scikit-image thin": _skimage_thin,
+    "scikit-image skeletonize": _skimage_skeleton,
+}
+BY_OTHER_RULES = ("scikit-image thin", "scikit-image skeletonize")
+
 CASES = (
     Case("EDGE", (1000, 64, 64), EDGES),
     Case("EDGE", (1024, 1024), EDGES),
@@ -241,6 +284,7 @@ CASES = (
     Case("CHUA_DILATION", (1024, 1024), DILATED),
     *(Case("MEDIAN", (size, size), MEDIANS, gray=True) for size in (256, 1024)),
     Case("MAX", (256, 256), MAXIMA, gray=True),
+    *(Case("skeleton", (size, size), SKELETONS, others=BY_OTHER_RULES) for size in (64, 256, 1024)),
 )
 
 COUNT = sum(len(case.peers) for case in CASES)
@@ -296,21 +340,20 @@ def measure(
     if case.template in ("RECALL", "CONNECTI"):
         begun = marks if case.template == "RECALL" else black & ~marks
         maps["state"] = np.where(begun, np.float32(1.0), np.float32(-1.0))
-    ours = partial(engine.run, case.template, **maps)
-    result = ours()
+    ours, output, method = _own(engine, case, maps)
     if case.gray:
-        wrong = int((np.abs(result.output - theirs()) > STEP + 1e-6).sum())
+        wrong = int((np.abs(output - theirs()) > STEP + 1e-6).sum())
     else:
-        wrong = int(((result.output > 0.0) != (np.asarray(theirs()) > 0)).sum())
+        wrong = int(((output > 0.0) != (np.asarray(theirs()) > 0)).sum())
     calls: list[Callable[[], object]] = [theirs, ours]
-    if result.method == DECISION:
+    if method == DECISION:
         calls.append(moving(picture))
     peer_time, own, *moved = interleaved(calls, budget=budget, runs=31)
     return Answer(
         case=case.name,
         peer=peer,
         device=engine.device,
-        method=result.method,
+        method=method,
         peer_seconds=peer_time.median,
         seconds=own.median,
         ratio=peer_time.median / own.median,
@@ -318,6 +361,18 @@ def measure(
         wrong=wrong,
         memory_share=moved[0].median / own.median if moved else None,
     )
+
+
+def _own(
+    engine: Engine, case: Case, maps: Mapping[str, Any]
+) -> tuple[Callable[[], object], NDArray[Any], str]:
+    """Return our call, what it gives, and its method."""
+    if case.template in program_names("pictures"):
+        plan = engine.compile(case.template, case.shape, channels=("picture",))
+        frame = maps["input"][..., np.newaxis]
+        return partial(plan, frame), np.asarray(plan(frame)["picture"]), "program"
+    result = engine.run(case.template, **maps)
+    return partial(engine.run, case.template, **maps), result.output, result.method
 
 
 def moving(picture: NDArray[Any]) -> Callable[[], None]:
