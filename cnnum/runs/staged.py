@@ -6,7 +6,7 @@ there: a first part computes what the template reads, the host finds the output,
 goes on from it. Frames for which the output is not proven run the whole program.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -67,8 +67,8 @@ class Answer:
         spec : RunSpec
         shape : (rows, cols)
         closed : bool
-            Whether kernels compute the closed form of cells that see no other cell in less time
-            than it takes to leave them.
+            Whether kernels compute the closed form of cells that see no other cell, with their
+            states, in less time than it takes to leave them.
         """
         template, has_state = operation.template, operation.has_state
         if spec.method != "auto" or spec.dt is not None or spec.force or spec.estimate:
@@ -105,7 +105,8 @@ def in_stages(plan: Plan, overrides: Mapping[str, object]) -> Plan:
     if not in_steps or isinstance(plan.executable, FallbackExecutable):
         return plan
     few = plan.schedule.cells < LEAST_APART or not backend.in_host_memory
-    answers = answers_in(plan.schedule, overrides, closed=record.devices and few)
+    summed = {n for n, solver in solvers.items() if getattr(solver.scheme, "ends", False)}
+    answers = answers_in(plan.schedule, overrides, summed, closed=record.devices and few)
     if not answers:
         return plan
 
@@ -119,18 +120,19 @@ def in_stages(plan: Plan, overrides: Mapping[str, object]) -> Plan:
 
 
 def answers_in(
-    schedule: Schedule, overrides: Mapping[str, object], *, closed: bool
+    schedule: Schedule, overrides: Mapping[str, object], summed: Collection[int], *, closed: bool
 ) -> dict[int, Answer]:
     """Return the answers for templates of which a program reads the output alone, by their node.
 
-    There is none for a program with memories, or in the body of a loop, which a kernel keeps.
+    There is none for a program with memories, or in the body of a loop, which a kernel keeps, nor
+    for the nodes that are `summed`: a kernel takes half the host's time for outputs by one sum.
     """
     if schedule.memories or schedule.cells < LEAST_CELLS:
         return {}
     result = dict[int, Answer]()
     for node in schedule.nodes:
         operation = node.operation
-        if not isinstance(operation, Transient):
+        if not isinstance(operation, Transient) or node.index in summed:
             continue
         spec = replace(operation.spec, **overrides)  # type: ignore[arg-type]
         answer = Answer.of(operation, spec, schedule.shape, closed=closed)

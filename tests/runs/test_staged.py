@@ -78,30 +78,40 @@ def test_ranks_are_named_and_found_without_steps(engine):
     np.testing.assert_allclose(plan(picture)["middle"][inner], expected[inner], atol=1.1e-2)
 
 
-def edge_of(**options):
+def shown(start, **options):
+    """Return a program of uncoupled cells: EDGE, or cells that begin at a channel and keep it."""
+    kept = cnnum.Template("kept", A=[[2.0]], B=[[2.0]], z=0.0, duration=10.0)
+
     @cnnum.program
     def program(frame):
-        run = transient(cnnum.get_template("EDGE"), input=frame.channel("picture"))
-        return {"edge": run.outputs[0].black(), **{k: getattr(run, k) for k in options}}
+        picture = frame.channel("picture")
+        given = {"template": kept, "state": picture} if start else {"template": "EDGE"}
+        run = transient(**given, input=picture)
+        return {"shown": run.outputs[0].black(), **{k: getattr(run, k) for k in options}}
 
     return program
 
 
-def test_uncoupled_cells_are_decided_on_the_host_alone_and_not_where_more_is_read():
+def test_uncoupled_cells_are_decided_on_the_host_where_a_kernel_needs_their_states():
+    """Of starts in a channel nothing is known before a frame; those of EDGE are 0."""
     large = np.where(np.random.default_rng(1).random((128, 130)) < 0.5, 1.0, -1.0)
-    for engine, options, picture, named in (
-        ("numba", {}, large[:40, :30], True),
-        ("opencl", {}, large[:40, :30], False),
-        ("opencl", {}, large, True),
-        ("numba", {"settled": True}, large[:40, :30], False),
-        ("reference", {}, large[:40, :30], False),
+    small = large[:40, :30]
+    for engine, start, options, picture, named in (
+        ("numba", True, {}, small, True),
+        ("opencl", True, {}, small, False),
+        ("opencl", True, {}, large, True),
+        ("numba", True, {"settled": True}, small, False),
+        ("reference", True, {}, small, False),
+        ("numba", False, {}, small, False),
+        ("opencl", False, {}, large, False),
     ):
         eroded = ndimage.binary_erosion(picture > 0.0, SQUARE, border_value=1)
         plan = cnnum.Engine(engine).compile(
-            edge_of(**options), picture.shape, channels=("picture",)
+            shown(start, **options), picture.shape, channels=("picture",)
         )
         assert ("found by decision" in str(plan.explain())) is named
-        np.testing.assert_array_equal(plan(picture)["edge"], (picture > 0.0) & ~eroded)
+        expected = (picture > 0.0) & (start | ~eroded)
+        np.testing.assert_array_equal(plan(picture)["shown"], expected)
 
 
 def test_outputs_are_arrays_of_their_own():
