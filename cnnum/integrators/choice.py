@@ -3,13 +3,14 @@
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import pairwise, product
 from typing import NoReturn
 
 import numpy as np
 
 from cnnum.errors import MethodError, name_error
 from cnnum.graph.nodes import (
+    Apply,
     Constant,
     ConstantMap,
     Node,
@@ -503,6 +504,9 @@ WITHIN_ONE = ("standard", "full-range", "sign", "tanh")
 """Output functions whose values are within ±1."""
 
 
+ONE_SUM = "no cell sees another, and of a cell only its output is read, which is one weighted sum"
+
+
 def in_one_sum(solver: Solver) -> Solver:
     """Return a solver that gives only the outputs of uncoupled cells, each by one sum, if it can.
 
@@ -511,7 +515,7 @@ def in_one_sum(solver: Solver) -> Solver:
     scheme = solver.scheme
     if not isinstance(scheme, Separate) or (solver.settle and (scheme.own > 1.0).any()):
         return solver
-    return replace(solver, scheme=replace(scheme, ends=True))
+    return replace(solver, scheme=replace(scheme, ends=True), reason=ONE_SUM)
 
 
 def only_output_matters(node: Node, nodes: Iterable[Node]) -> bool:
@@ -549,17 +553,45 @@ def only_output_matters(node: Node, nodes: Iterable[Node]) -> bool:
     return True
 
 
+ANY = -math.inf, math.inf
+"""The range of a value of which nothing is known."""
+
+DEEPEST = 8
+"""Operations that are looked at, one after the other, to find a range."""
+
+AT_CORNERS = ("add", "subtract", "multiply", "negate", "minimum", "maximum")
+"""Operations whose extremes are at those of their arguments."""
+
+
 def _size(node: Node) -> float:
     """Return a bound on the magnitude of a node's values; infinite where none is known."""
+    return max(map(abs, _range(node, DEEPEST)))
+
+
+def _range(node: Node, depth: int) -> tuple[float, float]:
+    """Return the least and the largest value of a node, as far as the program says them."""
     operation = node.operation
     if node.logic:
-        return 1.0
+        return 0.0, 1.0
     if isinstance(operation, Constant):
-        return abs(operation.value)
+        return operation.value, operation.value
     if isinstance(operation, ConstantMap):
-        return float(np.abs(operation.values).max(initial=0.0))
+        return float(operation.values.min()), float(operation.values.max())
     if isinstance(operation, Pick) and operation.what == "output":
         source = node.arguments[0].operation
-        if isinstance(source, Transient) and source.template.output.name in WITHIN_ONE:
-            return 1.0
-    return math.inf
+        bounded = isinstance(source, Transient) and source.template.output.name in WITHIN_ONE
+        return (-1.0, 1.0) if bounded else ANY
+    if not isinstance(operation, Apply) or not depth:
+        return ANY
+    name, given = (
+        operation.function.name,
+        [_range(argument, depth - 1) for argument in node.arguments],
+    )
+    if name == "select":
+        values = [*given[1], *given[2]]
+    elif name in AT_CORNERS:
+        with np.errstate(invalid="ignore"):
+            values = [float(operation.function.numpy(*corner)) for corner in product(*given)]
+    else:
+        return ANY
+    return ANY if any(map(math.isnan, values)) else (min(values), max(values))

@@ -28,7 +28,7 @@ they are t and (b − x₀)/g(x₀).
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -509,6 +509,13 @@ class Separate:
 
     rounding: ClassVar[float] = 0.0
 
+    def sums(self, start: NDArray[Any], drive: NDArray[Any]) -> NDArray[Any]:
+        """Return the arguments of f that give the outputs of (..., layers, rows, cols) maps."""
+        columns = np.array([summed(*pair) for pair in zip(self.own - 1.0, self.time, strict=True)])
+        kept, gain, weight = columns.T.astype(start.dtype)[..., np.newaxis, np.newaxis]
+        with np.errstate(over="ignore"):  # whatever is beyond 1 is 1
+            return np.asarray(kept * start + gain * (drive + weight * start))
+
 
 def separate(template: Template, duration: float) -> Separate | None:
     """Return the exact solution after `duration` (infinite for the equilibrium), or None.
@@ -539,12 +546,14 @@ def growth(slope: float, time: float) -> float:
     return math.exp(min(slope * time, math.log(STEEPEST))) if math.isfinite(time) else 1.0
 
 
-def pull(slope: float, time: float) -> float:
-    """Return m/(1 − e^{−mt}), the weight of a start beside its drive in what `moved` multiplies."""
-    if slope * time > 0.0:
-        return slope / -math.expm1(-slope * time)
-    # e^{−mt} is too large a number where a decay is long
-    return slope * math.exp(slope * time) / math.expm1(slope * time) if slope else 1.0 / time
+def summed(slope: float, time: float) -> tuple[float, float, float]:
+    """Return k, g and c of x = k x₀ + g (w + c x₀), the state after a time in the middle piece.
+
+    Where a cell leaves its unstable rest, k = 1 and c = m: with a rate of 0 it stays. Where it
+    comes to a stable one, both terms would cancel there, and k = e^{mt} and c = 0.
+    """
+    gain = moved(slope, time)
+    return (math.exp(slope * time), gain, 0.0) if slope < 0.0 else (1.0, gain, slope)
 
 
 def moved(slope: float, time: float) -> float:

@@ -167,14 +167,16 @@ def plan_of(
         for operation in {node.operation for node in wanted.transients}
         if isinstance(operation, Transient)
     }
-    every_node = tuple(everything(wanted.nodes))
     solvers = {
-        node.index: in_one_sum(chosen[node.operation])
-        if only_output_matters(node, every_node)
-        else chosen[node.operation]
+        node.index: chosen[node.operation]
         for node in wanted.transients
         if isinstance(node.operation, Transient)
     }
+    if backend.record.takes_steps:  # what others are held against keeps the states
+        every_node = tuple(everything(wanted.nodes))
+        for node in wanted.transients:
+            if only_output_matters(node, every_node):
+                solvers[node.index] = in_one_sum(solvers[node.index])
     record = backend.record
     implicit = any(isinstance(solver.scheme, ImplicitSteps) for solver in solvers.values())
     if implicit and not record.implicit:

@@ -22,6 +22,7 @@ from cnnum.errors import MethodError
 from cnnum.graph.nodes import Input, Node, Pick, RunSpec, Transient, picks_of
 from cnnum.graph.schedule import Schedule
 from cnnum.integrators.affine import fuse
+from cnnum.integrators.closed_forms import Separate
 from cnnum.integrators.schemes import DECISION, WAVEFRONT
 from cnnum.plan import Plan
 from cnnum.runs.decided import is_decided, output_of
@@ -105,7 +106,11 @@ def in_stages(plan: Plan, overrides: Mapping[str, object]) -> Plan:
     if not in_steps or isinstance(plan.executable, FallbackExecutable):
         return plan
     few = plan.schedule.cells < LEAST_APART or not backend.in_host_memory
-    summed = {n for n, solver in solvers.items() if getattr(solver.scheme, "ends", False)}
+    summed = {
+        index
+        for index, solver in solvers.items()
+        if record.devices and isinstance(solver.scheme, Separate) and solver.scheme.ends
+    }
     answers = answers_in(plan.schedule, overrides, summed, closed=record.devices and few)
     if not answers:
         return plan
@@ -126,6 +131,7 @@ def answers_in(
 
     There is none for a program with memories, or in the body of a loop, which a kernel keeps, nor
     for the nodes that are `summed`: a kernel takes half the host's time for outputs by one sum.
+    A walk over the operations takes twice as long as the host.
     """
     if schedule.memories or schedule.cells < LEAST_CELLS:
         return {}

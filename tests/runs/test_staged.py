@@ -102,7 +102,7 @@ def test_uncoupled_cells_are_decided_on_the_host_where_a_kernel_needs_their_stat
         ("opencl", True, {}, large, True),
         ("numba", True, {"settled": True}, small, False),
         ("reference", True, {}, small, False),
-        ("numba", False, {}, small, False),
+        ("numba", False, {}, small, True),
         ("opencl", False, {}, large, False),
     ):
         eroded = ndimage.binary_erosion(picture > 0.0, SQUARE, border_value=1)

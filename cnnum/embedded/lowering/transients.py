@@ -5,8 +5,8 @@ Uncoupled cells are a weighted sum of inputs and start, by any method: their ans
 Cells that see only their own output, with self-feedback a = m + 1, start x₀ with |x₀| ≤ 1 and drive
 w, have the output f(x₀ e^{mT} + w (e^{mT} − 1)/m) at the time T, in time constants: until a state
 leaves [−1, 1] it is the argument of f, which goes one way, and then it stays outside (see
-`cnnum.runs.decided`). With g = (e^{mT} − 1)/m and c = m/(1 − e^{−mT}) that is f(g (w + c x₀)). The
-sum in brackets has the size of w, and is cut off at ±1/g before it is multiplied.
+`cnnum.runs.decided`). With g = (e^{mT} − 1)/m that is f(x₀ + g (w + m x₀)). The rate in brackets is
+cut off at ±2/g before it is multiplied, which takes any x₀ to the other end of [−1, 1].
 """
 
 import math
@@ -40,8 +40,7 @@ from cnnum.integrators.closed_forms import (
     Propagator,
     Separate,
     Spectral,
-    moved,
-    pull,
+    summed,
 )
 from cnnum.integrators.schemes import FixedSteps
 from cnnum.integrators.solver import Solver
@@ -479,19 +478,22 @@ def separated(work: TransientWork, scheme: Separate) -> dict[int, Array]:
     """Write the outputs of cells that see only their own, each in one weighted sum.
 
     Starts beyond ±1 must be known to stay there, as `choice.only_output_matters` finds out; then
-    the weighted sum is beyond ±1, too.
+    the sum is beyond ±1, too.
     """
     work.prepare()
     to, result = work.to, dict[int, Array]()
     for layer in work.layers:
-        slope, time = float(scheme.own[layer]) - 1.0, float(scheme.time[layer])
+        kept, gain, weight = summed(float(scheme.own[layer]) - 1.0, float(scheme.time[layer]))
         with to.within() as body:
             terms, start = work.drive_terms(layer, 1.0), work.start(layer)
+            if start is not None and weight:
+                terms.append((weight, start))
+            rate = to.arithmetic.weighted(terms, FINE)
+            rate = work.register(f"w{work.index}_{layer}", rate)
+            state = _grown(work, rate, gain)
             if start is not None:
-                terms.append((pull(slope, time), start))
-            name = f"w{work.index}_{layer}"
-            pulled = work.register(name, to.arithmetic.weighted(terms, FINE))
-            state = _grown(work, pulled, moved(slope, time))
+                begun = to.arithmetic.weighted([(kept, start)], FINE)
+                state = to.arithmetic.add(begun, state, FINE)
             if work.given["mask"]:
                 state = work.masked(state, start)
             result |= work.answers(layer, state)
@@ -499,16 +501,16 @@ def separated(work: TransientWork, scheme: Separate) -> dict[int, Array]:
     return result
 
 
-def _grown(work: TransientWork, pulled: Quantity, gain: float) -> Quantity:
-    """Return a sum times the gain by which it has grown, cut off at ±1 or a little beyond."""
-    arithmetic, edge = work.to.arithmetic, 1.0 / gain
+def _grown(work: TransientWork, rate: Quantity, gain: float) -> Quantity:
+    """Return a rate times a gain, cut off at ±2 or a little beyond."""
+    arithmetic, edge = work.to.arithmetic, 2.0 / gain
     if work.to.integer:
-        # a sum that is not 0 is beyond an edge which is finer than its last place
-        gain = min(gain, 2.0 ** (pulled.fraction + 1))
-        edge = math.ceil(math.ldexp(edge, pulled.fraction)) * 2.0**-pulled.fraction
-    pulled = arithmetic.extreme("minimum", pulled, constant(edge), pulled.fraction)
-    pulled = arithmetic.extreme("maximum", pulled, constant(-edge), pulled.fraction)
-    return arithmetic.weighted([(gain, pulled)], FINE)
+        # a rate that is not 0 is beyond an edge which is finer than its last place
+        gain = min(gain, 2.0 ** (rate.fraction + 1))
+        edge = math.ceil(math.ldexp(edge, rate.fraction)) * 2.0**-rate.fraction
+    rate = arithmetic.extreme("minimum", rate, constant(edge), rate.fraction)
+    rate = arithmetic.extreme("maximum", rate, constant(-edge), rate.fraction)
+    return arithmetic.weighted([(gain, rate)], FINE)
 
 
 FIGURES = ("time", "steps", "settled")

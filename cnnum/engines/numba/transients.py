@@ -79,6 +79,9 @@ class ExactEnd:
             Cells that stay as they are.
         """
         scheme = self.scheme
+        if isinstance(scheme, Separate) and scheme.ends:
+            state[...] = np.where(held, state, scheme.sums(state, drive))
+            return np.zeros(len(state))  # nothing reads it
         largest = np.maximum(_largest(state), _largest(drive))
         if isinstance(scheme, Separate):
             numbers = state.astype(np.float64), drive.astype(np.float64)

@@ -7,34 +7,57 @@ import numpy as np
 import pytest
 
 import cnnum
-from tests.embedded.test_decided_exports import CHANNELS, SHAPE, drawn, wanted
+from cnnum.integrators.closed_forms import Separate
+from tests.embedded.test_decided_exports import (
+    CHANNELS,
+    RESTS,
+    SHAPE,
+    at_rest,
+    drawn,
+    program,
+    wanted,
+)
+
+LARGE = (17, 16)
+"""`numba` walks over the operations of an array of more than 256 cells."""
 
 
-def program(template, roles):
-    def function(frame):
-        maps = {"input": frame.u, "state": frame.x, "flag": frame.x > 0.0, "mask": frame.m > 0.0}
-        given = {"state" if role == "flag" else role: maps[role] for role in roles}
-        return {"y": cnnum.transient(template, **given).outputs[0]}
-
-    return cnnum.Program(function, "one")
-
-
-@pytest.mark.parametrize("engine", ["opencl", "numba"])
-@pytest.mark.parametrize("seed", range(16))
-def test_outputs_are_those_of_the_equation(engine, seed):
-    template, roles, frames, own, time = drawn(100 + seed)
-    expected = wanted(template, roles, frames, own, time)
-    slope = own - 1.0
-    gain = time if slope == 0.0 else np.expm1(slope * time) / slope
+@pytest.mark.parametrize(("engine", "shape"), [
+    ("opencl", SHAPE), ("numba", SHAPE), ("numba", LARGE), ("opencl", (257, 3)),
+])  # fmt: skip
+@pytest.mark.parametrize("seed", range(12))
+def test_outputs_are_those_of_the_equation(engine, shape, seed):
+    template, roles, frames = drawn(100 + seed, shape)
+    one = program(template, roles, remembers=shape == LARGE)
+    expected = list(wanted(template, roles, frames))
     for precision, last in (("float32", 2.0**-22), ("float64", 2.0**-40)):
-        plan = cnnum.Engine(engine, precision=precision).compile(
-            program(template, roles), SHAPE, channels=CHANNELS
-        )
-        given = np.asarray(plan(frames[:, 0])["y"])
-        # of a sum of nine products up to 3, which grows with the state
-        assert np.abs(given - expected).max() <= min(gain, 1e12) * last * max(1.0, slope) + 1e-7
-        if gain * last > 0.1:  # the bound alone would let anything pass
-            assert np.mean(np.abs(given - expected) < 1e-3) > 0.9
+        plan = cnnum.Engine(engine, precision=precision).compile(one, shape, channels=CHANNELS)
+        schemes = [solver.scheme for solver in plan.solvers.values()]
+        assert all(isinstance(scheme, Separate) and scheme.ends for scheme in schemes)
+        given = plan(frames[:, 0])
+        for layer, (ends, gain) in enumerate(expected):
+            error = np.abs(np.asarray(given[f"y{layer}"]) - ends)
+            # of a sum of nine products up to 3, which grows with the state
+            assert error.max() <= min(gain, 1e12) * last + 1e-7
+            if gain * last > 0.1:  # the bound alone would let anything pass
+                assert np.mean(error < 1e-3) > 0.9
+
+
+@pytest.mark.parametrize(("engine", "shape"), [
+    ("opencl", SHAPE), ("numba", SHAPE), ("numba", LARGE),
+])  # fmt: skip
+@pytest.mark.parametrize(("own", "start"), RESTS)
+def test_a_cell_at_its_unstable_rest_stays(engine, shape, own, start):
+    template, roles, frames = at_rest(own, start)
+    rows, cols = (-(-n // m) for n, m in zip(shape, SHAPE, strict=True))
+    frames = np.tile(frames, (1, 1, rows, cols, 1))[:, 0, : shape[0], : shape[1]]
+    one = program(template, roles, remembers=shape == LARGE)
+    expected = np.full(frames.shape[:-1], start)
+    expected[1][frames[1, ..., 0] > frames[0, ..., 0]] = 1.0
+    expected[2][frames[2, ..., 0] < frames[0, ..., 0]] = -1.0
+    for precision in ("float32", "float64"):
+        plan = cnnum.Engine(engine, precision=precision).compile(one, shape, channels=CHANNELS)
+        np.testing.assert_array_equal(plan(frames)["y0"], expected)
 
 
 @pytest.mark.parametrize("engine", ["opencl", "numba"])

@@ -22,9 +22,9 @@ from cnnum.integrators.closed_forms import (
     growth,
     moved,
     passes_in_fours,
-    pull,
     rounded_gain,
     roundings,
+    summed,
     tips_over,
 )
 from cnnum.integrators.estimate import LOST
@@ -50,10 +50,12 @@ def separate(text: TransientBuilder, scheme: Separate) -> float:
 
 def _sum(text: TransientBuilder, scheme: Separate, layer: int) -> list[ir.Statement]:
     """Return the argument of the output function that gives the output at the end, as a state."""
-    slope, time = float(scheme.own[layer]) - 1.0, float(scheme.time[layer])
-    start, driven = text.start_of(layer), drive_of(text, layer)
-    end = ir.Number(moved(slope, time)) * (driven + ir.Number(pull(slope, time)) * start)
-    return [ir.Assign(X[text.at(layer)], text.unless_held(end, start))]
+    factors = summed(float(scheme.own[layer]) - 1.0, float(scheme.time[layer]))
+    kept, gain, weight = map(ir.Number, factors)
+    start, rate = text.start_of(layer), drive_of(text, layer)
+    if factors[2]:
+        rate = rate + weight * start
+    return [ir.Assign(X[text.at(layer)], text.unless_held(kept * start + gain * rate, start))]
 
 
 def _cell(text: TransientBuilder, scheme: Separate, layer: int) -> list[ir.Statement]:
