@@ -28,7 +28,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 from cnnum import Engine
-from cnnum.errors import DeviceError, NoOpenCLError
+from cnnum.errors import DeviceError, NoOpenCLError, say_once
 
 Case = TypeVar("Case")
 FULL = os.environ.get("CNNUM_FAULTS") == "full"
@@ -152,6 +152,12 @@ def fast() -> Engine:
 def opencl() -> Engine:
     """The OpenCL engine; the test is skipped where there is none."""
     return Engine("opencl")
+
+
+@pytest.fixture(autouse=True)
+def _unsaid() -> None:
+    """Let what cnnum says once a process be said in every test, whichever ran before it."""
+    say_once.cache_clear()
 
 
 class Faults:

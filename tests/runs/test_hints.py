@@ -79,7 +79,6 @@ def test_what_is_meant_so_is_not_told_of(what, caplog):
 def test_a_threshold_among_large_numbers_is_no_mistake(caplog):
     """A bias of −150 on a weight of 1 is a threshold of 150 newtons or counts."""
     cut = cnnum.Template("cut", A=[[0.5]], B=[[1.0]], z=-150.0)
-    cnnum.errors.say_once.cache_clear()
     with caplog.at_level(logging.WARNING, logger="cnnum"):
         ENGINE.run(cut, input=200.3 * RANDOM.random((9, 9)))
     assert caplog.messages == []
@@ -99,7 +98,6 @@ def test_no_picture_of_the_librarys_own_checks_is_told_of(caplog):
 
 
 def test_runs_and_programs_say_it_once(caplog):
-    cnnum.errors.say_once.cache_clear()
     with caplog.at_level(logging.WARNING, logger="cnnum"):
         for _ in range(3):
             ENGINE.run("LOGOR", input=2 * BINARY - 1)
