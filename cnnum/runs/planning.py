@@ -158,26 +158,22 @@ def plan_of(
     refuse_on_host("A frame and its results", graph.shape, 8 * maps)
     backend = backend or engine
 
-    def chosen_for(transient: Transient) -> Solver:
-        own = replace(transient, spec=replace(transient.spec, **overrides))
-        return (whole_solver if whole else choose)(own, graph.shape)
-
-    chosen = {
-        operation: backend.explained(operation.template, chosen_for(operation))
-        for operation in {node.operation for node in wanted.transients}
-        if isinstance(operation, Transient)
-    }
-    solvers = {
-        node.index: chosen[node.operation]
-        for node in wanted.transients
-        if isinstance(node.operation, Transient)
-    }
-    if backend.record.takes_steps:  # what others are held against keeps the states
-        every_node = tuple(everything(wanted.nodes))
-        for node in wanted.transients:
-            if only_output_matters(node, every_node):
-                solvers[node.index] = in_one_sum(solvers[node.index])
-    record = backend.record
+    every_node, record = tuple(everything(wanted.nodes)), backend.record
+    chosen, solvers = dict[tuple[Transient, bool], Solver](), dict[int, Solver]()
+    for node in wanted.transients:
+        operation = node.operation
+        assert isinstance(operation, Transient)
+        # what others are held against keeps the states; whole numbers are those of the exported C
+        ends = (whole or record.takes_steps) and only_output_matters(node, every_node)
+        if (operation, ends) not in chosen:
+            own = replace(operation, spec=replace(operation.spec, **overrides))
+            if whole:
+                solver = whole_solver(own, graph.shape, ends=ends)
+            else:
+                solver = choose(own, graph.shape)
+            explained = backend.explained(operation.template, solver)
+            chosen[operation, ends] = in_one_sum(explained) if ends else explained
+        solvers[node.index] = chosen[operation, ends]
     implicit = any(isinstance(solver.scheme, ImplicitSteps) for solver in solvers.values())
     if implicit and not record.implicit:
         engine = backend = open_record(first_that(lambda candidate: candidate.implicit), None, None)

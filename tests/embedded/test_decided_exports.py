@@ -124,6 +124,24 @@ def test_outputs_are_those_of_the_equation(seed):
                 assert np.mean(error < 1e-3) > 0.9
 
 
+@pytest.mark.parametrize("engine", ["reference", "opencl"])
+@pytest.mark.parametrize("seed", range(0, 24, 3))
+def test_engines_in_whole_numbers_run_what_is_exported(seed, engine):
+    """To the bit, by one sum as by steps where a state is read, and whatever a stream remembers."""
+    template, roles, frames = drawn(seed)
+    for precision, what in (("q15", "outputs"), ("q7", "outputs"), ("q15", "states")):
+        one = program(template, roles, None, what, remembers=bool(seed % 2))
+        plan = schedule(one.trace(SHAPE, CHANNELS), CHANNELS, None)
+        exported = make("one", plan, precision_named(precision), frames).run(frames)
+        compiled = cnnum.Engine(engine, precision=precision).compile(
+            one, SHAPE, channels=CHANNELS, like=frames
+        )
+        stream = compiled.stream((1,))
+        for number, frame in enumerate(frames):
+            for name, values in stream.push(frame).items():
+                np.testing.assert_array_equal(values, exported[name][number], name)
+
+
 def at_rest(own, start):
     """Return a template, its roles, and frames: cells at rest, and beside it on both sides."""
     template = cnnum.Template(

@@ -155,7 +155,7 @@ logs = rng.normal(size=(60, 2)) + 9.0 * truth[:, None]
 assert classify(np.exp(logs), truth, np.arange(60), names=("a", "b")).accuracy == 1.0
 """,
     "peers": """
-from cnnum.lab.bench.peers.registry import PEERS
+from cnnum.lab.bench.peers import PEERS
 for peer in PEERS:
     if peer.extra == "peers":
         peer.load()

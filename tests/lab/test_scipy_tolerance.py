@@ -1,7 +1,7 @@
 """SciPy's methods on the networks of `stated_error`: the same equation, the same measure."""
 
 from cnnum.lab.bench.followed_steps import sample
-from cnnum.lab.stability.scipy_tolerance import missed
+from cnnum.lab.stability.stated_error import missed
 
 
 def test_a_method_of_order_eight_keeps_the_tolerance_where_outputs_are_smooth():

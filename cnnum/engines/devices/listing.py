@@ -6,17 +6,24 @@ A launch on the usual device of a processor wakes a thread of its pool. The pool
 again. That takes 20 to 60 µs on a virtual machine, more than the work of a small frame. Threads
 cannot share such a frame anyway. PoCL has a second device for the same processor that does neither
 ("basic"; "cpu-minimal" from version 4 on). PoCL offers it only where it is asked for by name.
+
+Intel's runtime for processors (the extra `intel`) is installed by pip in a folder that OpenCL
+loaders do not search. For the first listing of platforms, the loader is given a folder that lists
+it along with the platforms it would find anyway.
 """
 
 import os
+import sys
 import threading
 from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, distribution
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import pyopencl as cl
 
-from cnnum.engines.devices.intel import offered
 from cnnum.engines.devices.pocl import given_a_folder
 from cnnum.engines.forks import note_opencl, refuse_after_fork
 from cnnum.engines.notices import how_to_get_opencl
@@ -28,6 +35,12 @@ it does not know are passed over. A value of the user's own stands."""
 
 KINDS = {"pthread-": "basic-", "cpu-": "cpu-minimal-"}
 """How the names of the two devices of a processor begin; the rest of the names is the same."""
+
+VENDORS_VARIABLE = "OCL_ICD_VENDORS"
+"""Folder in which the loader of pyopencl's wheel looks. A value of the user's own stands."""
+
+USUAL_VENDORS = Path("/etc/OpenCL/vendors")
+"""That of Linux, which it names unless it is told another."""
 
 _LOCK = threading.Lock()
 
@@ -44,6 +57,36 @@ def asked_for() -> Generator[None]:
             yield
         finally:
             os.environ.pop(VARIABLE, None)
+
+
+def intel_runtime() -> Path | None:
+    """Return the library of Intel's runtime, or None if pip has not installed it."""
+    if sys.platform != "linux":
+        return None
+    try:
+        files = distribution("intel-opencl-rt").files or []
+    except PackageNotFoundError:
+        return None
+    places = (Path(str(file.locate())) for file in files if file.name == "libintelocl.so")
+    return next((place.resolve() for place in places if place.exists()), None)
+
+
+@contextmanager
+def intel_offered() -> Generator[None]:
+    """List platforms within the block: Intel's is among them."""
+    library = None if VENDORS_VARIABLE in os.environ else intel_runtime()
+    if library is None:
+        yield
+        return
+    with TemporaryDirectory(prefix="cnnum-vendors-") as folder:
+        for known in USUAL_VENDORS.glob("*.icd"):
+            (Path(folder) / known.name).symlink_to(known)
+        (Path(folder) / "intel-from-pip.icd").write_text(f"{library}\n")
+        os.environ[VENDORS_VARIABLE] = folder
+        try:
+            yield
+        finally:
+            os.environ.pop(VENDORS_VARIABLE, None)
 
 
 def partner_of(device: cl.Device) -> cl.Device | None:
@@ -135,7 +178,7 @@ def list_devices() -> tuple[Device, ...]:
     refuse_after_fork()
     note_opencl()
     try:
-        with given_a_folder(), asked_for(), offered():
+        with given_a_folder(), asked_for(), intel_offered():
             listed = [(platform, _devices_of(platform)) for platform in cl.get_platforms()]
     except cl.Error:
         raise NoOpenCLError(NONE, how_to_get_opencl()) from None

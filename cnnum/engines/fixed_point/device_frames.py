@@ -1,18 +1,34 @@
-"""Frames of a fixed-point program on an OpenCL device, one work item per stream."""
+"""Frames of a fixed-point program on an OpenCL device, one work item per stream.
+
+The kernel comes from the same records and printer as C99.
+"""
 
 from collections.abc import Callable, Mapping
 
 import numpy as np
 import pyopencl as cl
 
-from cnnum.embedded.c.opencl import KERNEL, kernel_text
-from cnnum.embedded.c.text import c_text, packed, record_type, unpacked
+from cnnum.embedded.c.files import identifier, structures
+from cnnum.embedded.c.text import CText, c_text, packed, record_type, table_lines, unpacked
 from cnnum.embedded.emulator import Numbers
 from cnnum.embedded.program import IntegerProgram
 from cnnum.engines.devices.child import build_failure, run_failure
 from cnnum.engines.devices.program_cache import build_program, make_kernel
 from cnnum.engines.devices.selection import choose_device
 from cnnum.engines.forks import refuse_after_fork
+
+KERNEL = "frames"
+
+TYPES = {
+    "int8_t": "char",
+    "uint8_t": "uchar",
+    "int16_t": "short",
+    "int32_t": "int",
+    "uint32_t": "uint",
+    "int64_t": "long",
+    "uint64_t": "ulong",
+}
+"""Names of C99, in the words of OpenCL C."""
 
 
 def opened(device: str | None) -> tuple[str, "Callable[[IntegerProgram], DeviceFrames]", int]:
@@ -109,3 +125,36 @@ class DeviceFrames:
         cl.enqueue_copy(queue, answers, buffers[1])
         cl.enqueue_copy(queue, memory, buffers[2])
         queue.finish()
+
+
+def kernel_text(program: IntegerProgram, text: CText) -> str:
+    """Return the text of a kernel that runs one frame of each stream.
+
+    Parameters
+    ----------
+    program : IntegerProgram
+        Program in whole numbers.
+    text : CText
+        Its parts.
+    """
+    name = identifier(program.name)
+    inputs, outputs = program.of_kind("input"), program.of_kind("output")
+    lines = [
+        *(f"typedef {known} {wanted};" for wanted, known in TYPES.items()),
+        "#define INT64_C(x) x##L",
+        "",
+        *structures(name, text.memory, inputs, outputs),
+        "",
+        *(line for helper in text.helpers for line in (helper.replace("static ", "", 1), "")),
+        *(line for table in text.tables for line in (*table_lines(table, "__constant"), "")),
+        f"__kernel void {KERNEL}(__global const {name}_input *inputs,",
+        f"    __global {name}_output *outputs, __global {name}_memory *memories, int32_t first)",
+        "{",
+        "    const size_t lane = get_global_id(0);",
+        f"    __global const {name}_input *in = inputs + lane;",
+        f"    __global {name}_output *out = outputs + lane;",
+        f"    __global {name}_memory *m = memories + lane;",
+        *text.body,
+        "}",
+    ]
+    return "\n".join([*lines, ""])

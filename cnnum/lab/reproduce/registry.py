@@ -10,7 +10,6 @@ from cnnum.lab.reproduce.chapters import (
     errata,
     error_budget,
     fields,
-    finger,
     flat_models,
     hair,
     heat,
@@ -45,7 +44,7 @@ CHAPTERS: tuple[Chapter, ...] = (
     ridge.CHAPTER,
     bumps.CHAPTER,
     pads.CHAPTER,
-    finger.CHAPTER,
+    bumps.FINGER_CHAPTER,
     texture_rows.CHAPTER,
     errata.CHAPTER,
 )

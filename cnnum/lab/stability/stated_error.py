@@ -2,6 +2,7 @@
 
     python -m cnnum.lab.stability.stated_error 40
     python -m cnnum.lab.stability.stated_error 40 numba reference
+    python -m cnnum.lab.stability.stated_error 60 scipy
 
 It also says how many runs by steps are off by more than their tolerance. That is the tolerance of a
 step: errors of many steps add up, and an array that decides lets them grow.
@@ -10,16 +11,22 @@ The sample is that of `followed_steps`: one layer or two with their own time con
 2, every output and boundary. Their feedback contracts or decides. Each network is run for its time
 with `method="auto"`, by steps or exactly. Where its output is bounded it is also run up to a rest,
 even if it never rests.
+
+With "scipy" it says instead how often SciPy's methods miss the tolerance of those runs that take
+steps, a yardstick for `auto`. The truth is a pair's run at 1e-11.
 """
 
 import sys
 from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
 
 from cnnum.arrays import Floats
 from cnnum.engine import Engine
+from cnnum.engines.reference.equation import Given, StateEquation
 from cnnum.errors import MethodError
 from cnnum.lab.bench.followed_steps import Known, sample
 from cnnum.lab.stability import ENGINES
@@ -29,6 +36,8 @@ BATCH = 8
 
 RTOL, ATOL = 1e-4, 1e-5
 """Those of `Engine.run` unless others are given."""
+
+SCIPY_METHODS = ("LSODA", "DOP853", "RK45", "RK23")
 
 SMALL = 1e-8
 """True errors below it are no measure of how loose an estimate is."""
@@ -92,8 +101,44 @@ def report(name: str, runs: Sequence[Judged]) -> Iterator[str]:
         )
 
 
+def missed(method: str, known: Known, frame: int) -> float:
+    """Return the error of a frame by a SciPy method, over the tolerance."""
+    template, truth = known.template, known.truth.state[frame]
+    shape = truth.shape[-2:]
+    input = known.maps["input"][frame].reshape(-1, *shape)
+    state = known.maps["state"][frame].reshape(-1, *shape)
+    equation = StateEquation(template, shape, Given(input, None, state, None, None))
+    drive, start = equation.drive(), equation.start()
+
+    def rates(time: float, flat: Floats) -> Floats:
+        return equation.rate(drive, flat.reshape(start.shape), None, time).ravel()
+
+    span = (0.0, float(known.truth.time[frame]))
+    run: Any = solve_ivp  # SciPy's types know no name of a method
+    end = run(rates, span, start.ravel(), method=method, rtol=RTOL, atol=ATOL).y[:, -1]
+    off = np.abs(end - truth.ravel()) / (ATOL + RTOL * np.abs(truth.ravel()))
+    return float(off.max())
+
+
+def judge_scipy(count: int) -> None:
+    """Print the share of frames that miss their tolerance, method by method."""
+    engine = Engine("numba", precision="float64")
+    networks = list[Known]()
+    for known in sample(count, BATCH):
+        ours = engine.run(known.template, input=known.maps["input"], state=known.maps["state"])
+        if ours.method != "propagator":
+            networks.append(known)
+    for method in SCIPY_METHODS:
+        parts = np.array([missed(method, network, b) for network in networks for b in range(BATCH)])
+        share = np.mean(parts > 1.0)
+        print(f"{method}: {parts.size} frames, {share:.0%} missed, by {parts.max():.0f} at most")
+
+
 def main(count: int, names: Sequence[str]) -> None:
     """Print how often each engine's stated error covers the true one, and how loose it is."""
+    if "scipy" in names:
+        judge_scipy(count)
+        return
     networks = list(sample(count, BATCH))
     for name, precision in ENGINES:
         if names and name not in names:

@@ -3,7 +3,7 @@
 import os
 from pathlib import Path
 
-from cnnum.engines.devices import intel
+from cnnum.engines.devices import listing
 
 
 def test_the_loader_finds_it_beside_all_else(tmp_path, monkeypatch):
@@ -11,26 +11,26 @@ def test_the_loader_finds_it_beside_all_else(tmp_path, monkeypatch):
     vendors.mkdir()
     (vendors / "own.icd").write_text("libown.so\n")
     library = tmp_path / "lib" / "libintelocl.so"
-    monkeypatch.setattr(intel, "VENDORS", vendors)
-    monkeypatch.setattr(intel, "runtime", lambda: library)
-    monkeypatch.delenv(intel.VARIABLE, raising=False)
-    with intel.offered():
-        folder = Path(os.environ[intel.VARIABLE])
+    monkeypatch.setattr(listing, "USUAL_VENDORS", vendors)
+    monkeypatch.setattr(listing, "intel_runtime", lambda: library)
+    monkeypatch.delenv(listing.VENDORS_VARIABLE, raising=False)
+    with listing.intel_offered():
+        folder = Path(os.environ[listing.VENDORS_VARIABLE])
         named = sorted(file.read_text().strip() for file in folder.glob("*.icd"))
         assert named == [str(library), "libown.so"]
-    assert intel.VARIABLE not in os.environ
+    assert listing.VENDORS_VARIABLE not in os.environ
     assert not folder.exists()
 
 
 def test_a_folder_of_the_users_own_stands(monkeypatch):
-    monkeypatch.setattr(intel, "runtime", lambda: Path("libintelocl.so"))
-    monkeypatch.setenv(intel.VARIABLE, "own")
-    with intel.offered():
-        assert os.environ[intel.VARIABLE] == "own"
+    monkeypatch.setattr(listing, "intel_runtime", lambda: Path("libintelocl.so"))
+    monkeypatch.setenv(listing.VENDORS_VARIABLE, "own")
+    with listing.intel_offered():
+        assert os.environ[listing.VENDORS_VARIABLE] == "own"
 
 
 def test_without_it_nothing_changes(monkeypatch):
-    monkeypatch.setattr(intel, "runtime", lambda: None)
-    monkeypatch.delenv(intel.VARIABLE, raising=False)
-    with intel.offered():
-        assert intel.VARIABLE not in os.environ
+    monkeypatch.setattr(listing, "intel_runtime", lambda: None)
+    monkeypatch.delenv(listing.VENDORS_VARIABLE, raising=False)
+    with listing.intel_offered():
+        assert listing.VENDORS_VARIABLE not in os.environ

@@ -1,6 +1,5 @@
 """Other ways to run the same array, each behind one function; one that is missing is named."""
 
-from cnnum.lab.bench.peers.registry import PEERS, Peer, peer_version
-from cnnum.lab.bench.peers.work import Work
+from cnnum.lab.bench.peers.work import PEERS, Peer, Work, peer_version
 
 __all__ = ["PEERS", "Peer", "Work", "peer_version"]
