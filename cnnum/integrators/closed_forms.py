@@ -484,6 +484,9 @@ STEEPEST = 1e30
 """Largest growth that is written out: a cell that would grow more has left the middle piece. Else
 it began nearer to its rest than any number but 0 is."""
 
+UNSURE = 4.0
+"""Rounding errors of a rate up to which their growth is not taken from the rate."""
+
 ROUNDED = 8
 """Largest number of rounded operations along the trajectory of a cell, without its drive."""
 
@@ -607,8 +610,10 @@ def _end(
     end = np.where(away, target + left * (start - target), inside)
     slope, seen = own - 1.0, np.clip(end, -1.0, 1.0)
     before, after = slope * now + drive, np.abs(slope * seen + drive + (seen - end))
-    grown = np.where(before == 0.0, growth(slope, time), after / np.abs(before))
     rounded = np.abs(drive) + np.abs(start) + np.abs(own * now)
+    # the rate itself may be but a rounding error, and then says nothing of how such errors grow
+    least = UNSURE * rounding * rounded if slope > 0.0 else 0.0
+    grown = np.where(np.abs(before) <= least, growth(slope, time), after / np.abs(before))
     late = 0.0 if left == 0.0 else time * after
     numbers = np.abs(end) + np.where(away, left, grown) * rounded + late
     if tips_over(own, time):

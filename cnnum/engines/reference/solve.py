@@ -22,7 +22,7 @@ from cnnum.engines.reference.equation import Given, StateEquation
 from cnnum.engines.reference.implicit import march_implicit
 from cnnum.engines.reference.march import march
 from cnnum.errors import MethodError
-from cnnum.integrators.closed_forms import Decay
+from cnnum.integrators.closed_forms import Decay, Separate, evaluate, roundings
 from cnnum.integrators.rosenbrock import ImplicitSteps
 from cnnum.integrators.schemes import FixedSteps
 from cnnum.integrators.solver import Exact, Solver, Stepping
@@ -187,7 +187,24 @@ def solve(
     if template.delayed is not None:
         delay = template.delayed.delay
         return _agreed(partial(_by_stretches, equation, solver, delay), moments)
-    return _agreed(partial(_to_the_end, equation, solver), moments)
+    answer = _agreed(partial(_to_the_end, equation, solver), moments)
+    if not isinstance(scheme, Separate) or given.feedback is not None:
+        return answer
+    on_way = (_with_roundings(equation, scheme, end, end.time) for end in answer.passed)
+    end = _with_roundings(equation, scheme, answer, math.inf if solver.settle else answer.time)
+    return replace(end, passed=tuple(on_way))
+
+
+def _with_roundings(
+    equation: StateEquation, scheme: Separate, answer: Answer, time: float
+) -> Answer:
+    """Add what rounding errors of a rate grow to, which solutions to any tolerance have alike."""
+    template, held = equation.template, equation.given.held
+    rounding = float(np.finfo(np.float64).eps) * roundings(template)
+    until = replace(scheme, time=time / template.tau)
+    _, sizes = evaluate(until, equation.start(), equation.drive(), rounding)
+    largest = sizes.max() if held is None else sizes.max(where=~held, initial=0.0)
+    return replace(answer, error=answer.error + rounding * float(largest))
 
 
 def instead(template: Template, solver: Solver) -> str:

@@ -33,7 +33,7 @@ def template():
 
 def closed(a, drive, start, time):
     """Return x(time) of x' = −x + a f(x) + drive, piece by piece."""
-    m, x, w, left = (Decimal(float(v)) for v in (a, start, drive, time))
+    m, x, w, left = (Decimal(v) for v in (a, start, drive, time))
     m -= 1
     if abs(x) > 1:
         side = Decimal(1).copy_sign(x)
@@ -87,6 +87,39 @@ def test_states_are_those_of_the_closed_form(engines, cells, frames):
         assert np.delete(off, STEEPEST, axis=-3).max() <= ROUNDINGS * 6.0 * eps
         assert np.all(got.error >= off.max(axis=(-3, -2, -1)))
         assert np.all(got.error <= 1e3 * eps)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_errors_are_stated_beside_an_unstable_rest(engines, reference, seed):
+    """There the rate is a rounding error, and its sign decides where a cell ends.
+
+    Starts are the rests themselves and as many rounding errors beside them as `far` says.
+    """
+    rng = np.random.default_rng((5, seed))
+    a = float(rng.choice([1.001, 1.1, 2.5, 2.7, 5.0, 1.0 + 4.0 * rng.random()]))
+    time = float(rng.choice([0.25, 2.0, 10.0, 50.0]))
+    own = cnnum.Template("own", [[a]], [[1.0 - a]], duration=time)
+    far = np.array([0, 0, 0, 1, -1, 2, -3, 4, -6, 9, -12, 17, -33, 100, 1e3, -1e5])
+    u = rng.uniform(-1.0, 1.0, far.size).astype(np.float32).astype(float)
+    for label, engine in {**engines, "reference-float64": reference}.items():
+        precision = label.partition("-")[2]
+        start = (u * (1.0 + far * float(np.finfo(precision).eps))).astype(precision).astype(float)
+        got = engine.run(own, input=u.reshape(-1, 1, 1), state=start.reshape(-1, 1, 1))
+        with localcontext() as context:
+            context.prec = 100
+            pairs = zip(u.tolist(), start.tolist(), strict=True)
+            drives = [(Decimal(1.0 - a) * Decimal(x), begin) for x, begin in pairs]
+            ends = [closed(a, drive, begin, time) for drive, begin in drives]
+            off = [
+                float(abs(Decimal(x) - end))
+                for x, end in zip(got.state.ravel().tolist(), ends, strict=True)
+            ]
+        # SciPy's solution has an error of its own where the rate is far from one of rounding
+        tried = np.abs(far) < (20.0 if engine is reference else np.inf)
+        assert np.all((got.error >= off)[tried]), label
+        # a thousand roundings from a rest that they grow away from by at most e
+        if (a - 1.0) * time < 1.0:
+            assert np.all(got.error < 1e3 * np.finfo(precision).eps + 1e-8 * (engine is reference))
 
 
 def test_the_reference_states_how_far_it_is_off(reference, cells):

@@ -14,6 +14,7 @@ from cnnum.engines.opencl.transients.couplings import constant_drive, drive_of
 from cnnum.engines.opencl.transients.step_control import Figures
 from cnnum.integrators.closed_forms import (
     STEEPEST,
+    UNSURE,
     Circulant,
     Decay,
     Propagator,
@@ -127,20 +128,21 @@ def _inside(slope: float, time: float) -> list[ir.Statement]:
 def _rounded(text: TransientBuilder, own: float, time: float) -> list[ir.Statement]:
     """Return the bound on rounding errors, as in `cnnum.integrators.closed_forms`."""
     slope, left = own - 1.0, ir.Number(math.exp(-time))
-    at_rest = ir.Number(growth(slope, time))
+    rounding = float(np.finfo(text.tables.dtype).eps) * roundings(text.template)
+    least = ir.Number(UNSURE * rounding) * SIZES if slope > 0.0 else ir.ZERO
+    alone = ir.pick(ir.size(G) > least, AFTER / ir.size(G), ir.Number(growth(slope, time)))
     sum = ir.size(TO) + ir.pick(AWAY.differs(ir.ZERO), left, GROWN) * SIZES
     if not math.isinf(time):
         sum = sum + ir.Number(time) * AFTER
     if tips_over(own, time):
-        rounding = float(np.finfo(text.tables.dtype).eps) * roundings(text.template)
         near = ir.pick(ir.size(G) > ir.Number(rounding) * SIZES, ir.ZERO, ir.ONE - AWAY)
         near = ir.pick(ir.size(DRIVE) < ir.Number(slope), near, ir.ZERO)
         sum = sum + ir.Number(2.0 * LOST / rounding) * text.unless_held(near, ir.ZERO)
     return [
         ir.fixed(SEEN, ir.clip(TO)),
         ir.fixed(AFTER, ir.size(ir.Number(slope) * SEEN + DRIVE + (SEEN - TO))),
-        ir.fixed(GROWN, ir.pick(G.differs(ir.ZERO), AFTER / ir.size(G), at_rest)),
         ir.fixed(SIZES, ir.size(DRIVE) + ir.size(FROM) + ir.size(ir.Number(own) * NOW)),
+        ir.fixed(GROWN, alone),
         ir.Accumulate(LARGEST, "greater", sum),
     ]
 
