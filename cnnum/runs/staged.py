@@ -326,7 +326,10 @@ class StagedExecutable:
         for part in self._parts:
             result |= part.strategies
         for index, answer in self.answers.items():
-            result[index] = f"its output alone, found by {answer.method} on the host where proven"
+            result[index] = (
+                f"its output alone, found by {answer.method} on the host in frames whose end is "
+                "proven, and as planned in others"
+            )
         return result
 
     def new_memory(self, batch: int) -> object:

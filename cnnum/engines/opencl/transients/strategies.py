@@ -78,6 +78,8 @@ LAST = "every scheme runs so"
 STRATEGIES = (
     Strategy("closed form", "the array is linear, and its end a product",
              (Decay, Propagator, Spectral, Circulant), exact, starts=False, pads=False),
+    Strategy("sums", "the state of no cell is read, and its output is known without it",
+             (Separate,), exact, lambda text, scheme: scheme.ends, starts=False, pads=False),
     Strategy("cell by cell", "no cell sees another, so its way is known in pieces",
              (Separate,), exact, starts=False, pads=False),
     Strategy("strips of states", "an output costs less to make again than to keep",
