@@ -2,7 +2,7 @@
 
 import base64
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field
 from math import atan2, degrees, isfinite, pi, remainder
 from typing import cast
@@ -449,16 +449,25 @@ class PlanCost:
         return _cost(label, record.explanation, record.seconds)
 
     @classmethod
-    def measure(cls, label: str, scene: Scene) -> "PlanCost":
-        """Run a scene to its end and return the cost of its frames.
+    def measure(cls, scenes: Mapping[str, Scene]) -> tuple["PlanCost", ...]:
+        """Run scenes to their ends and return the cost of the frames of each.
+
+        They run in turns, a frame each, so that a machine that is slower for a while is so for all.
+
+        Parameters
+        ----------
+        scenes : mapping of str to Scene
+            By the name of their plans; their arrays have as many frames.
 
         Raises
         ------
         CnnumError
             From the array.
         """
-        seconds = [m.seconds if m.outputs else np.nan for m in scene.results()]
-        return _cost(label, scene.plan.explain(), np.array(seconds))
+        turns = zip(*(scene.results() for scene in scenes.values()), strict=True)
+        seconds = np.array([[m.seconds if m.outputs else np.nan for m in turn] for turn in turns])
+        named = zip(scenes.items(), seconds.reshape(-1, len(scenes)).T, strict=True)
+        return tuple(_cost(label, scene.plan.explain(), own) for (label, scene), own in named)
 
 
 def _cost(label: str, explanation: Explanation, seconds: Floats) -> PlanCost:

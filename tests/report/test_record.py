@@ -1,5 +1,6 @@
 """From a scene that really runs to its record."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -134,9 +135,32 @@ def test_cost_of_a_plan_is_that_of_its_frames(ran: tuple[SceneRecord, list[Frame
     assert cost.frames == 60
     assert micros[29] <= cost.p50_us <= micros[30]
     assert cost.explanation.channels_read == ("normal",)
-    measured = PlanCost.measure("again", opened())
+    measured, _ = PlanCost.measure({"again": opened(), "once more": opened()})
     assert measured.frames == 60
     assert 0 < measured.p50_us <= measured.p99_us
+
+
+def test_plans_take_turns_frame_by_frame() -> None:
+    """A machine that is slower for a while is so for all; a frame that did not run has no cost."""
+    order = list[str]()
+
+    class Timed:
+        def __init__(self, label: str, slowness: float) -> None:
+            self.label, self.slowness = label, slowness
+            self.plan = opened().plan
+
+        def results(self) -> Iterator[FrameResult]:
+            frame: Any = None  # no cost depends on it
+            for number in range(9):
+                order.append(self.label)
+                outputs = {"contact": np.ones(())} if number else {}
+                yield FrameResult(number, frame, None, outputs, (), 1e-6 * number * self.slowness)
+
+    scenes: Any = {"lean": Timed("lean", 1.0), "whole": Timed("whole", 10.0)}
+    lean, whole = PlanCost.measure(scenes)
+    assert order == 9 * ["lean", "whole"]
+    assert (lean.label, lean.frames, lean.p50_us) == ("lean", 8, pytest.approx(4.5))
+    assert (whole.label, whole.frames, whole.p50_us) == ("whole", 8, pytest.approx(45.0))
 
 
 def test_cost_needs_a_frame_that_ran(record: SceneRecord) -> None:

@@ -1,6 +1,6 @@
 """`cnnum demo`: the simulated scene, its events as they come, and a report of it."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from functools import partial
 from itertools import chain
@@ -79,9 +79,9 @@ class DemoReport(Closing):
         self._journal.close(index=True)
         wants = dict.fromkeys((self._scene.spec.needs, ("contact",)))
         checks = _checks(self._scene.engine)
-        total = len(wants) + len(checks) + len(LADDERS)
+        total = 1 + len(checks) + len(LADDERS)
         with progress("report", total, as_json=self._as_json) as steps:
-            plans = [_told(steps, "cost of plans", partial(self._cost, w)) for w in wants]
+            plans = _told(steps, "cost of plans", partial(self._costs, wants))
             results = [
                 _told(steps, template.name, partial(run_check, template, engine, repeats=REPEATS))
                 for template, engine in checks
@@ -92,14 +92,18 @@ class DemoReport(Closing):
             write_demo_report(self._path, record, results, rungs, plans, force=self._force)
         return {"report": str(self._path)}
 
-    def _cost(self, wants: tuple[str, ...]) -> PlanCost:
-        """Measure a plan on the frames of the scene, with no simulation at the same time."""
+    def _costs(self, wants: Iterable[tuple[str, ...]]) -> tuple[PlanCost, ...]:
+        """Measure plans on the frames of the scene, with no simulation at the same time."""
         options = {"path": str(self._frames)}
         # the cover of its frames is that of the scene, so that no parameter is only assumed
-        spec = replace(
-            self._scene.spec, driver="mcap", driver_options=options, needs=wants, usual=()
-        )
-        return PlanCost.measure(", ".join(wants), Scene.of(spec, self._scene.engine))
+        specs = {
+            ", ".join(needs): replace(
+                self._scene.spec, driver="mcap", driver_options=options, needs=needs, usual=()
+            )
+            for needs in wants
+        }
+        engine = self._scene.engine
+        return PlanCost.measure({label: Scene.of(spec, engine) for label, spec in specs.items()})
 
     def _climb(self, name: str) -> tuple[WorkPrecision, ...]:
         engines, template = [self._scene.engine], get_template(name)
