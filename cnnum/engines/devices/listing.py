@@ -40,7 +40,7 @@ VENDORS_VARIABLE = "OCL_ICD_VENDORS"
 """Folder in which the loader of pyopencl's wheel looks. A value of the user's own stands."""
 
 USUAL_VENDORS = Path("/etc/OpenCL/vendors")
-"""That of Linux, which it names unless it is told another."""
+"""Folder in which loaders look on Linux unless that variable names another."""
 
 _LOCK = threading.Lock()
 

@@ -130,7 +130,7 @@ def _rounded(text: TransientBuilder, own: float, time: float) -> list[ir.Stateme
     slope, left = own - 1.0, ir.Number(math.exp(-time))
     rounding = float(np.finfo(text.tables.dtype).eps) * roundings(text.template)
     least = ir.Number(UNSURE * rounding) * SIZES if slope > 0.0 else ir.ZERO
-    alone = ir.pick(ir.size(G) > least, AFTER / ir.size(G), ir.Number(growth(slope, time)))
+    grown = ir.pick(ir.size(G) > least, AFTER / ir.size(G), ir.Number(growth(slope, time)))
     sum = ir.size(TO) + ir.pick(AWAY.differs(ir.ZERO), left, GROWN) * SIZES
     if not math.isinf(time):
         sum = sum + ir.Number(time) * AFTER
@@ -142,7 +142,7 @@ def _rounded(text: TransientBuilder, own: float, time: float) -> list[ir.Stateme
         ir.fixed(SEEN, ir.clip(TO)),
         ir.fixed(AFTER, ir.size(ir.Number(slope) * SEEN + DRIVE + (SEEN - TO))),
         ir.fixed(SIZES, ir.size(DRIVE) + ir.size(FROM) + ir.size(ir.Number(own) * NOW)),
-        ir.fixed(GROWN, alone),
+        ir.fixed(GROWN, grown),
         ir.Accumulate(LARGEST, "greater", sum),
     ]
 
